@@ -30,6 +30,7 @@ DATASETS = Registry(
     kind="dataset",
     builtin={"interaction": "scex_sumo.converters.datasets.interaction:INTERACTION"},
 )
+SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
 
 _Format = TypeVar("_Format", "MapFormat", "Dataset")
 
@@ -169,11 +170,6 @@ def _entries(kind: type[_Format]) -> tuple[_Format, ...]:
 
 
 def _checked(kind: type[_Format], said: str, entry: Any) -> _Format:
-    """The functions of an entry.
-
-    Raises:
-        UsageError: one that has no default is missing.
-    """
     for part in fields(kind):
         if part.default is MISSING and not hasattr(entry, part.name):
             raise UsageError(f"{said}: {entry!r} has no function {part.name}")

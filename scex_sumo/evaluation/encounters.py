@@ -1,4 +1,4 @@
-"""Encounters over all children: probability, time, place and models of each pair of vehicles."""
+"""Encounters over all children: probability, time, place and models of each pair."""
 
 from __future__ import annotations
 
@@ -73,20 +73,18 @@ def encounters_table(
     collisions: pa.Table | None = None,
     road: Road | None = None,
 ) -> pa.Table:
-    """Tabulate the pairs of vehicles that have an encounter in some child, the most critical first.
+    """Tabulate the pairs of vehicles with an encounter, the most critical first.
 
     Args:
         track_ids: (V,).
-        models: (C, V) model of each vehicle.
-        intervals: of the design that chose the models.
-        collisions: ``collisions.parquet`` of the children, for their severity; None for none.
+        models: (C, V).
+        collisions: of the children, for their severity.
         road: names the places; None leaves them null.
 
     Returns:
-        Columns as ``SCHEMA``: ``track_id`` hits or follows ``other_id`` if one of them does. Sorted by
-        P(collision), P(critical), 5th percentile of the least gap. ``time_s``, ``x``, ``y`` belong to
-        ``child``: the median in time of those that collide (else are critical, else meet). Gaps above 10 m
-        are null.
+        Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
+        ``track_id`` hits or follows ``other_id``. ``time_s``, ``x``, ``y`` belong to ``child``: the median in
+        time of those that collide (else are critical, else meet). Gaps above 10 m are null.
     """
     vehicles = len(track_ids)
     pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
@@ -157,7 +155,6 @@ def _row(
     track_ids: IntArray,
     models: NDArray[np.str_],
 ) -> dict[str, Any]:
-    """Make the row of one pair from its encounters ``mine``."""
     first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
     worst = next(
         (part for name in ("collision", "critical") if (part := mine[answers[name][mine]]).size), mine
@@ -191,9 +188,9 @@ def _row(
 
 
 def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
-    """Count children and hits of every combination of the pair's models.
+    """Count children and hits by combination of the pair's models.
 
-    ``probability`` is that of a hit given the models, ``lift`` is it over the probability in all children.
+    ``probability``: of a hit given the models; ``lift``: relative to all children.
     """
     struck = np.zeros(len(own), dtype=bool)
     struck[hit] = True
@@ -218,7 +215,7 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
 
 
 def in_words(row: Mapping[str, Any]) -> str:
-    """Put a row into words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``."""
+    """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``."""
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
     if row["collision"] > 0:
@@ -228,12 +225,10 @@ def in_words(row: Mapping[str, Any]) -> str:
         name = max(names, key=lambda n: float(row[n]))
         text = f"{names[name]} in {_percent(row, name)}"
     elif row["gap_p05"] is None:
-        return head + "never within 10 m in 95 % of the children"
+        return head + "never within 10 m in 95 % of the futures"
     else:
         usual = "more than 10" if row["gap_p50"] is None else f"{row['gap_p50']:.1f}"
-        return (
-            head + f"{row['gap_p05']:.1f} m apart or less in 5 % of the children, {usual} m in half of them"
-        )
+        return head + f"{row['gap_p05']:.1f} m apart or less in 5 % of the futures, {usual} m in half of them"
     if not row["models"]:
         return head + text
     most = row["models"][0]

@@ -1,4 +1,4 @@
-"""Outcomes of children as tables: collisions, and encounters in the parts of a run."""
+"""Outcomes of children as tables: collisions, and encounters of batches."""
 
 from __future__ import annotations
 
@@ -38,12 +38,9 @@ _SMALL = {"first": np.int32, "second": np.int32, "kind": np.int8, "towards": np.
 def collisions_table(
     hits: Collisions, severity: Severity, *, children: IntArray, track_ids: IntArray, first: int
 ) -> pa.Table:
-    """Tabulate the collisions of C children, sorted by child, time and pair.
+    """Tabulate the collisions of C children with numbers (C,), by child, time and pair.
 
-    Args:
-        hits: ``track_id`` of the table hits ``other_id`` in a rear-end collision.
-        children: (C,) numbers.
-        track_ids: (V,).
+    In a rear-end collision ``track_id`` hits ``other_id``.
     """
     kinds, sides = np.array(KINDS), np.array(SIDES)
     columns = {
@@ -69,20 +66,20 @@ def collisions_table(
 
 
 def collided(table: pa.Table, children: IntArray) -> BoolArray:
-    """Return (C,) whether each of some children has a collision in the table."""
+    """Return (C,) whether children have a collision in the table."""
     hit: BoolArray = np.isin(children, np.asarray(table["child"]))
     return hit
 
 
 def encounter_rows(encounters: Encounters, children: IntArray) -> pa.Table:
-    """Tabulate the encounters of a batch in small types; ``child`` is the child's number."""
+    """Tabulate the encounters of a batch in small types, with the child's number."""
     columns = {f.name: getattr(encounters, f.name) for f in fields(encounters)}
     columns["child"] = np.asarray(children, dtype=np.int64)[encounters.child]
     return pa.table({name: values.astype(_SMALL.get(name, values.dtype)) for name, values in columns.items()})
 
 
 def encounters_of_rows(table: pa.Table) -> Encounters:
-    """Read the encounters from a table of `encounter_rows`."""
+    """Return the encounters of a table of `encounter_rows`."""
     columns: dict[str, Any] = {f.name: np.asarray(table[f.name]) for f in fields(Encounters)}
     return Encounters(**columns | {name: columns[name].astype(np.int64) for name in _SMALL})
 
@@ -92,11 +89,7 @@ def after_collision(
 ) -> BoolArray:
     """Return (N,) whether two vehicles had collided by a step; False for single vehicles.
 
-    Args:
-        child: (N,).
-        step: (N,) on the step axis of the tracks.
-        vehicle: (N,).
-        other: (N,) the second vehicle.
+    ``step`` (N,) is on the step axis of the tracks.
     """
     if other is None or len(hits) == 0:
         return np.zeros(len(child), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Extrapolation of a seed scene in Python: settings as arguments, a finished run as the result."""
+"""Extrapolation of a seed scene in Python."""
 
 from __future__ import annotations
 
@@ -47,20 +47,18 @@ def extrapolate(
 ) -> Run:
     """Simulate many child scenarios of a seed scene with different drivers, and measure each.
 
-    The arguments up to ``keep_plans`` decide on the values, see
-    `scex_sumo.extrapolation.settings.RunSettings`. The others do not.
+    `scex_sumo.extrapolation.settings.RunSettings` describes the arguments up to ``keep_plans``; the others
+    change no value.
 
     Args:
         scene: the seed scene, with its road.
-        out: result folder; None makes a temporary one that lives as long as the returned run.
+        out: result folder; None makes a temporary one that lives as long as the run.
         overwrite: replace the result of another run in ``out``.
         workers: processes that share the children.
         batch: children side by side in one world; None for about 6000 vehicles.
         gui: show the run live in sumo-gui.
-        cache: keep the converted net, the networks' map features and the assignments in
-            ``~/.cache/scex-sumo`` for the next run.
-        exact: run some more futures for exact probabilities, where all models are deterministic, see
-            `Run.exact`; the drawn futures stay the same.
+        cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
+        exact: run more futures for exact probabilities if all models are deterministic, see `Run.exact`.
         progress: called with (steps done, steps in all).
         command: the command line, for ``run.json``.
 

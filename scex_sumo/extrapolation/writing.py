@@ -34,7 +34,6 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     """Write the tables of a run whose parts are all in the folder.
 
     Args:
-        recorded: the recorded future; None without one.
         workers: if there are any, one writes the tracks meanwhile.
 
     Returns:
@@ -72,7 +71,6 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
 
 
 def _encounters(job: Job, part: Part, intervals: DesignIntervals) -> pa.Table:
-    """Return ``encounters.parquet``."""
     assert part.encounters is not None and part.collisions is not None
     models = np.array(job.models.names)[job.assignment]
     return encounters_table(
@@ -96,7 +94,6 @@ def _each(
 def _write_each(
     folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings
 ) -> Iterator[Part]:
-    """Yield the same after writing their tracks and plans."""
     with folder.writer("tracks.parquet") as add_tracks, folder.writer(PLANS) as add_plans:
         for part in _each(folder, scene, children, settings):
             add_tracks(tracks_table(scene, part))
@@ -106,10 +103,8 @@ def _write_each(
 
 
 def _write_tracks(folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings) -> None:
-    """Write tracks and plans of all children."""
     deque(_write_each(folder, scene, children, settings), maxlen=0)
 
 
 def _first_step(part: Part) -> Part:
-    """Return children with their first step only, without plans."""
     return dataclasses.replace(part, states=part.states[:, :1].map(np.copy), plan_x=None, plan_y=None)

@@ -107,7 +107,6 @@ def has_lane_markings(meta: dict[str, str]) -> bool:
 
 
 def _read_rows(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file by the names of its columns; missing values are empty."""
     try:
         with open_text(path) as file:
             rows = list(csv.DictReader(file))
@@ -120,7 +119,6 @@ def _read_rows(path: Path) -> list[dict[str, str]]:
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
-    """Recordings with the Lanelet2 map nearest to them; highD's are their own map."""
     for path in files:
         meta_path = recording_file(path, "recordingMeta")
         try:
@@ -138,7 +136,6 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 
 def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
-    """The Lanelet2 map in ``maps``, beside or above the tracks, nearest to where they were recorded."""
     folders = [folder / "maps" for folder in (path.parent, path.parent.parent)]
     maps = sorted(
         file for folder in folders for end in ("osm", "osm.gz") for file in folder.rglob(f"*.{end}")
@@ -154,7 +151,6 @@ def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
 
 @lru_cache(maxsize=64)
 def _middle(map_path: Path, _changed_ns: int) -> Place:
-    """Latitude and longitude in the middle of a map; far from everything if it has none."""
     try:
         return middle(read_map_file(map_path))
     except MapError:
@@ -191,7 +187,6 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
 def _kinds(
     ids: IntArray, kind: dict[int, str], flat: dict[str, FloatArray]
 ) -> tuple[dict[int, str], tuple[str, ...]]:
-    """Types by id, and a phrase for each unknown type."""
     numbers, track = np.unique(ids, return_inverse=True)
     types = sorted(set(kind.values()))
     given = np.array([types.index(kind[int(number)]) for number in numbers], np.int64)
@@ -269,11 +264,6 @@ def _track_meta(path: Path, id_column: str) -> dict[int, dict[str, str]]:
 
 
 def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
-    """Read the named columns as numbers.
-
-    Raises:
-        TrackError: file or column missing, a value that is no finite number, or no rows.
-    """
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 

@@ -40,7 +40,6 @@ def _name(map_path: Path, files: Sequence[Path]) -> str:
 
 
 def _only_map(folder: Path) -> Path:
-    """The only Lanelet2 map in a folder, or in one of the two above; SinD has no fixed place for it."""
     for place in (folder, folder.parent, folder.parent.parent):
         maps = [*place.glob("*.osm"), *place.glob("maps/*.osm")]
         if len(maps) == 1:

@@ -126,7 +126,6 @@ def _widths(matching: Matching, present: Lanes) -> tuple[FloatArray, FloatArray]
 
 
 def _covered(lane: Lane, sumo_lane: SumoLane, stretch: Stretch) -> tuple[float, float]:
-    """Arc lengths on a lanelet between which a SUMO lane stands for it, m."""
     line = shapely.LineString(lane.centreline)
     ends = sorted(line.project(sumo_lane.line.interpolate(s)) for s in (stretch.start_m, stretch.end_m))
     return float(ends[0]), float(ends[1])

@@ -141,7 +141,6 @@ def _from_the_right(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[
 
 
 def _opposed(links: Links, one: SumoLink, other: SumoLink) -> bool:
-    """Whether two links come from opposite directions, so that the left turn yields instead."""
     ends = [links.net.lanes[link.from_lane].line for link in (one, other)]
     # Over some length: the last segment of a lane that was cut may be no longer than a careless click.
     tips = [(np.array(line.interpolate(-END_M).xy), np.array(line.coords[-1])) for line in ends]
@@ -150,7 +149,6 @@ def _opposed(links: Links, one: SumoLink, other: SumoLink) -> bool:
 
 
 def _mutual(links: Links) -> Iterator[tuple[SumoLink, SumoLink]]:
-    """Pairs that wait for each other, but at all-way stops, zippers and lights."""
     rules = (rule for rule in links.matching.road.regulations if rule.kind == "all_way_stop")
     stops = {i for rule in rules for i in (rule.yielding or rule.lanes)}
     for one, other in links.pairs():

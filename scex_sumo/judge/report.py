@@ -157,7 +157,6 @@ def check_net(net_path: Path, road: Road, lanes: LaneNames | None = None) -> Fid
 
 
 def _list(what: str, entries: tuple[Any, ...]) -> str:
-    """Format ``2 things: a, b``."""
     named = ", ".join(_entry(entry) for entry in entries[:NAMED])
     return f"{len(entries)} {what}: {named}{', ...' if len(entries) > NAMED else ''}"
 

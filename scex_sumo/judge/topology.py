@@ -97,7 +97,6 @@ def _precedes(one: Stretch, other: Stretch) -> bool:
 
 
 def _changes(matching: Matching, on_lanes: Stretches) -> dict[tuple[Stretch, Stretch], float]:
-    """Possible changes between neighbouring lanes of an edge, with the length that both share, m."""
     found: dict[tuple[Stretch, Stretch], float] = {}
     lanes = matching.net.lanes
     for names in matching.net.edges.values():
@@ -120,7 +119,6 @@ def _beside(one: Stretch, other: Stretch, shared: float, least_m: float) -> bool
 
 
 def _lengths_by_pair(changes: Changes, least_m: float) -> dict[Pair, float]:
-    """Length along which SUMO allows the change between two lanelets, m."""
     lengths: dict[Pair, float] = defaultdict(float)
     for (one, other), shared in changes.items():
         if one.lane_id != other.lane_id and _beside(one, other, shared, least_m):

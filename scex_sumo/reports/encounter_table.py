@@ -25,13 +25,13 @@ QUESTIONS = {
 
 
 def print_encounters(run: Run, console: Console, *, most: int) -> None:
-    """Print a table of the most critical pairs, at most ``most``."""
+    """Print at most ``most`` pairs, the most critical first."""
     scene = run.info["seed_scene"]["name"]
     pairs, children = counted(run.encounters.num_rows, "pair"), counted(run.children, "future")
     table = Table(
         title=f"{scene}: {pairs} of vehicles meet in {children}",
         title_justify="left",
-        caption="→: hits or follows; shares of all children; gap: the least in the nearest 5 % of them",
+        caption="→: hits or follows; shares of all futures; gap: least distance in the nearest 5 % of them",
         caption_justify="left",
     )
     for name in ("pair", "place"):
@@ -56,9 +56,9 @@ def print_encounters(run: Run, console: Console, *, most: int) -> None:
 
 
 def print_pair(run: Run, row: Mapping[str, Any], console: Console) -> None:
-    """Print shares, gaps, models and the children with a collision of a pair."""
+    """Print shares, gaps, models and colliding futures of a pair."""
     print_line(in_words(row), console)
-    table = Table(title="shares of all children, 95 % interval", title_justify="left")
+    table = Table(title="share of all futures, 95 % confidence interval", title_justify="left")
     table.add_column("question")
     table.add_column("share", justify="right")
     table.add_column("interval", justify="right")
@@ -68,12 +68,12 @@ def print_pair(run: Run, row: Mapping[str, Any], console: Console) -> None:
     print_table(table, console)
     gaps = ["> 10" if row[f"gap_p{p}"] is None else f"{row[f'gap_p{p}']:.1f}" for p in ("05", "50", "95")]
     print_line(
-        f"least gap in m: {gaps[0]} in 5 %, {gaps[1]} in 50 %, {gaps[2]} in 95 % of the children", console
+        f"least gap in m: {gaps[0]} in 5 %, {gaps[1]} in 50 %, {gaps[2]} in 95 % of the futures", console
     )
     models = Table(title="by their models", title_justify="left")
     for name in (str(row["track_id"]), str(row["other_id"])):
         models.add_column(name)
-    for name in ("children", "critical", "P", "of all", "lift"):
+    for name in ("futures", "critical", "P", "of all", "lift"):
         models.add_column(name, justify="right")
     for entry in row["models"]:
         models.add_row(
@@ -89,7 +89,7 @@ def print_pair(run: Run, row: Mapping[str, Any], console: Console) -> None:
         print_table(models, console)
     if hits := _colliding_children(run, row):
         shown = ", ".join(str(child) for child in hits[:12]) + (", ..." if len(hits) > 12 else "")
-        print_line(f"collides in children {shown}", console)
+        print_line(f"collides in futures {shown}", console)
         console.print(f"look: scex-sumo view {run.folder} --child {hits[0]}", soft_wrap=True, highlight=False)
 
 

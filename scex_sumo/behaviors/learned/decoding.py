@@ -1,4 +1,4 @@
-"""Decoding of network outputs into plans: accelerations and offsets along a path, or free trajectories."""
+"""Decoding of network outputs into plans: along a path, or free trajectories."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import everyone
-from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
+from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive, map_plan
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.learned.surface import path_room
@@ -19,7 +19,7 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 RETURN_S = 3.0  # time constant of returning to the path if no offset is wanted
 EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface
 SMOOTHING_STEPS = 4  # to both sides
-STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its heading
+STANDING_M = 0.01  # per step; below, a free trajectory keeps its heading
 
 
 def plan_along(
@@ -38,8 +38,8 @@ def plan_along(
     Args:
         row: (n,) path of each.
         acceleration: (n, H) m/s²; vehicles stop instead of reversing.
-        offset: (n, H) wanted distance left of the path after each step, m; None returns to the path from
-            the present offset like exp(-t / RETURN_S).
+        offset: (n, H) wanted distance left of the path after each step, m; None returns to the path like
+            exp(-t / RETURN_S).
         road: keeps every box on the drivable surface of this map; None does not.
         clear: also keeps it away from boxes beside it.
     """
@@ -57,7 +57,7 @@ def plan_along(
         # Smooth after bounding, so that the vehicle does not still move outwards at the edge. Do not bound
         # again: bounds jump by centimetres, and steering follows their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
-    # The rear axle follows the path.
+    # the rear axle follows the path
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
 
     return drive(history, who, paths, row, lambda step, *_: acceleration[:, step], steps=steps, aside=wanted)
@@ -83,7 +83,7 @@ def _bounds(
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
-    """Smooth the corners of offsets at the knots by a mean over 0.9 s, applied twice; ends go on straight."""
+    """Smooth the corners at the knots; ends go on straight."""
     for _ in range(2):
         reach = np.arange(1, SMOOTHING_STEPS + 1)
         before = offset[:, :1] - (offset[:, 1:2] - offset[:, :1]) * reach[::-1]
@@ -96,7 +96,7 @@ def _smoothed(offset: FloatArray) -> FloatArray:
 
 
 def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """(n, H + 1) way from now on, m, of vehicles that stop instead of reversing."""
+    """Return (n, H + 1) ways from now on, m, of vehicles that stop instead of reversing."""
     v = np.maximum(speed, 0.0)
     way = np.zeros((len(speed), acceleration.shape[1] + 1))
     for step in range(acceleration.shape[1]):
@@ -107,7 +107,7 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
-    """(n, H + 1) change of the offset per metre of way; 0 for standing vehicles."""
+    """Return (n, H + 1) changes per metre of way; 0 for standing vehicles."""
     change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
     whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
@@ -117,14 +117,12 @@ def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
 def bounds_along(
     road: Road, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray, half_width: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
-
-    Both are the middle of the road if that is narrower than the box.
+    """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
 
     Args:
         row: (n,) path of each vehicle.
         s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) further way now and after each step, m.
+        way: (n, H + 1) way from now on, m.
         half_width: (n,) m.
     """
     left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
@@ -133,39 +131,27 @@ def bounds_along(
 
 
 def _consistent(least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Replace contradicting bounds by their middle."""
     middle, narrow = (most + least) / 2, most < least
     return np.where(narrow, middle, least), np.where(narrow, middle, most)
 
 
 def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> Plan:
-    """Take trajectories as they are, with headings along the motion.
-
-    Args:
-        free: (n, H, 2) x ahead and y to the left of the present pose after each step, m.
-    """
-    now = history.now[who.child, who.vehicle]
+    """Take (n, H, 2) trajectories in the vehicles' frames unchanged, m, with headings along the motion."""
     step = np.diff(free, axis=1, prepend=np.zeros((len(who), 1, 2)))
     moved = np.hypot(step[..., 0], step[..., 1])
     turn = _kept_headings(np.arctan2(step[..., 1], step[..., 0]), moved > STANDING_M)
-    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
-    return Plan(
-        x=now.x[:, None] + cos * free[..., 0] - sin * free[..., 1],
-        y=now.y[:, None] + sin * free[..., 0] + cos * free[..., 1],
-        heading=wrap(now.heading[:, None] + turn),
-        speed=moved / STEP_S,
-    )
+    return map_plan(history, who, free[..., 0], free[..., 1], turn, moved / STEP_S)
 
 
 def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
-    """(n, H) headings; a standing vehicle keeps that of its last moving step, 0 before the first."""
+    """Return (n, H) headings; standing vehicles keep that of their last moving step, 0 before the first."""
     padded = np.concatenate([np.zeros((len(turn), 1)), turn], axis=1)
     step = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
     last = np.maximum.accumulate(step, axis=1)
     return np.asarray(np.take_along_axis(padded, last, axis=1))
 
 
-NEAR_M = 25.0  # between centres of vehicles that can be beside each other within a plan
+NEAR_M = 25.0  # between centres of vehicles that can get beside each other within a plan
 MARGIN_M = 0.4  # between two boxes
 AHEAD_M = 1.0  # boxes this far ahead or behind count as beside
 ALONG = 0.5  # sine of the angle to the path; at larger angles a vehicle crosses it
@@ -213,17 +199,17 @@ class _Boxes:
 def offsets_beside(
     history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
+    """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Two boxes share the free space between them. Others keep their speed and straighten up. Leaders and
-    crossing vehicles are handled by braking, not by steering.
-
-    Args:
-        row: (n,) path of each vehicle.
-        s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) further way now and after each step, m.
+    Two boxes share the space between them; others keep their speed and straighten up. Leaders and crossing
+    vehicles are handled by braking. Arguments as in `bounds_along`.
     """
-    (i, j), everybody = _near(history, who), everyone(history)
+    everybody = everyone(history)
+    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
+    near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
+    near &= everybody.present[who.child]
+    near[np.arange(len(who)), who.vehicle] = False
+    i, j = np.nonzero(near)
     own, other = (
         _Boxes.of(
             paths, row[i], s[i], everybody.states[who.child[i], k], everybody.length[k], everybody.width[k]
@@ -247,23 +233,11 @@ def offsets_beside(
     return least, most
 
 
-def _near(history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
-    """(p,) vehicle, and (p,) column of another one near it."""
-    everybody = everyone(history)
-    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
-    near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
-    near &= everybody.present[who.child]
-    near[np.arange(len(who)), who.vehicle] = False
-    i, j = np.nonzero(near)
-    return i, j
-
-
 def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:
-    """(p, H + 1) distance across the path that the boxes occupy between their centres at times t, m.
+    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m.
 
     Args:
         side: (p,) 1 if the other is on the left, else -1.
-        width: (p,) of the other, m.
     """
     ahead = np.abs(other.ahead)
     straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)
@@ -276,7 +250,7 @@ def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: F
 
 
 def reached(room: FloatArray) -> FloatArray:
-    """(n, H + 1) room now from which the later room can be reached at `ASIDE_SPEED`."""
+    """Return (n, H + 1) room from which the later room can be reached at `ASIDE_SPEED`."""
     reach = ASIDE_SPEED * STEP_S * np.arange(room.shape[1])
     reachable: FloatArray = np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach
     return reachable

@@ -211,7 +211,6 @@ def _offsets(samples: Evidence, road: Road, alignment: Alignment) -> FloatArray:
 
 
 def _spread(offsets: FloatArray) -> float:
-    """Return the median deviation from the median offset, m; inf without any."""
     return float(np.median(np.abs(offsets - np.median(offsets)))) if len(offsets) else math.inf
 
 

@@ -66,10 +66,6 @@ def _shared_ids(rows: TrackRows, begins: IntArray) -> str:
 def _off_middle(
     rows: TrackRows, group: IntArray, first: IntArray, last: IntArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the distances (N,) to the middle of the samples before and after, m; inf without either.
-
-    Also returns whether the groups before and after each group (G,) are single samples.
-    """
     size = last - first + 1
     track = rows.track[first]
     joined = np.diff(track) == 0

@@ -68,7 +68,6 @@ def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _usual(angles: FloatArray) -> float:
-    """Return the most frequent angle; a mean would lie between flipped ones."""
     bins = np.floor(np.mod(angles, 2.0 * np.pi) / (np.pi / 18.0)).astype(int) % 36
     counts = np.bincount(bins, minlength=36)
     near = counts + np.roll(counts, 1) + np.roll(counts, -1)

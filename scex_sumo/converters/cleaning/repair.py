@@ -94,7 +94,6 @@ def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
 
 
 def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Drop single samples far off; cut a track that continues elsewhere."""
     jump = _jumps(rows)
     if not jump.any():
         return rows, []
@@ -134,7 +133,6 @@ def _gap(rows: TrackRows) -> BoolArray:
 
 
 def _jumps(rows: TrackRows) -> BoolArray:
-    """Return whether the step to the next row of the segment is a jump, (N - 1,)."""
     joined: BoolArray = np.diff(rows.segment) == 0
     if not joined.any():
         return joined
@@ -155,7 +153,6 @@ def _jumps(rows: TrackRows) -> BoolArray:
 
 
 def _renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Recompute velocities that contradict the positions; smooth positions that jitter."""
     if not (np.diff(rows.segment) == 0).any():
         return rows, []
     time_s = rows.timestamp_ms / 1000.0
@@ -236,7 +233,6 @@ def _contradictions(
 
 
 def _how_wrong(factor: FloatArray) -> str:
-    """Return the factors of the wrong tracks in words; 0 stands for velocities that point elsewhere."""
     scaled = factor[factor > 0.0]
     words = []
     if len(scaled):
@@ -249,7 +245,6 @@ def _how_wrong(factor: FloatArray) -> str:
 
 
 def _drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Leave out tracks that no road user can have: of impossible size or speed."""
     size: BoolArray = (np.maximum(rows.length / MAX_LENGTH_M, rows.width / MAX_WIDTH_M) > 1.0) | (
         np.minimum(rows.length, rows.width) < MIN_SIZE_M
     )

@@ -85,19 +85,16 @@ def find_tracks(map_path: str | Path) -> Path:
 
 
 def _walk(root: Path) -> Iterator[Path]:
-    """All files below a folder in a fixed order, hidden folders left out."""
     for folder, below, names in os.walk(root):
         below[:] = sorted(name for name in below if not name.startswith("."))
         yield from (Path(folder, name) for name in sorted(names))
 
 
 def _tracks_named(path: Path) -> list[Path]:
-    """The tracks that a file stands for: itself, or those of a map."""
     return tracks_of_map(path) if unpacked_name(path).endswith(".osm") else [path]
 
 
 def _with_unique_names(recordings: list[Recording]) -> Iterator[Recording]:
-    """The same recordings; repeated names get a number."""
     used: set[str] = set()
     for recording in recordings:
         safe = re.sub(r"[^A-Za-z0-9._+-]+", "-", recording.name)

@@ -73,7 +73,6 @@ def _repaired(
 
 
 def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
-    """Evidence of other recordings by the same tracker at the same site; broken ones are skipped."""
     if len(paths) > 1:
         return
     for file in sorted(dataset_of(paths[0]).siblings(paths[0])):
@@ -84,5 +83,4 @@ def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
 
 @lru_cache(maxsize=128)
 def _evidence(path: Path, _changed_ns: int) -> Evidence:
-    """Remembered, because the recordings of one folder use one another."""
     return evidence(_repaired([path])[0].vehicles)

@@ -126,7 +126,6 @@ def _interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: Flo
 
 
 def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:
-    """First row of each piece at or after a time; beyond the piece if there is none."""
     if not len(rows):
         return np.zeros(np.broadcast_shapes(first.shape, time_ms.shape), np.int64)
     # Pieces one after the other on one axis, so that one search finds all.

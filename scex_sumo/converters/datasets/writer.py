@@ -57,7 +57,6 @@ def _columns(
     states: States,
     known: BoolArray,
 ) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
-    """Flat columns of the known states, user by user."""
     user, step = np.nonzero(known)
     frame: IntArray = step - HISTORY_STEPS + CASE_FRAME
     heading, speed = states.heading[user, step], states.speed[user, step]

@@ -226,7 +226,6 @@ def _tag_lines(tags: Tags) -> list[str]:
 
 
 def _put(elements: dict[int, _Element], element_id: int, element: _Element) -> bool:
-    """Add an element; returns False if its id is taken."""
     return elements.setdefault(element_id, element) is element
 
 
@@ -250,13 +249,11 @@ def _tags(element: ElementTree.Element) -> Tags:
 
 
 def _is_local(root: ElementTree.Element) -> bool:
-    """Return whether most nodes have local coordinates."""
     nodes = root.findall("node")
     return 2 * sum({"local_x", "local_y"} <= _tags(node).keys() for node in nodes) > len(nodes)
 
 
 def _node(element: ElementTree.Element, local: bool) -> MapPoint:
-    """Return a node at its latitude and longitude; in a local map at its y and x, in m."""
     tags = _tags(element)
     limits = _LOCAL if local else _EARTH
     lat, lon = (float(tags.get(key, "") if local else element.get(key, "")) for key in limits)
@@ -266,7 +263,6 @@ def _node(element: ElementTree.Element, local: bool) -> MapPoint:
 
 
 def _height_m(node: ElementTree.Element) -> float | None:
-    """Return a node's height: 0 if none is given, None if no road has such a height."""
     word = next((tag.get("v", "") for tag in node.findall("tag") if tag.get("k") == "ele"), "0")
     try:
         return height if abs(height := float(word)) < MAX_HEIGHT_M else None  # nan fails too

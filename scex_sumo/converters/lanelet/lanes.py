@@ -128,8 +128,6 @@ def _lane(vertex: Vertex, rules: Rules, map_file: MapFile, country: str) -> Lane
 def _relations(
     graph: _Graph, vertex: Vertex, ids: dict[tuple[int, bool], int], stacked: bool
 ) -> dict[str, Any]:
-    """Return the routing graph's relations of a lane, by attribute of `Lane`."""
-
     def lane_ids(others: Iterable[Any]) -> tuple[int, ...]:
         lanelets = [other for other in others if isinstance(other, core.ConstLanelet)]  # areas are no lanes
         keys = {(other.id, other.inverted()) for other in lanelets}
@@ -188,8 +186,10 @@ def unknown_subtypes(
     linked = _linked([v for v in vertices if v.lanelet_id in driven | wide]) if wide else {}
     connected = {i for i in wide if linked.get(i)}
     roads = _reached(driven, linked) & wide if driven else connected
-    while more := {i for i in connected - roads if unknown[i] in {unknown[j] for j in roads}}:
-        roads |= _reached(more, linked) & wide
+    words: set[str] = set()
+    while fresh := {unknown[i] for i in roads} - words:
+        words |= fresh
+        roads |= _reached({i for i in connected if unknown[i] in fresh}, linked) & wide
     return _by_word(unknown, roads), _by_word(unknown, set(unknown) - roads)
 
 
@@ -217,7 +217,6 @@ def _unknown_tag(lanelet: Relation) -> str:
 
 
 def _linked(vertices: list[Vertex]) -> dict[int, set[int]]:
-    """Return for each lanelet those that begin where it ends, or end where it begins."""
     starts = np.array([[*v.left[0], *v.right[0]] for v in vertices])
     ends = np.array([[*v.left[-1], *v.right[-1]] for v in vertices])
     linked: dict[int, set[int]] = {v.lanelet_id: set() for v in vertices}
@@ -300,7 +299,6 @@ def _link(lanes: dict[int, Lane], before: int, after: int, *, move_start: bool) 
 
 
 def _begun_at(line: FloatArray, start: FloatArray) -> FloatArray:
-    """Return a polyline with a new beginning, without the points that lie behind it."""
     direction = line[-1] - line[0] if len(line) == 2 else line[1] - line[0]
     ahead = line[1:][(line[1:] - start) @ direction > 1e-3]
     return np.vstack([start, ahead if len(ahead) else line[-1:]])

@@ -106,7 +106,6 @@ def _meta_data_paths(map_path: Path, tracks_path: Path | None) -> Iterator[Path]
 
 
 def _read_meta_data(path: Path) -> Place | None:
-    """Return the origin in a ``meta_data.csv``; None if the file or its columns are missing."""
     if not path.is_file():
         return None
     try:

@@ -115,7 +115,6 @@ def says_limit(lanelet: Relation, map_file: MapFile) -> bool:
 
 
 def _limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
-    """Yield possible limits as written: of the elements, their signs, the lanelet's tags."""
     for ref in lanelet.refs("regulatory_element", "relation"):
         element = map_file.relations.get(ref)
         if element is None or element.tags.get("subtype") != "speed_limit":

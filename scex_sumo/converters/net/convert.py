@@ -21,13 +21,13 @@ from scex_sumo.converters.net.lanelets import lane_places
 from scex_sumo.converters.net.map_borders import add_approaches, add_entries
 from scex_sumo.converters.net.plan import plan_net
 from scex_sumo.converters.net.reader import net_root
-from scex_sumo.converters.net.recorded_signals import recorded_programme
 from scex_sumo.converters.net.rows import build_rows
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, lane_table, net_file, read_ends
 from scex_sumo.converters.net.text import net_text
 from scex_sumo.converters.net.topology import Topology, cut_lanes
 from scex_sumo.converters.net.traffic_lights import Programme, fixed_programmes, with_crossings
 from scex_sumo.converters.net.walks import plan_walks
+from scex_sumo.converters.registries import SIGNALS
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import MapLoss, Road
 from scex_sumo.roads.conflicts import conflicts
@@ -67,7 +67,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     ways = footways(road.lanes, lanes)
     topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
     layout = plan_net(topology, road.regulations, found)
-    recorded, notes = (None, []) if signals is None else recorded_programme(layout, road.origin, signals)
+    recorded, notes = (None, []) if signals is None else SIGNALS.load("spat")(layout, road.origin, signals)
     fixed = fixed_programmes(layout, lanes, road.regulations, found)
     walks = plan_walks(ways, topology, layout)
     lights, unlit = with_crossings(_with_fixed_programmes(recorded, fixed), recorded, walks, layout)
@@ -103,7 +103,6 @@ def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
 
 
 def _side_lanes(road: Road) -> NetLayout:
-    """Plan the lanes for buses or bicycles only."""
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
     ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
     following = {
@@ -130,7 +129,6 @@ def _side_lanes(road: Road) -> NetLayout:
 
 
 def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -> list[Programme]:
-    """Add the fixed programs of links that the recorded one does not control."""
     if recorded is None:
         return fixed
     taken = {c.internal.name for c in recorded.connections}

@@ -83,7 +83,6 @@ def _markings(road: Road) -> Iterator[str]:
 
 
 def _stop_lines(road: Road) -> Iterator[str]:
-    """Stop lines of rules, unless the map draws them as markings."""
     drawn = [marking.points for marking in road.markings if marking.kind == "stop_line"]
     number = 0
     for rule in road.regulations:

@@ -47,8 +47,6 @@ class Footway:
 
 @dataclass(frozen=True, kw_only=True)
 class _Crossed:
-    """A vehicle lane under a footway: its span there, and the stretch of the footway on it, m."""
-
     lane: int
     span: tuple[float, float]
     walked: tuple[float, float]
@@ -56,8 +54,6 @@ class _Crossed:
 
 @dataclass(kw_only=True, eq=False)
 class _Meetings:
-    """Union-find of the stations at which lanelets meet."""
-
     parent: dict[_Station, _Station] = field(default_factory=dict)
 
     def root(self, station: _Station) -> _Station:
@@ -189,7 +185,6 @@ def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRt
 
 
 def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:
-    """Yield vehicle lanes that run across a footway; ``lines`` are their centrelines."""
     area, middle = _area(footway), shapely.LineString(footway.centreline)
     ids = list(driven)
     for k in np.sort(lines.query(area, predicate="intersects")).tolist():
@@ -205,7 +200,6 @@ def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) 
 
 
 def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
-    """Arc lengths where a walkway enters and leaves the road; a crosswalk is one crossing as a whole."""
     length = length_of(footway.centreline)
     spans = sorted(c.walked for c in crossed) if not _marked(footway) else []
     merged: list[tuple[float, float]] = []

@@ -177,7 +177,6 @@ def _joined(parts: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
 
 
 def _without_cuts(line: FloatArray) -> FloatArray:
-    """Remove the points where a polyline was cut: they repeat, or lie on a straight line."""
     line = line[np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > STRAIGHT_M])]
     kept = [0]
     for k in range(1, len(line) - 1):

@@ -24,6 +24,7 @@ from scex_sumo.converters.naming import open_binary
 from scex_sumo.road import Georeference
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
+MAX_M = 1e8  # of coordinates
 CAR = "passenger"
 
 Made = TypeVar("Made")
@@ -193,7 +194,7 @@ def read_net(path: Path) -> NetContent:
         phases[programme.get("id", "")] += [phase.get("state", "") for phase in programme.iter("phase")]
     following = _following(root, lanes)
     location = root.find("location")
-    written = location.attrib if location is not None else {}
+    location = location if location is not None else Element("location")
     return NetContent(
         path=path,
         lanes=lanes,
@@ -201,14 +202,13 @@ def read_net(path: Path) -> NetContent:
         links=_links(root, following),
         following=following,
         junctions={j.get("id", ""): _checked(path, j, _junction) for j in root.iter("junction")},
-        offset=points_of(written.get("netOffset") or "0,0")[0],
-        projected=written.get("projParameter", "").startswith("+proj"),
+        offset=_checked(path, location, _offset),
+        projected=location.get("projParameter", "").startswith("+proj"),
         phases={i: tuple(states) for i, states in phases.items()},
     )
 
 
 def _checked(path: Path, element: Element, make: Callable[..., Made], *context: Element) -> Made:
-    """Read an element; an attribute that is missing or no number is an error that names both."""
     try:
         return make(element, *context)
     except KeyError as error:
@@ -220,7 +220,6 @@ def _checked(path: Path, element: Element, make: Callable[..., Made], *context: 
 
 
 def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disallow") -> bool:
-    """Whether an element's lists let passenger cars pass; neither list lets every vehicle pass."""
     allowed, banned = element.get(allow), element.get(disallow)
     if allowed:
         return allowed == "all" or CAR in allowed.split()
@@ -229,7 +228,7 @@ def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disal
 
 def _lane(lane: Element, edge: Element) -> SumoLane:
     shape = points_of(lane.attrib["shape"])
-    if not len(shape) or not np.isfinite(shape).all():
+    if not len(shape) or not (np.abs(shape) <= MAX_M).all():
         raise ValueError("its shape has no points, or none on Earth")
     return SumoLane(
         lane_id=lane.attrib["id"],
@@ -246,8 +245,12 @@ def _lane(lane: Element, edge: Element) -> SumoLane:
     )
 
 
+def _offset(location: Element) -> FloatArray:
+    (offset,) = points_of(location.get("netOffset") or "0,0")
+    return np.asarray(offset)
+
+
 def _ends(connection: Element) -> tuple[str, str]:
-    """Return the lanes that a connection leaves and enters."""
     source = f"{connection.get('from')}_{connection.get('fromLane')}"
     return source, f"{connection.get('to')}_{connection.get('toLane')}"
 

@@ -88,7 +88,6 @@ def _body(
 
 
 def _location(corners: FloatArray, place: Georeference | None) -> str:
-    """Format the net's location: coordinates less the offset are those of the projection."""
     boundary = ",".join(f"{v:.2f}" for v in corners)
     if place is None:
         offset, original, projection = "0.00,0.00", boundary, "!"
@@ -234,7 +233,6 @@ def _sidewalk_edges(walks: Walks) -> Iterator[str]:
 
 
 def _pedestrian_junctions(walks: Walks) -> Iterator[str]:
-    """Junctions that only people use."""
     for name, outline in walks.nodes.items():
         x, y = outline.mean(axis=0)
         yield (

@@ -7,10 +7,11 @@ piece of a junction may therefore have several ways in and several ways out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.rows import STUB_M, Piece, Row, Zone, build_rows, lay_zones
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
@@ -19,6 +20,8 @@ Cut: TypeAlias = tuple[int, int]  # row, cut of the row
 
 ROOM_M = 7.5  # a car of 5 m and SUMO's default gap of 2.5 m
 NARROW_M = 4.0
+MAX_LINKS = 256  # of one junction; SUMO refuses a net with more
+MAX_STEPS = 100_000  # of a search through one junction; damaged maps have exponentially many ways
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,23 +50,35 @@ class Chains:
         """Whether a piece lies in a junction."""
         return self.rows[piece[0]].inside[piece[1]]
 
+    def pieces(self) -> Iterator[Piece]:
+        """All pieces, row by row."""
+        for r, row in enumerate(self.rows):
+            yield from ((r, k, at) for k in range(row.pieces) for at in range(len(row.lanes)))
+
     def road_pieces(self) -> Iterator[Piece]:
         """Pieces outside of junctions, row by row."""
-        for r, row in enumerate(self.rows):
-            for k in range(row.pieces):
-                if not row.inside[k]:
-                    yield from ((r, k, at) for at in range(len(row.lanes)))
+        return (piece for piece in self.pieces() if not self.is_inside(piece))
 
     def ways_from(self, start: Piece) -> Iterator[tuple[Piece, tuple[Piece, ...]]]:
         """Ways from a road piece through a junction: the road piece behind it, and the pieces inside."""
         stack: list[tuple[Piece, ...]] = [(start,)]
-        while stack:
+        for _ in range(MAX_STEPS):
+            if not stack:
+                return
             way = stack.pop()
             for piece in self.after(way[-1]):
                 if not self.is_inside(piece):
                     yield piece, way[1:]
                 elif piece not in way:  # a ring that lies completely inside one junction
                     stack.append((*way, piece))
+        raise self.too_large(start)
+
+    def too_large(self, piece: Piece) -> MapError:
+        """Return the error for a junction that SUMO cannot hold."""
+        return MapError(
+            f"lanelet {self.rows[piece[0]].lanes[piece[2]]}: its junction would have more than {MAX_LINKS} "
+            "connections, which SUMO refuses; remove lanelets that overlap or meet there by mistake"
+        )
 
     def after(self, piece: Piece) -> list[Piece]:
         """Return the pieces that follow."""
@@ -82,28 +97,71 @@ class Chains:
         found = [self.where[i] for i in lanes if i in self.where]
         return [(r, self.rows[r].pieces - 1, at) for r, at in found]
 
-    def reach(self, piece: Piece, step: Callable[[Piece], list[Piece]]) -> tuple[set[Piece], set[Piece]]:
-        """Return the junction pieces reached (``after`` or ``before``), and the road pieces behind them."""
-        inside, road, stack = {piece}, set(), [piece]
+    def unsound(self, pieces: Iterable[Piece]) -> set[Piece]:
+        """Return the junction pieces, of all connected with these, over which SUMO cannot separate vehicles.
+
+        They lie on a ring within one junction, or on a way over a piece with several ways in and out.
+        """
+        after: dict[Piece, list[Piece]] = {}
+        before: dict[Piece, list[Piece]] = {}
+        stack = [*pieces]
         while stack:
-            for other in step(stack.pop()):
-                if not self.is_inside(other):
-                    road.add(other)
-                elif other not in inside:
-                    inside.add(other)
-                    stack.append(other)
-        return inside, road
+            piece = stack.pop()
+            if piece not in after and self.is_inside(piece):
+                after[piece], before[piece] = self.after(piece), self.before(piece)
+                stack += (*after[piece], *before[piece])
+        out, into = _roads_behind(after, before), _roads_behind(before, after)
+        knots = [p for p in after if len(out[p]) > 1 and len(into[p]) > 1]
+        return _reached(knots, after) | _reached(knots, before) | _on_rings(after, before)
 
-    def is_sound(self, piece: Piece) -> bool:
-        """Whether SUMO can separate vehicles on every way through the junction over this piece."""
-        upstream, _ = self.reach(piece, self.before)
-        downstream, _ = self.reach(piece, self.after)
-        if len(upstream & downstream) > 1 or any(piece in self.after(p) for p in downstream):
-            return False  # a ring within one junction
-        return all(self._is_simple(p) for p in upstream | downstream)
 
-    def _is_simple(self, piece: Piece) -> bool:
-        return any(len(self.reach(piece, step)[1]) < 2 for step in (self.before, self.after))
+_Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
+
+
+def _roads_behind(steps: _Steps, back: _Steps) -> dict[Piece, set[Piece]]:
+    """Return the road pieces that each junction piece reaches by steps: all, or at least two of them."""
+    roads = {piece: {p for p in onward if p not in steps} for piece, onward in steps.items()}
+    stack = [piece for piece, behind in roads.items() if behind]
+    while stack:
+        piece = stack.pop()
+        for other in back[piece]:
+            if other in roads and len(roads[other]) < 2 and not roads[piece] <= roads[other]:
+                roads[other] |= roads[piece]
+                stack.append(other)
+    return roads
+
+
+def _reached(pieces: Iterable[Piece], steps: _Steps) -> set[Piece]:
+    reached: set[Piece] = set()
+    stack = [*pieces]
+    while stack:
+        piece = stack.pop()
+        if piece not in reached and piece in steps:
+            reached.add(piece)
+            stack += steps[piece]
+    return reached
+
+
+def _on_rings(after: _Steps, before: _Steps) -> set[Piece]:
+    """Return the pieces from which steps lead back to them."""
+    left = {piece: sum(p in after for p in onward) for piece, onward in after.items()}
+    ends = [piece for piece, count in left.items() if not count]
+    for piece in ends:  # grows
+        for other in before[piece]:
+            if other in left:
+                left[other] -= 1
+                if not left[other]:
+                    ends.append(other)
+    rest = after.keys() - ends  # rings, and what leads to them
+    rings: set[Piece] = set()
+    while rest:
+        piece = next(iter(rest))
+        onward, back = ({p: steps[p] for p in rest} for steps in (after, before))
+        ring = _reached([piece], onward) & _reached([piece], back)
+        if len(ring) > 1 or piece in after[piece]:
+            rings |= ring
+        rest -= ring
+    return rings
 
 
 class Topology(Chains):
@@ -137,7 +195,10 @@ class Topology(Chains):
         for start in self.road_pieces():
             for end, inside in self.ways_from(start):
                 node = self.node(start[0], start[1] + 1)
-                nodes.setdefault(node, []).append(Path(start=start, inside=inside, end=end))
+                paths = nodes.setdefault(node, [])
+                paths.append(Path(start=start, inside=inside, end=end))
+                if len(paths) > MAX_LINKS:
+                    raise self.too_large(start)
         return nodes
 
     def pieces_on(self, lane_id: int, start: float, end: float) -> list[Piece]:
@@ -210,7 +271,8 @@ def fill_gaps(topology: Topology) -> list[Row]:
         if len(row.lanes) > 1 and row.inside.count(False) == 1:
             continue  # its only place for changing lanes
         chains.rows[r] = row.with_inside(k, True)
-        if not all(chains.is_sound((r, k, at)) for at in range(len(row.lanes))):
+        pieces = {(r, k, at) for at in range(len(row.lanes))}
+        if pieces & chains.unsound(pieces):
             chains.rows[r] = row
     return chains.rows
 
@@ -262,16 +324,13 @@ def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
 
 
 def _knot(chains: Chains) -> tuple[int, int] | None:
-    found = []
-    for r, row in enumerate(chains.rows):
-        for k in range(row.pieces):
-            pieces = [(r, k, at) for at in range(len(row.lanes))]
-            if row.inside[k] and not all(chains.is_sound(piece) for piece in pieces):
-                merging = any(len(chains.before(piece)) > 1 for piece in pieces)
-                found.append((merging, row.size(k), -r, -k))
-    if not found:
+    candidates = []
+    for r, k in {piece[:2] for piece in chains.unsound(chains.pieces())}:
+        merging = any(len(chains.before((r, k, at))) > 1 for at in range(len(chains.rows[r].lanes)))
+        candidates.append((merging, chains.rows[r].size(k), -r, -k))
+    if not candidates:
         return None
-    _, _, r, k = max(found)
+    _, _, r, k = max(candidates)
     return -r, -k
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from scex_sumo.converters.lanes_ahead import lanes_ahead
 from scex_sumo.converters.net.elements import Connection, NetLayout
 from scex_sumo.converters.net.walks import Crossing, Walks
 from scex_sumo.geometry.polylines import length_of, project, turn
@@ -49,7 +50,7 @@ def fixed_programmes(
     clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
     groups = [(rule, controlled(layout, rule, clashing, lanes)) for rule in elements]
     groups = [(rule, links) for rule, links in groups if links]
-    ahead = [_ahead(lanes, rule.lanes) for rule, _ in groups]
+    ahead = [set(lanes_ahead(lanes, rule.lanes, AHEAD_M)) for rule, _ in groups]
     against = [
         {j for j, b in enumerate(ahead) if j != i and any((p, q) in clashing for p in a for q in b)}
         for i, a in enumerate(ahead)
@@ -94,19 +95,6 @@ def _held(lane: Lane, rule: Regulation, start: float) -> bool:
     return length_of(lane.centreline) - start < BEFORE_END_M
 
 
-def _ahead(lanes: Mapping[int, Lane], ids: Iterable[int]) -> set[int]:
-    reached: dict[int, float] = {}
-    stack = [(lane, 0.0) for lane in ids]
-    while stack:
-        lane, start = stack.pop()
-        if lane not in lanes or start > AHEAD_M or reached.get(lane, math.inf) <= start:
-            continue
-        reached[lane] = start
-        end = start + length_of(lanes[lane].centreline)
-        stack += [(i, end) for i in lanes[lane].successors]
-    return set(reached)
-
-
 def _clusters(against: Sequence[set[int]]) -> list[list[int]]:
     seen: set[int] = set()
     clusters = []
@@ -126,7 +114,6 @@ def _clusters(against: Sequence[set[int]]) -> list[list[int]]:
 def _stages(
     cluster: Sequence[int], against: Sequence[set[int]], links: Sequence[Sequence[Connection]]
 ) -> list[list[int]]:
-    """Group elements that can be green together: without conflict, or oncoming."""
     stages: list[list[int]] = []
     for i in cluster:
         for stage in stages:
@@ -143,7 +130,6 @@ def _oncoming(a: Sequence[Connection], b: Sequence[Connection]) -> bool:
 
 
 def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tuple[float, str], ...]:
-    """Green, yellow and all red for one stage after the other."""
     phases: list[tuple[float, str]] = []
     for k, green in enumerate(greens):
         following = greens[(k + 1) % len(greens)]
@@ -243,7 +229,6 @@ def _free_after(phases: _Phases, free: Sequence[bool], p: int) -> float:
 
 
 def _with_phase_of_their_own(phases: _Phases, crossings: int, closed: Sequence[int]) -> _Phases:
-    """Append a change to red, and a phase in which the ``closed`` crossings are free."""
     last = phases[-1][1]
     links = len(last) - crossings
     change = "".join("y" if x in "Gg" and k < links else "r" for k, x in enumerate(last))

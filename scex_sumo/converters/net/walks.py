@@ -186,7 +186,6 @@ def _halved(ways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[
 
 
 def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterator[int]) -> Iterator[Footway]:
-    """Short sidewalks at ends of crosswalks where no other footway begins."""
     ends = [place for way in ways for place in way.places]
     for way in crosswalks:
         for k, (place, tip, angle) in enumerate(

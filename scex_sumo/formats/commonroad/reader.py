@@ -70,7 +70,6 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
 
 
 def _library() -> tuple[ReadSign, dict[str, set[str]]]:
-    """Parts of commonroad-io: a reader of a sign's name, and the words of the format by tag."""
     try:
         from commonroad.common.common_lanelet import LaneletType, LineMarking, RoadUser
         from commonroad.common.reader.file_reader_xml import TrafficSignElementFactory
@@ -98,7 +97,6 @@ def _library() -> tuple[ReadSign, dict[str, set[str]]]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence commonroad-io's log of unknown signs: the road's notes name them."""
     logger = logging.getLogger("commonroad")
     level = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -104,7 +104,6 @@ def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
 
 
 def _tracks(root: ElementTree.Element) -> tuple[list[_Track], list[_Track], list[int | str]]:
-    """Moving and standing road users by ascending id, and ids of unusable ones."""
     moving: dict[int, _Track] = {}
     standing: dict[int, _Track] = {}
     broken: list[int | str] = []
@@ -126,7 +125,6 @@ def _tracks(root: ElementTree.Element) -> tuple[list[_Track], list[_Track], list
 
 
 def _obstacles(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, bool]]:
-    """Obstacles and whether they move; 2018b has one element for both."""
     for element in root:
         if element.tag in ("dynamicObstacle", "staticObstacle"):
             yield element, element.tag == "dynamicObstacle"
@@ -135,7 +133,6 @@ def _obstacles(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element,
 
 
 def _states(obstacle: ElementTree.Element) -> FloatArray:
-    """(N, 5) states in order of time, one for each time step; empty if one is unusable."""
     elements = [*obstacle.findall("initialState"), *obstacle.findall("trajectory/state")]
     rows = [_state(element) for element in elements]
     usable = np.isfinite([row[:3] for row in rows]).all() and all(abs(row[0]) < MAX_STEP for row in rows)
@@ -153,7 +150,6 @@ def _state(element: ElementTree.Element) -> tuple[float, float, float, float, fl
 
 
 def _value(element: ElementTree.Element | None) -> float:
-    """An exact value, the middle of an interval, or nan."""
     if element is None:
         return math.nan
     if element.find("exact") is not None:
@@ -162,7 +158,6 @@ def _value(element: ElementTree.Element | None) -> float:
 
 
 def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
-    """Length and width of a shape, or of the extent of a circle or polygon, m."""
     if shape is None:
         return None
     size = (coordinate(shape.findtext("rectangle/length")), coordinate(shape.findtext("rectangle/width")))

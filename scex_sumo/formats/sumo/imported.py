@@ -123,11 +123,6 @@ def _is_whole(net: Path, digest: Path) -> bool:
 
 
 def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) -> bytes:
-    """Make a net with netconvert.
-
-    Raises:
-        MapError: netconvert refuses the map, or its net is cut short.
-    """
     with TemporaryFolder() as folder:
         Path(folder, "map.xml").write_bytes(content)
         # Names without a folder: SUMO splits paths at commas.

@@ -18,11 +18,7 @@ SCRIPTS = (*BASE, "state.js", "chart.js", "pairs.js", "map.js", "player.js", "mo
 
 
 def write_report(run: Run, scene: SeedScene | None = None) -> Path:
-    """Write the report of a finished run into its folder and return its path.
-
-    Args:
-        scene: its seed scene; None reads it from the folder.
-    """
+    """Write the report of a finished run into its folder and return its path."""
     path = run.folder / REPORT
     write_atomic(path, report_html(run, scene).encode())
     return path
@@ -34,7 +30,7 @@ def report_html(run: Run, scene: SeedScene | None = None) -> str:
 
 
 def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
-    """Return the report as HTML from what `report_contents` has returned."""
+    """Return the report as HTML from the result of `report_contents`."""
     tested = under_test_rows(run)
     tables = {} if tested is None else {TABLE: tested}
     body = run_body(info, under_test_card(run))

@@ -52,7 +52,7 @@ def test_an_encounter_leads_to_its_pair_child_and_step(page: Any) -> None:
     pair = row.locator("td").first.inner_text().split(" → ")
     row.click()
     page.wait_for_selector("#pair-title:has-text('Gap of')")
-    assert text(page, "#pair-title").startswith(f"Gap of {pair[0]} and {pair[1]}, child ")
+    assert text(page, "#pair-title").startswith(f"Gap of {pair[0]} and {pair[1]}, future ")
     assert page.input_value("#child") != ""
     assert text(page, "#clock") == row.locator("td").last.inner_text()
 

@@ -149,8 +149,6 @@ def read_movements(kml: Path, origin: tuple[float, float]) -> list[Movement]:
 
 
 class _Ways:
-    """Lane shapes of a net by edge and index, and what lies ahead of a connection."""
-
     def __init__(self, layout: NetLayout) -> None:
         self.shapes = {
             (edge.name, k): lane.shape for edge in layout.edges for k, lane in enumerate(edge.lanes)
@@ -160,7 +158,6 @@ class _Ways:
             self._leaving.setdefault((c.from_edge, c.from_lane), []).append(c)
 
     def ahead(self, connection: Connection, reach_m: float) -> list[FloatArray]:
-        """Return the shapes of edge lanes ahead of a connection, within a distance."""
         shapes, stack, seen = [], [(connection, reach_m)], {connection.internal.name}
         while stack:
             c, left = stack.pop()
