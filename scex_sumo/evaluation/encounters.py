@@ -10,6 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.exact.tables import InfluenceTable
 from scex_sumo.metrics.collisions import KINDS
 from scex_sumo.metrics.encounters import (
     CRITICAL_DRAC,
@@ -62,6 +63,7 @@ mean number of severely injured occupants (MAIS 3+, one in each vehicle) over al
 
 _GAPS = (0.05, 0.5, 0.95)
 _MOSTLY = 0.5
+_WAYS = 2  # cut sets that a line tells
 
 
 def encounters_table(
@@ -214,10 +216,18 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
     ]
 
 
-def in_words(row: Mapping[str, Any]) -> str:
-    """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``."""
+def in_words(row: Mapping[str, Any], table: InfluenceTable | None = None) -> str:
+    """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
+
+    With the influence ``table`` of its collision it says exactly when the two collide.
+    """
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
+    if row["collision"] > 0 and table is not None:
+        ways = table.in_words()
+        more = f", or in {len(ways) - _WAYS} more ways" if len(ways) > _WAYS else ""
+        share = f"{100 * table.probability():.4g} %"
+        return f"{head}collides in {share}, exactly if {'; or '.join(ways[:_WAYS])}{more}"
     if row["collision"] > 0:
         text = f"collides in {_percent(row, 'collision')}"
     elif row["critical"] > 0:

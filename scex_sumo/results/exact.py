@@ -68,14 +68,9 @@ class Exact:
         tables = [table for (_, _, event), table in self.tables.items() if event == "collision"]
         return union_probability(tables, weights)
 
-    @cached_property
-    def exact_p_collision(self) -> float | None:
-        """That of the run's own weights."""
-        return self.p_collision()
-
     def told(self) -> str:
         """Return how the tables were checked, in words."""
-        return f"checked on {self.checked} futures: none differs"
+        return f"exact, checked on {self.checked} futures: none differs (remainder {self.remainder:.1%})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,18 +83,28 @@ class CollisionShare(Interval):
 
     tables: Exact | None = None
 
+    @cached_property
+    def exact(self) -> float | None:
+        """Exact probability with the run's weights; None where a pair that collides has no table."""
+        return None if self.tables is None else self.tables.p_collision()
+
+    @property
+    def percent(self) -> str:
+        """In words, e.g. ``12 % [9–16]``, or ``12.5 %`` if it is exact."""
+        return super().percent if self.exact is None else f"{100 * self.exact:.4g} %"
+
     def __call__(self, weights: Weights | None = None) -> float:
         """Return the exact probability of any collision, with other weights if they are given.
 
         Raises:
             UsageError: other weights are given, and some pair that collides has no exact table.
         """
+        if weights is None:
+            return self.value if self.exact is None else self.exact
         exact = None if self.tables is None else self.tables.p_collision(weights)
         if exact is not None:
             return exact
-        if weights is not None:
-            raise UsageError("p_collision: not every pair that collides has an exact table; run with --exact")
-        return self.value
+        raise UsageError("p_collision: not every pair that collides has an exact table; run with --exact")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,14 +131,16 @@ class Encounter:
         return self.table_of()
 
     def probability(self, event: str = "collision", *, weights: Weights | None = None) -> float:
-        """Return the probability of an event: exact where it has a table, else sampled.
+        """Return the probability of an event, or of any (``critical``): exact with a table, else sampled.
 
         Raises:
             UsageError: an unknown event, or other weights for one without a table.
         """
-        table = self.table_of(event)
-        if table is not None:
-            return table.probability(weights)
+        tables = [self.table_of(name) for name in (EVENTS if event == "critical" else (event,))]
+        known = [table for table in tables if table is not None]
+        exact = union_probability(known, weights) if len(known) == len(tables) else None
+        if exact is not None:
+            return exact
         if weights is not None:
             raise UsageError(f"{event}: has no exact table, and no value for other weights")
         return float(self.row[event])
