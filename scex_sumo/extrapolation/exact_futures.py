@@ -29,7 +29,7 @@ from scex_sumo.results.folder import assignments_table
 from scex_sumo.results.parts import Parts
 
 MAX_FUTURES: Final = 385
-"""Futures that are run for the tables, at most; no more than the run draws."""
+"""Futures that are run for the tables, at most, and no more than twice those that the run draws."""
 
 MIN_CHECKED: Final = 60
 """Drawn futures below which nothing is said: they leave more than 5 % unchecked."""
@@ -68,7 +68,7 @@ def find_exact(job: Job, drawn: pa.Table, workers: Workers) -> Exact:
     space = _Space(job)
     futures = _Futures(job, space, workers)
     seen = futures.answers(drawn, 0, len(job.assignment))
-    most = min(MAX_FUTURES, len(job.assignment))
+    most = min(MAX_FUTURES, 2 * len(job.assignment))
     known: set[_Key] = set(seen)
     while True:
         keys = sorted(known, key=lambda key: (EVENTS.index(key[2]), key))

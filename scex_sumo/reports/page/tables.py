@@ -83,7 +83,7 @@ def collision_share(run: Run) -> dict[str, Any] | None:
     if COLLISION_COLUMN not in run.metrics.column_names:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
-    interval = {"value": share.value, "low": share.low, "high": share.high}
+    interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
     return {"count": count, "children": run.children, **interval}
 
 
