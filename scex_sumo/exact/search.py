@@ -25,6 +25,9 @@ LEAF_ROWS: Final = 2
 BASE_ROWS: Final = 64
 """Futures drawn first: they show where an event depends on more than was guessed."""
 
+ROUND_ROWS: Final = 24
+"""Futures of a round before it takes up later events: few rounds cost less than few futures."""
+
 FREE: Final = -1  # a vehicle that a row leaves open
 _LIKELY = 0.5  # a likely vehicle is asked first if it tells this part of what the best one tells
 _STEPS = (1, 2, 4)  # vehicles changed at once between two futures that differ
@@ -125,18 +128,18 @@ class Search:
     def run(self, simulate: Simulate, *, most: int) -> None:
         """Run futures until every tree is settled, or ``most`` futures have been run in all."""
         if not len(self.rows):
-            self._add([], self.random(min(BASE_ROWS, most)), simulate)
+            asked = [path for part in self._parts() for event in part for path in self._asked(event)]
+            rows = self._merged(asked, [])[:most]
+            more = self.random(max(min(BASE_ROWS, most) - len(rows), 0))
+            self._add([], [*rows, *more], simulate)
         while (left := most - len(self.rows)) > 0:
-            wanted = next(
-                (w for part in self._parts() if len((w := self._wanted(part))[0]) + len(w[1])), None
-            )
-            if wanted is None:
+            whole, drawn = self._wanted()
+            if not whole and not drawn:
                 break
-            whole, drawn = wanted
             self._add(whole[:left], drawn[: max(left - len(whole), 0)], simulate)
 
     def _parts(self) -> Iterator[list[int]]:
-        """Yield events in the order in which they are settled: by rank, those of few vehicles first.
+        """Yield open events in the order in which they are settled: by rank, those of few vehicles first.
 
         Events of too many vehicles come last of all.
         """
@@ -144,8 +147,7 @@ class Search:
         for allowed in (range(MAX_VEHICLES + 1), [MAX_VEHICLES + 1]):
             for part in self._by_rank:
                 for size in allowed:
-                    if some := [event for event in part if sizes[event] == size]:
-                        yield some
+                    yield [event for event in part if sizes[event] == size and event not in self.failed]
 
     def is_settled(self, event: int) -> bool:
         """Return whether an event's tree is believed: certified, no open leaf, few enough vehicles."""
@@ -289,25 +291,34 @@ class Search:
         same = np.flatnonzero(np.all(self.rows == row, axis=1))
         return bool(self.outcomes[same[0], event]) if same.size else None
 
-    def _wanted(self, events: Sequence[int]) -> tuple[list[IntArray], list[IntArray]]:
-        """Return the assignments to run next: those of open searches, and of leaves seen too rarely."""
-        whole: list[IntArray] = []
+    def _wanted(self) -> tuple[list[IntArray], list[IntArray]]:
+        """Return the assignments to run next: those of open searches, and of leaves seen too rarely.
+
+        Later events come in if the earlier ones need few futures, or fill what those leave open.
+        """
+        whole: dict[bytes, IntArray] = {}
         partial: list[Cube] = []
-        events = [event for event in events if event not in self.failed]
-        for event in events:
-            for leaf in self.trees[event].leaves():
-                if leaf.search is not None:
-                    rows = [row for _, row in _between(*leaf.search)]
-                    whole += [row for row in rows if self._outcome(event, row) is None]
-            partial += self._asked(event)
-        if not whole and not partial:
-            for event in events:
-                self._prune(event, self.trees[event])
-                whole += self._certificates(event)
-        rows = list(np.unique(np.array(whole), axis=0)) if whole else []
-        others = {event for part in self._by_rank for event in part} - {*events, *self.failed}
-        filling = [] if not partial else [path for event in sorted(others) for path in self._asked(event)]
-        return rows, self._merged(partial, filling)
+        filling: list[Cube] = []
+        for part in self._parts():
+            is_full = len(whole) + len(partial) >= ROUND_ROWS
+            for event in part:
+                asked = list(self._asked(event))
+                if is_full:
+                    filling += asked
+                    continue
+                rows = self._tests(event)
+                if not rows and not asked:
+                    self._prune(event, self.trees[event])
+                    rows = self._certificates(event)
+                whole |= {row.tobytes(): row for row in rows}
+                partial += asked
+        return list(whole.values()), self._merged(partial, filling)
+
+    def _tests(self, event: int) -> list[IntArray]:
+        """Return the assignments that the open searches of an event need."""
+        searches = [leaf.search for leaf in self.trees[event].leaves() if leaf.search is not None]
+        rows = [row for search in searches for _, row in _between(*search)]
+        return [row for row in rows if self._outcome(event, row) is None]
 
     def _asked(self, event: int) -> Iterator[Cube]:
         """Yield the partial assignments of an event that have been seen too rarely."""
