@@ -49,8 +49,8 @@ def main() -> None:
     parser.add_argument("data", type=Path, nargs="?", default=default)
     parser.add_argument("--fresh", type=int, default=2000)
     options = parser.parse_args()
-    print("| scene | vehicles | colliding pairs | exact | vehicles that decide | extra futures |", end="")
-    print(" P(any) sampled | exact | fresh | wrong pairs, worst share | remainder | cost |")
+    print("|scene|vehicles|colliding pairs|exact|vehicles that decide|extra futures", end="")
+    print("|P(any) sampled|exact|fresh|wrong pairs, worst share|remainder|cost|")
     print("|---" * 12 + "|")
     total = np.zeros(5)
     for name, scene in scenes(options.data):
@@ -124,7 +124,7 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float,
             f"{extra / whole:.2f}",
         )
         too_often = sum(share > limit for share in shares)
-    row = f"| {' | '.join(str(cell) for cell in cells)} |"
+    row = f"|{'|'.join(str(cell) for cell in cells)}|"
     return row, (len(tables) + len(sampled), len(tables), too_often, extra, whole)
 
 

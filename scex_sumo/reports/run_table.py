@@ -134,7 +134,7 @@ def summary_table(run: Run) -> Table:
     if (injuries := expected_injuries(run)) is not None:
         human = None if likely is None else expected_injuries(likely)
         table.add_row(
-            "severe injuries per 1000",
+            Text("severe injuries [‰]"),
             *("–",) * 3,
             *(() if likely is None else ("–" if human is None else f"{1000 * human:.2f}",)),
             f"{1000 * injuries:.2f}",
