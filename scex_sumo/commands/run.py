@@ -100,6 +100,7 @@ def run_command(
         ),
     ] = "sumo",
     cache: Cache = True,
+    exact: Annotated[bool, Option(help="Some more futures, for exact probabilities.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     overwrite: Overwrite = False,
     out: ResultPath = None,
@@ -148,7 +149,9 @@ def run_command(
         )
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("futures", folder):
-            options = RunOptions(batch=batch, gui=gui, cache=cache, progress=tick, command=command)
+            options = RunOptions(
+                batch=batch, gui=gui, cache=cache, exact=exact, progress=tick, command=command
+            )
             result = run_scene(
                 scene,
                 settings,
@@ -162,7 +165,7 @@ def run_command(
             drop_reference(result)
         else:
             with progress_bar("reference") as tick, resumable("futures", folder):
-                options = RunOptions(cache=cache, progress=tick, command=command)
+                options = RunOptions(cache=cache, exact=exact, progress=tick, command=command)
                 add_reference(result, scene, reference, settings, workers=pool, options=options)
         _tell(result)
         print(f"result: {folder}")
