@@ -128,7 +128,8 @@ class Search:
     def run(self, simulate: Simulate, *, most: int) -> None:
         """Run futures until every tree is settled, or ``most`` futures have been run in all."""
         if not len(self.rows):
-            asked = [path for part in self._parts() for event in part for path in self._asked(event)]
+            events = [e for e in range(len(self.trees)) if len(self.influence(e)) <= MAX_VEHICLES]
+            asked = [path for event in events for path in self._asked(event)]
             rows = self._merged(asked, [])[:most]
             more = self.random(max(min(BASE_ROWS, most) - len(rows), 0))
             self._add([], [*rows, *more], simulate)
