@@ -148,7 +148,7 @@ def run_command(
             cache=cache,
         )
         folder = out if out is not None else Path("out") / scene.name
-        with progress_bar(scene.name) as tick, resumable("children", folder):
+        with progress_bar(scene.name) as tick, resumable("futures", folder):
             options = RunOptions(
                 batch=batch, gui=gui, cache=cache, exact=exact, progress=tick, command=command
             )
@@ -164,7 +164,7 @@ def run_command(
         if reference == NO_REFERENCE:
             drop_reference(result)
         else:
-            with progress_bar("reference") as tick, resumable("children", folder):
+            with progress_bar("reference") as tick, resumable("futures", folder):
                 options = RunOptions(cache=cache, exact=exact, progress=tick, command=command)
                 add_reference(result, scene, reference, settings, workers=pool, options=options)
         _tell(result)

@@ -62,7 +62,7 @@ def rank_command(
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.studies.rank.rank import rank
 
-    with progress_bar("children") as tick, resumable("seeds", out):
+    with progress_bar("futures") as tick, resumable("seeds", out):
         ranking = rank(
             roots,
             out=out,
