@@ -87,9 +87,9 @@ def encounters_table(
 
     Returns:
         Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
-        ``track_id`` hits or follows ``other_id``. ``gap``, ``model``, ``other_model``, ``time_s``, ``x``, ``y``
-        belong to ``child``, the typical future: its least gap, then its time, is the median of those that
-        collide (else are critical, else meet). Gaps above 10 m are null.
+        ``track_id`` hits or follows ``other_id``. ``gap``, ``model``, ``other_model``, ``time_s``, ``x``
+        and ``y`` belong to ``child``, the typical future: its least gap, then its time, is the median of
+        those that collide (else have the most frequent event, else meet). Gaps above 10 m are null.
     """
     vehicles = len(track_ids)
     pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
@@ -116,7 +116,7 @@ def encounters_table(
     points = np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2)
     places = places_of(road, points) if road is not None else [None] * len(rows)
     rows = [{**row, "place": place} for row, place in zip(rows, places, strict=True)]
-    rows.sort(key=_criticality)
+    rows.sort(key=criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
 
@@ -148,7 +148,8 @@ def _by_child(which: IntArray, child: IntArray, answer: BoolArray, pairs: int, c
     return full
 
 
-def _criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
+def criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return the key that sorts pairs, the most critical first."""
     gap = row["gap_p05"]
     return (-row["collision"], -row["critical"], np.inf if gap is None else gap)
 
@@ -244,7 +245,7 @@ def in_words(row: Mapping[str, Any], table: InfluenceTable | None = None) -> str
         return f"{head}{event}, typically {gap} m apart"
     drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
     apart = "" if name == "collision" else f"{gap} m apart, "
-    return f"{head}{event} in {_percent(row, name)}, typically {apart}{drivers}"
+    return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"
 
 
 def event_of(row: Mapping[str, Any]) -> tuple[str, str]:
@@ -258,6 +259,7 @@ def event_of(row: Mapping[str, Any]) -> tuple[str, str]:
     return "", "never critical"
 
 
-def _percent(row: Mapping[str, Any], name: str) -> str:
+def percent_of(row: Mapping[str, Any], name: str) -> str:
+    """Return the share of a question with its interval, e.g. ``12 % [9–16]``."""
     share = {"value": row[name], "low": row[f"{name}_low"], "high": row[f"{name}_high"]}
     return Interval(**share, count=0).percent

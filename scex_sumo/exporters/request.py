@@ -113,7 +113,7 @@ def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
 
 
 def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[int, ...]:
-    """Return the typical child in which two vehicles meet, as `view` shows it, then those where they are closest.
+    """Return the typical child in which two vehicles meet, as `view` shows it, then the closest ones.
 
     Raises:
         UsageError: one of them is not in the seed scene.
