@@ -80,7 +80,7 @@ def _share_card(info: Mapping[str, Any]) -> Html:
         "p.soft",
         f"Blue: stress test; line: 95 % confidence interval{likely}. {_recorded_words(info['metrics'])}",
     )
-    whoever = f"Critical in every future, with any driver: {', '.join(info['always'])}."
+    whoever = f"Always so in this traffic: {', '.join(info['always'])}."
     always = [element("p", whoever)] if info["always"] else []
     return element("div.card", element("h2", "P(critical)"), *lines, about, *always)
 
