@@ -14,7 +14,11 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
 REPORT = "report.html"
-SCRIPTS = (*BASE, "state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js", "report.js")
+SCRIPTS = (
+    *BASE,
+    *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
+    *("selection.js", "address.js", "vehicles.js", "report.js"),
+)
 
 
 def write_report(run: Run, scene: SeedScene | None = None) -> Path:
