@@ -21,7 +21,7 @@ from scex_sumo.results.exact import CollisionShare
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
-SEVERITY: Final = "severe injuries/1000"
+SEVERITY: Final = "severe injuries [‰]"
 MAIN: Final = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
 
