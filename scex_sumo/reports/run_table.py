@@ -22,7 +22,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
 SEVERITY: Final = "severe injuries [‰]"
-MAIN: Final = ("gap", "ttc_path", "drac", "thw", "wttc_path")
+MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
 
 _WORST = 3  # encounters in words
