@@ -163,7 +163,7 @@ def behavior(name: str) -> Callable[[T], T]:
         if name in _BUILT_IN:
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
-            raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
+            raise UsageError(f"behavior {name!r}: a name must not contain , : @ = or spaces")
         if not callable(constructor):
             raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
         _registered[name] = user_model(constructor, name)

@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 10_000
-_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
+_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, EXACT_STREAM = range(5)
 
 
 def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.random.Generator:
@@ -68,7 +68,7 @@ def all_assignments(choices: Sequence[int]) -> IntArray:
         raise UsageError(
             f"--children all: {_number(count)} combinations for {len(choices)} vehicles, at most "
             f"{MAX_COMBINATIONS:,} are run; name fewer models, fix some vehicles with --assign, "
-            "or give a number of children"
+            "or give a number of futures"
         )
     grid = np.indices(tuple(int(c) for c in choices), dtype=np.int64)
     return grid.reshape(len(choices), -1).T.copy()

@@ -145,15 +145,15 @@ class Workers:
             reports.put(("step", children))
 
         try:
-            self._try_twice(worker, "before its first children", partial(worker.open, work))
+            self._try_twice(worker, "before its first futures", partial(worker.open, work))
             for batch in _taken(left):
-                where = f"over children {int(batch[0])} to {int(batch[-1])}"
+                where = f"during futures {int(batch[0])} to {int(batch[-1])}"
                 order = partial(worker.do, work, batch, tick)
                 reports.put(("done", self._try_twice(worker, where, order)))
         except WorkersDied as died:
             where, ends = died.args
             reason = f"a worker died twice {where} ({ends[-1]})"
-            remedy = "finished children are kept, the same command goes on"
+            remedy = "finished futures are kept; run the same command again to go on"
             reports.put(("failed", SimulationError(f"{reason}; {remedy}")))
         except BaseException as error:  # raised again where the batches are awaited
             reports.put(("failed", error))

@@ -113,7 +113,7 @@ def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:
 def _kml_beside(signals: Path) -> Path:
     candidates = sorted(signals.parent.glob("*.kml"))
     if not candidates:
-        raise MapError(f"{signals}: the intersection's KML must lie beside it to tell its lanes")
+        raise MapError(f"{signals}: no KML of the intersection beside it; put it into the same folder")
     return candidates[0]
 
 

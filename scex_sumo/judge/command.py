@@ -112,7 +112,7 @@ def _verdict(
         print(f"{'warning: ' if loss.large else ''}lost: {loss}")
     problems = report.problems()
     if problems:
-        raise MapError(f"{net_path}: {len(problems)} of its figures miss what a faithful net has")
+        raise MapError(f"{net_path}: not faithful to the map: {len(problems)} figures are out of bounds")
     if not losses and not quiet:
         print("faithful: nothing of the map is lost, all figures are within their bounds")
     if strict and losses:

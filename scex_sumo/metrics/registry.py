@@ -111,7 +111,7 @@ def metric(
     if name in METRICS or name in _TAKEN:
         raise UsageError(f"metric {name!r}: the name is taken; choose another one")
     if not name or name.endswith("_mean") or any(c in name for c in ",:@=. \t\n"):
-        raise UsageError(f"metric {name!r}: a name has none of , : @ = . and no spaces, nor ends with _mean")
+        raise UsageError(f"metric {name!r}: a name must not contain , : @ = . or spaces, nor end with _mean")
     if critical not in ("min", "max"):
         raise UsageError(f"metric {name!r}: critical={critical!r}; choose min or max")
     if threshold is not None and not math.isfinite(threshold):

@@ -49,7 +49,7 @@ def synthetic_scene(
         SimulationError: SUMO refused the net, the map cannot hold so many vehicles, or time is up.
     """
     if vehicles < 1:
-        raise UsageError(f"a synthetic seed needs at least 1 vehicle, not {vehicles}")
+        raise UsageError(f"--synthetic: got {vehicles}, needs at least 1 vehicle")
     if vehicles > MAX_VEHICLES:
         raise UsageError(f"--synthetic: got {vehicles:,}, at most {MAX_VEHICLES:,} vehicles are placed")
     if seed < 0:

@@ -91,7 +91,7 @@ def density(
     if not (np.isfinite(bandwidth) and bandwidth > 0):
         raise InputError(f"density: bandwidth {bandwidth}; choose one above 0, in the metric's unit")
     if values.size == 0:
-        raise InputError("density: no samples; the metric is defined in no child")
+        raise InputError("density: no samples; the metric is defined in no future")
     if reflect and values.min() < 0:
         raise InputError(f"density: reflection at 0 of a negative sample, {values.min()}; turn it off")
     finite = values[np.isfinite(values)]

@@ -172,7 +172,7 @@ def draw_children(shown: Sequence[TiledChild], colors: Mapping[str, Rgb], frame:
             way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
             lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=frame.way_m))
-        title = f"child {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
+        title = f"future {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
         x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
         lines.append(_text(title, x, y, frame.line_m))
         lines += [_ring(s, vehicle) for vehicle in s.child.event]

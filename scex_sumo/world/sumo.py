@@ -114,7 +114,7 @@ class SumoWorld:
         batch = new_batch(start, driven, ids=ids, slots=wanted, offsets=offsets, watched=self._gui)
         self._running = batch
         batch.refuse_shared_slots()
-        with self._session.refusals(f"set up a batch of {len(wanted)} children"):
+        with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
             poses = self._poses(start)
             self._add_vehicles(batch.split(poses), driven)
             self._place(poses, batch.everybody, start.speed, np.zeros(start.shape))

@@ -86,7 +86,7 @@ def load_weights(path: str | Path, kind: str) -> Weights:
         if zipfile.is_zipfile(file):
             raise InputError(f"{file}: a PyTorch file, as earlier versions wrote it; {again}") from None
         raise InputError(
-            f"{file}: no file of weights ({type(error).__name__}); give one that 'scex-sumo train' wrote"
+            f"{file}: not a file of weights ({type(error).__name__}); give one that 'scex-sumo train' wrote"
         ) from None
     except (TypeError, ValueError) as error:
         words = " ".join(str(error).split())[:160]
@@ -123,8 +123,8 @@ def _check_inputs(file: Path, kind: str, about: Mapping[str, Any], again: str) -
         if given != [*columns]:
             count = len(given) if isinstance(given, list) else "no"
             raise InputError(
-                f"{file}: weights for {count} {name} inputs of version {about['version'][:40]}, version "
-                f"{__version__} makes {len(columns)} others; {again}"
+                f"{file}: trained by version {about['version'][:40]} with {count} {name} inputs; version "
+                f"{__version__} has {len(columns)} others; {again}"
             )
 
 

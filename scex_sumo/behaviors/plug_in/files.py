@@ -98,7 +98,7 @@ class OnnxFunction(FileFunction):
         try:
             return onnxruntime.InferenceSession(self.file, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # its errors have no common class
-            raise InputError(f"{self.file}: no ONNX file: {' '.join(str(error).split())}") from None
+            raise InputError(f"{self.file}: not an ONNX file: {' '.join(str(error).split())}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
         """Return trajectories."""
@@ -131,7 +131,7 @@ class ScriptedFunction(FileFunction):
             return jit.load(self.file, map_location="cpu").eval()
         except Exception as error:  # torch has no common class of errors
             first = str(error).strip().splitlines()[:1] or ["no message"]
-            raise InputError(f"{self.file}: no TorchScript file: {first[0]}") from None
+            raise InputError(f"{self.file}: not a TorchScript file: {first[0]}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
         """Return trajectories."""

@@ -37,7 +37,7 @@ def explain_mismatch(samples: Evidence, road: Road) -> str:
             f"{wrong}: moved by {dx:+.0f} m, {dy:+.0f} m, {share:.0%} of its driving is on lanes; give "
             "--origin LAT,LON"
         )
-    return "and no other origin would put them there: the tracks are of another map; give theirs"
+    return "no other origin puts them on lanes, so the tracks belong to another map; give that map"
 
 
 def _course(heading: FloatArray) -> FloatArray:

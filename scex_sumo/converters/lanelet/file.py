@@ -161,7 +161,7 @@ def read_map_file(path: str | Path) -> MapFile:
             if element.tag == "node":
                 new = _put(nodes, _id(element, "id"), _node(element, local))
                 if _height_m(element) is None:
-                    findings.note("heights not understood, taken for 0", name)
+                    findings.note("nodes with a height that is no number, height 0 used", name)
             elif element.tag == "way":
                 nodes_of_way = tuple(_id(nd, "ref") for nd in element.findall("nd"))
                 new = _put(ways, _id(element, "id"), Way(nodes=nodes_of_way, tags=_tags(element)))

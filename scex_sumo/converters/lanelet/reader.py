@@ -81,8 +81,8 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     rules, attached, lost = attach(regulations(map_file, lanes, lines), lanes, map_file, lines)
     doubts = _doubts(lanes, map_file, country)
     doubts.note("lanelets that meet without shared points, linked", *linked)
-    doubts.note("lanelets that begin within other traffic", *inside)
-    doubts.note("stops and lights that no lanelet names, attached where they lie", *attached)
+    doubts.note("lanelets that begin on another lane", *inside)
+    doubts.note("stop lines and lights that no lanelet names, attached to the lane at their place", *attached)
     broken: tuple[int | str, ...] = (*sorted(drawn - {v.lanelet_id for v in vertices}), *unread)
     losses += [MapLoss(kind="lanelets", why="left out, broken", elements=broken)] if broken else []
     losses = [replace(loss, of=len(drawn) + len(unread)) for loss in losses]

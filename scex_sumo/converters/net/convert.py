@@ -72,7 +72,9 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     walks = plan_walks(ways, topology, layout)
     lights, unlit = with_crossings(_with_fixed_programmes(recorded, fixed), recorded, walks, layout)
     if unlit:
-        notes.append(f"crosswalks that the recorded lights never leave free: {', '.join(map(str, unlit))}")
+        notes.append(
+            f"crosswalks without green for people, because recorded lights never stop the cars: {listed(unlit)}"
+        )
     layout = layout.beside(_side_lanes(road))
     net_path.write_text(net_text(layout, lights, road.georeference, walks), encoding="utf-8")
     table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
@@ -81,7 +83,15 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     extras.write_text(extras_text(road), encoding="utf-8")
     changes = tuple(f"{a} to {b}" for a, b in lost)
     losses = (
-        [MapLoss(kind="lane changes", why="without a place in a SUMO edge", elements=changes)] if lost else []
+        [
+            MapLoss(
+                kind="lane changes",
+                why="not possible in SUMO, because the lanes lie in different edges",
+                elements=changes,
+            )
+        ]
+        if lost
+        else []
     )
     return SumoNet(
         path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=(*road.losses, *losses)
@@ -97,7 +107,7 @@ def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
     extras = net_file(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
     lit = [light.get("id", "") for light in root.iter("tlLogic") if light.find("condition") is not None]
-    note = f"traffic lights with conditions: {listed(lit)}; children see their phases without conditions"
+    note = f"traffic lights with conditions: {listed(lit)}; in the futures their phases ignore the conditions"
     return SumoNet(path=net_path, extras=extras, lanes=table, notes=(note,) if lit else ())
 
 

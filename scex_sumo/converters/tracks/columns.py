@@ -139,7 +139,7 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
     if MIN_STEP_S <= usual <= MAX_STEP_S + 0.0015:
         columns["timestamp_ms"] = np.round(1000.0 * columns["timestamp_ms"], 6)
         columns["frame_id"] = np.rint(columns["timestamp_ms"] / 100.0)
-        return ["timestamp_ms is in seconds: taken for such"]
+        return ["timestamp_ms is in seconds: converted to milliseconds"]
     raise TrackError(
         f"{path}: samples of a track are {usual / 1000.0:g} s apart by timestamp_ms, {MIN_STEP_S:g} to "
         f"{MAX_STEP_S:g} s expected; give the stamps in milliseconds"
@@ -156,4 +156,4 @@ def _in_radians(columns: dict[str, Any]) -> list[str]:
     if fits[1] < MIN_ALIGNED or fits[0] > fits[1]:
         return []
     columns["psi_rad"] = np.radians(heading)
-    return ["psi_rad is in degrees: taken for such"]
+    return ["psi_rad is in degrees: converted to radians"]

@@ -89,7 +89,7 @@ def _number(
             renamed.append(f"{labels[k]} is {free}")
             labels[k] = str(free)
         used.add((case, number_of(labels[k])))
-    return [f"track ids that are one number told apart: {listed(renamed)}"] if renamed else []
+    return [f"different track ids that are the same number, renumbered: {listed(renamed)}"] if renamed else []
 
 
 def _usual_step(rows: TrackRows) -> float:

@@ -135,7 +135,11 @@ def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
     unknown = np.isnan(table[:, 5:7])
     guessed = np.array([_size(kind) for kind in kinds])
     table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
-    return ["sizes are SUMO's for the classes that the types' names speak of"] if unknown.any() else []
+    return (
+        ["vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"]
+        if unknown.any()
+        else []
+    )
 
 
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:

@@ -60,7 +60,7 @@ def _try(path: Path) -> None:
         command = [program("sumo"), "--net-file", net.name, "--end", "0", "--xml-validation", "never"]
         done = subprocess.run(command, capture_output=True, env=environment(), check=False, cwd=net.parent)
     if done.returncode < 0:
-        raise MapError(f"{path}: SUMO dies of this net; build it again with netconvert")
+        raise MapError(f"{path}: SUMO crashes when it loads this net; build it again with netconvert")
 
 
 def _road(path: Path) -> Road:

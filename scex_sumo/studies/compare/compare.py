@@ -116,14 +116,14 @@ def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     first = runs[0]
     for label, run in zip(labels, runs, strict=True):
         for what, mine, other in (
-            ("steps per child", run.info["steps"], first.info["steps"]),
+            ("steps per future", run.info["steps"], first.info["steps"]),
             ("metrics", ", ".join(sorted(run.columns)), ", ".join(sorted(first.columns))),
             ("metric preset", run.info.get("preset", "paper"), first.info.get("preset", "paper")),
         ):
             if mine != other:
                 raise ResultError(
                     f"{label}: {what} {mine}, but {labels[0]} has {other}; "
-                    "only runs alike in this can be compared, run one of them again"
+                    "they must be equal for a comparison; run one of them again"
                 )
     notes = []
     for what, key in (("behaviour models", "models"), ("fixed models", "assign"), ("replan", "replan")):
@@ -172,7 +172,7 @@ def compare_samples(
 
 def _distances(columns: Columns, scale: Scale, kind: Kind) -> tuple[FloatArray, FloatArray]:
     if any(column.size == 0 for column in columns):
-        raise InputError("a run without children cannot be compared")
+        raise InputError("a run without futures cannot be compared")
     if kind == "jsd":
         values = jensen_shannon_distances(columns)
         return values, np.zeros_like(values)

@@ -146,7 +146,7 @@ def metric_values(run: Run, metric: str) -> FloatArray:
     one, two = np.asarray(table["track_id"]), np.asarray(table["other_id"])
     both = np.isin(one, pair) & np.isin(two, pair) & (one != two)
     if not both.any():
-        raise UsageError(f"{metric}: these two collide in no child; see scex-sumo encounters {run.folder}")
+        raise UsageError(f"{metric}: these two collide in no future; see scex-sumo encounters {run.folder}")
     return np.isin(np.asarray(run.metrics["child"]), np.asarray(table["child"])[both]).astype(np.float64)
 
 

@@ -212,7 +212,7 @@ def _answering() -> Iterator[None]:
         yield
     except (OSError, CancelledError):
         raise ScexError(
-            "the Dask scheduler went away; finished seeds are kept, the same command goes on"
+            "the Dask scheduler went away; finished seed scenes are kept; run the same command again to go on"
         ) from None
 
 

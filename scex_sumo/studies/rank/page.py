@@ -210,7 +210,7 @@ def _table(rows: Sequence[Mapping[str, Any]], limits: Mapping[str, float]) -> Ta
         ("children", "children", "text", "That have been run"),
         ("p_collision", "P(collision)", "percent", ""),
     ]
-    heads += [("encounters", "encounters", "real", "Critical ones of a child, on average")]
+    heads += [("encounters", "encounters", "real", "Critical ones of a future, on average")]
     heads += [("pair", "worst pair", "text", "")]
     heads += [
         (f"p_{column}", f"P({metric_of(column).words})", "percent", _critical(column, limit))

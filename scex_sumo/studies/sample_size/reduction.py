@@ -31,8 +31,8 @@ def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
 
     if not 1 <= count <= scene.vehicles:
         raise UsageError(
-            f"--vehicles: got {count}, {scene.name} has {scene.vehicles}; "
-            "ask for 1 to so many, or for another seed scene with --time or --synthetic"
+            f"{scene.name}: has {scene.vehicles} vehicles, but {count} shall take part; give --vehicles 1 to "
+            f"{scene.vehicles}, or a seed scene with more vehicles by --time or --synthetic"
         )
     apart = _nearest_approach(scene)
     stands = scene.now.speed < _STANDING_MPS

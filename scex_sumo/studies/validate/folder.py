@@ -73,7 +73,7 @@ class ForecastFolder(StudyFolder):
         }
         for name, more in (("children", COMPARED), ("seen", ())):
             if tables[name]["child"].to_pylist() != [*self._children, *more]:
-                raise damaged(folder / f"{name}.parquet", "has other children than the validation")
+                raise damaged(folder / f"{name}.parquet", "has other futures than the validation")
         if len(tables["realism"]) != 1:
             raise damaged(folder / "realism.parquet", "needs one row")
         return Forecast(**tables)

@@ -63,8 +63,8 @@ def right_paths(
 def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray) -> FloatArray:
     """Return (n, H) m that a displaced vehicle is still off the recorded one on its way back.
 
-    A quintic in the distance travelled ``way`` (n, H) m, to zero without slope and curvature; ``slope`` (n,) is
-    the tangent of the heading error.
+    A quintic in the distance travelled ``way`` (n, H) m, to zero without slope and curvature.
+    ``slope`` (n,) is the tangent of the heading error.
     """
     length = np.maximum(RETURN_M, RETURN_S * speed)[:, None]
     keep, lean = fading(np.clip(way / length, 0.0, 1.0))

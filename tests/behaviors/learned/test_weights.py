@@ -82,7 +82,7 @@ def test_something_else_than_weights_says_so(tmp_path: Path, file: Path) -> None
     other = tmp_path / "other"
     for content in (b"", b"hello", file.read_bytes()[:2000], pickle.dumps({"format": 1})):
         other.write_bytes(content)
-        assert "no file of weights" in refused("graph_predictor", other)
+        assert "not a file of weights" in refused("graph_predictor", other)
     for header in (None, {"format": "pt"}, {ABOUT: "7"}, {ABOUT: "{"}, {ABOUT: "[" * 100_000}, {ABOUT: "{}"}):
         other.write_bytes(safetensors.numpy.save({"model": np.zeros(3)}, header))
         assert "not weights of scex-sumo" in refused("graph_predictor", other)
@@ -179,6 +179,6 @@ def test_shapes_larger_than_the_file_are_refused_before_they_cost_memory(file: P
     header["head.knots.weight"] = {"dtype": "F32", "shape": [2**20, 2**20], "data_offsets": [0, 2**42]}
     lying = json.dumps(header).encode()
     file.write_bytes(struct.pack("<Q", len(lying)) + lying + content[8 + length :])
-    assert "no file of weights" in refused("graph_predictor", file)
+    assert "not a file of weights" in refused("graph_predictor", file)
     file.write_bytes(struct.pack("<Q", 2**62) + content[8:])
-    assert "no file of weights" in refused("graph_predictor", file)
+    assert "not a file of weights" in refused("graph_predictor", file)

@@ -163,7 +163,7 @@ def fake_run(**changed: object) -> SimpleNamespace:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"steps": 20}, "steps per child 20, but a has 30"),
+        ({"steps": 20}, "steps per future 20, but a has 30"),
         ({"columns": ["wttc"]}, "metrics wttc, but a has ttc, wttc"),
         ({"preset": "path"}, "metric preset path, but a has paper"),
     ],
