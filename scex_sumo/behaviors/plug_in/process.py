@@ -60,7 +60,8 @@ class ProcessDriver:
         if self._program is None:
             if self._starts >= MAX_STARTS:
                 raise ScexError(
-                    f"{self.command}: the program ended or missed its deadline {MAX_STARTS} times; it is not started again"
+                    f"{self.command}: the program ended or missed its deadline {MAX_STARTS} times; "
+                    "it is not started again"
                 )
             self._starts += 1
             self._program = _Program(self.command, _setup(road))

@@ -73,7 +73,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     lights, unlit = with_crossings(_with_fixed_programmes(recorded, fixed), recorded, walks, layout)
     if unlit:
         notes.append(
-            f"crosswalks without green for people, because recorded lights never stop the cars: {listed(unlit)}"
+            f"crosswalks without green for people, because the lights never stop the cars: {listed(unlit)}"
         )
     layout = layout.beside(_side_lanes(road))
     net_path.write_text(net_text(layout, lights, road.georeference, walks), encoding="utf-8")

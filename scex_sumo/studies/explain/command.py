@@ -26,16 +26,18 @@ EXAMPLE = "out/k733 --metric ttc"
 
 def explain_command(
     folder: Result,
-    metric: Annotated[str | None, metric_option("Print this one, with all its worst futures.")] = None,
-    encounter: Annotated[
-        str | None, Option(metavar="A,B", help="Print whose models make these two collide.")
+    metric: Annotated[
+        str | None, metric_option("Print only this metric, with all its worst futures.")
     ] = None,
-    worst: Annotated[int, Option(metavar="N", help="How many of the worst futures are named.")] = 5,
+    encounter: Annotated[
+        str | None, Option(metavar="A,B", help="Print which models make these two vehicles collide.")
+    ] = None,
+    worst: Annotated[int, Option(metavar="N", help="Number of worst futures to name.")] = 5,
     plots: Annotated[
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write explain.html.")
     ] = True,
 ) -> None:
-    """Say which vehicles' models make a scene critical, and how."""
+    """Find the vehicles and models that make a scene critical."""
     from scex_sumo.commands.console import output_console
     from scex_sumo.metrics.registry import COLLISION, COLUMNS, column_named
     from scex_sumo.reports.run_table import print_line

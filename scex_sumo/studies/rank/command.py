@@ -37,8 +37,8 @@ EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
 def rank_command(
     roots: Roots,
     every: Every = 1.0,
-    children: Annotated[int, Option(help="Futures of a seed scene at most.")] = 96,
-    first: Annotated[int, Option(help="Futures of every seed scene; more if ranks are close.")] = 32,
+    children: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
+    first: Annotated[int, Option(help="Futures of every seed scene; close ranks get more.")] = 32,
     min_vehicles: MinVehicles = 2,
     models: Models = None,
     preset: Preset = "both",

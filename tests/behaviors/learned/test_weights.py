@@ -127,9 +127,9 @@ def test_a_spread_of_zero_is_refused_before_anything_is_divided_by_it(file: Path
 def test_weights_for_other_inputs_are_refused(file: Path) -> None:
     columns = about(file)["columns"]
     altered(file, columns={**columns, "path": ["speed"]})
-    assert "weights for 1 path inputs of version" in refused("graph_predictor", file)
+    assert "with 1 path inputs; version" in refused("graph_predictor", file)
     altered(file, columns={**columns, "path": 7})
-    assert "weights for no path inputs of version" in refused("graph_predictor", file)
+    assert "with no path inputs; version" in refused("graph_predictor", file)
 
 
 @pytest.mark.parametrize(("value", "words"), [(float("nan"), "not finite"), (1e9, "too large for exact")])
