@@ -315,13 +315,7 @@ def _check(spec: ModelSpec) -> None:
 
 
 def build(spec: ModelSpec) -> Behavior:
-    """Make the model of a spec.
-
-    Raises:
-        UsageError: see `parse_models`.
-        MissingExtraError: the model needs a package that is not installed.
-        InputError: weights of a learned driver cannot be used.
-    """
+    """Make the model of a spec."""
     _check(spec)
     plain, guard = _without_guard(spec)
     return Guarded(_build(plain), _GUARDS.get(plain.name)) if guard else _build(plain)

@@ -137,11 +137,7 @@ def map_format(path: Path) -> MapFormat:
 
 
 def refuse_folder(path: Path) -> None:
-    """Refuse a folder that is given as a map.
-
-    Raises:
-        MapError: names one of the maps in it.
-    """
+    """Refuse a folder that is given as a map."""
     if path.is_dir():
         *others, _ = _entries(MapFormat)
         maps = (
@@ -160,11 +156,7 @@ def dataset_of(path: Path) -> Dataset:
 
 
 def signal_format(path: Path) -> SignalFormat:
-    """The format of recorded signal phases.
-
-    Raises:
-        MapError: no format recognises the file.
-    """
+    """The format of recorded signal phases."""
     formats: tuple[SignalFormat, ...] = _entries(SignalFormat)
     for entry in formats:
         if entry.is_mine(path):

@@ -106,7 +106,6 @@ def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
 
 
 def _intersections(road: Road, numbers: Mapping[int, int], first: int) -> list[ET.Element]:
-    """Return groups of overlapping lanes that are entered on several lanes; ids begin at ``first``."""
     lanes = {i: lane for i, lane in road.vehicle_lanes.items() if i in numbers}
     elements, ids, left = [], count(first), [i for i, lane in lanes.items() if lane.conflicts]
     while left:

@@ -36,7 +36,6 @@ def write_interaction(request: Request) -> list[Path]:
 
 
 def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
-    """Yield the rows of children; the whole table would need too much memory."""
     file, ordered = run.folder / "tracks.parquet", sorted(children)
     table = pq.read_table(file, filters=[("case_id", "in", ordered)])
     rows = run.states(children[0]).x.size

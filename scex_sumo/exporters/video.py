@@ -45,11 +45,7 @@ _WINDSCREEN = np.array([[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]])
 
 
 def write_mp4(request: Request) -> list[Path]:
-    """Write each child as MP4 (H.264) in real time; several into a folder.
-
-    Raises:
-        UsageError: PyAV is not installed.
-    """
+    """Write each child as MP4 (H.264) in real time; several into a folder."""
     if importlib.util.find_spec("av") is None:
         raise UsageError("--to mp4 needs PyAV: pip install 'scex-sumo[video]'; --to gif needs nothing")
     return _write(request, "mp4", _encode_mp4)

@@ -59,9 +59,6 @@ def all_assignments(choices: Sequence[int]) -> IntArray:
 
     Args:
         choices: (V,) number of models that each vehicle may get.
-
-    Raises:
-        UsageError: more than ten thousand combinations.
     """
     count = math.prod(int(choice) for choice in choices)
     if count > MAX_COMBINATIONS:
@@ -97,9 +94,6 @@ def assignments(
         fixed: model by track id, the same in all children; it may lie beyond ``weights``.
         design: one of ``DESIGNS``. Fewer children are the first of more.
         keep: use the user's cache.
-
-    Raises:
-        UsageError: an unknown track id, or too many combinations.
     """
     ids = [int(t) for t in track_ids]
     fixed = dict(fixed or {})

@@ -44,9 +44,6 @@ class RunOptions:
 
     Attributes:
         compared: compare a checked world with SUMO's.
-
-    Raises:
-        UsageError: fewer than one child in a batch.
     """
 
     batch: int | None = None

@@ -54,12 +54,7 @@ class Workers:
     """Processes that do tasks; a context manager. They start at once."""
 
     def __init__(self, processes: int) -> None:
-        """Start all but one of the processes; this process is the other.
-
-        Raises:
-            UsageError: fewer than one, or more than a thousand.
-            SimulationError: the limit of address space is too low.
-        """
+        """Start all but one of the processes; this process is the other."""
         if not 1 <= processes <= MAX_PROCESSES:
             raise UsageError(f"--workers: got {processes}, needs 1 to {MAX_PROCESSES}")
         limit, _ = resource.getrlimit(resource.RLIMIT_AS)

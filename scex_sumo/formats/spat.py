@@ -56,9 +56,6 @@ def recorded_programme(
     """Return the traffic light that replays a recording (None if it controls no link of the net), and notes.
 
     The recording begins at simulation time 0 and repeats.
-
-    Raises:
-        MapError: the CSV does not hold signal phases, or no KML lies beside it.
     """
     runs = _read_phases(signals)
     moves = _read_movements(_kml_beside(signals), origin)

@@ -167,7 +167,6 @@ def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direc
 
 
 def _covers(matching: Matching, found: str, place: shapely.Point, off: float) -> bool:
-    """Whether a lanelet under the lane found covers the place, too; of such lanes SUMO takes any."""
     for lane in (matching.road.lanes[i] for i in matching.lanelets(found)):
         distance = float(shapely.LineString(lane.centreline).distance(place))
         if distance <= lane.width_m / 2 and abs(distance - off) <= SAME_PLACE_M:

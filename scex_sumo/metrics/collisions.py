@@ -264,7 +264,6 @@ def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[FloatArray, IntArray]:
-    """Select the first move of every pair, unless the pair overlaps from its start."""
     vehicles = moves.tracks.states.shape[2]
     key = (moves.child[which] * vehicles + moves.first[which]) * vehicles + moves.second[which]
     order = np.lexsort((moves.step[which], key))
@@ -277,7 +276,6 @@ def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[Fl
 
 
 def _is_seen_first(moves: Moves) -> BoolArray:
-    """Return (N,) whether the earlier step is the pair's first."""
     before = moves.step - 1
     seen = before >= max(moves.tracks.first - 1, 0)
     present = moves.tracks.present

@@ -114,7 +114,6 @@ def evaluate_pairs(
 
 
 def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
-    """Evaluate a metric; ``quick`` may leave out pairs that are no extremum."""
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
     samples = function(scenes if metric.preset is None else scenes.under(preset_named(metric.preset)))
     if isinstance(samples, Entries):

@@ -177,11 +177,7 @@ def _plain(text: str) -> str:
 
 
 def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
-    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``.
-
-    Raises:
-        UsageError: no column has that name.
-    """
+    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``."""
     columns = tuple(columns)
     if text in columns:
         return text

@@ -83,7 +83,6 @@ def _known(road: Road) -> dict[int, Lane]:
 
 @owner_cache
 def _lengths(road: Road) -> dict[int, float]:
-    """Return the lengths of the vehicle lanes, m; never zero, so that every search ends."""
     steps = {i: np.diff(lane.centreline, axis=0) for i, lane in _known(road).items()}
     return {i: max(float(np.hypot(*step.T).sum()), 0.01) for i, step in steps.items()}
 

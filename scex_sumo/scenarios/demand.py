@@ -104,7 +104,6 @@ class Network:
         return list(choices.values())
 
     def _reachable(self, here: Place) -> Iterator[Place]:
-        """Yield the lanes of an edge in reach of one of them, itself first."""
         yield here
         for step, may_change in ((1, "change_left"), (-1, "change_right")):
             edge, index = here
@@ -129,9 +128,6 @@ def random_trips(
             geometrically and differs between lanes.
         most_origins: number of entry lanes, drawn at random if the net has more.
         check: called often; may raise.
-
-    Raises:
-        SimulationError: the net has no route through it.
     """
     trips: list[Trip] = []
     origins = network.origins

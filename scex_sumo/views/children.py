@@ -94,11 +94,7 @@ def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
-    """Write a typical child in which two vehicles meet, and return the file to open.
-
-    Raises:
-        ResultError: they meet in no child.
-    """
+    """Write a typical child in which two vehicles meet, and return the file to open."""
     rows: list[dict[str, Any]] = run.encounters.to_pylist()
     row = next((row for row in rows if {row["track_id"], row["other_id"]} == {first, second}), None)
     if row is None:
@@ -116,9 +112,6 @@ def write_grid(run: Run, count: int, column: str | None = None) -> Path:
 
     Args:
         column: most critical children by this metric; None: most different children.
-
-    Raises:
-        UsageError: fewer than two children, or more than the run has.
     """
     if not 2 <= count <= run.children:
         raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of futures")

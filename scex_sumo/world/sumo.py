@@ -53,9 +53,6 @@ class SumoWorld:
         Args:
             slots: tile slots of all batches, each below ``TILE_SLOTS``.
             gui: show sumo-gui; the last bits of positions may differ.
-
-        Raises:
-            SimulationError: the net cannot be read.
         """
         self._scene = scene
         self._temporary = TemporaryFolder()
@@ -95,10 +92,6 @@ class SumoWorld:
             start: (C, V) states of the seed scene.
             slots: (C,) tile slots; children without SUMO drivers may share one.
             driven: vehicles that SUMO drives; all others must be moved before each step.
-
-        Raises:
-            SimulationError: a slot has no tile, or SUMO refuses something, e.g. a route.
-            UsageError: an unknown SUMO model or parameter.
         """
         wanted, tiles = [int(slot) for slot in slots], self._session.slots
         if missing := sorted(set(wanted) - set(tiles)):
@@ -125,11 +118,7 @@ class SumoWorld:
             batch.hand_over(driven, self._sumo)
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive.
-
-        Raises:
-            SimulationError: the mask is another one.
-        """
+        """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive."""
         batch = self._batch
         if not np.array_equal(mask, batch.overridden):
             raise SimulationError(
@@ -163,11 +152,7 @@ class SumoWorld:
                         batch.obstacles.remove(key)
 
     def step(self) -> None:
-        """Advance by 0.1 s.
-
-        Raises:
-            SimulationError: SUMO lost a vehicle, or stopped.
-        """
+        """Advance by 0.1 s."""
         batch = self._batch
         with self._session.refusals("move vehicles on beyond the end of their route"):
             for pose in batch.go_straight_on():
@@ -235,10 +220,7 @@ class SumoWorld:
         self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, ANY_LANE, _MATCH_M)
 
     def _advance(self, batch: RunningBatch) -> None:
-        """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles.
-
-        SUMO's drivers see the speed that is set here; SUMO's own one is wrong at an angle to the lane.
-        """
+        """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles."""
         with self._session.refusals("advance"):
             self._sumo.simulation.step()
             if self._sumo.vehicle.getIDCount() != len(batch.everybody.ids) + len(batch.obstacles):

@@ -232,7 +232,6 @@ def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> Float
 def _slowing_for_curves(
     accelerate: Accelerate, paths: SeedPaths, row: IntArray, ahead: FloatArray
 ) -> Accelerate:
-    """Limit accelerations in curves; `ahead` (n,) is from the rear axle to the centre, m."""
     speeds = curve_speeds(paths, CURVE_ACCELERATION, CURVE_DECELERATION)
 
     def allowed(s: FloatArray) -> FloatArray:

@@ -141,7 +141,6 @@ def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> P
 
 
 def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
-    """Return (n, H) headings; standing vehicles keep that of their last moving step, 0 before the first."""
     padded = np.concatenate([np.zeros((len(turn), 1)), turn], axis=1)
     step = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
     last = np.maximum.accumulate(step, axis=1)
@@ -228,11 +227,7 @@ def offsets_beside(
 
 
 def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:
-    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m.
-
-    Args:
-        side: (p,) 1 if the other is on the left, else -1.
-    """
+    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m."""
     ahead = np.abs(other.ahead)
     straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)
     left = np.exp(-ahead[:, None] * t / straightens[:, None])

@@ -64,12 +64,7 @@ def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
 
 @lru_cache(maxsize=4)
 def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
-    """Load the network of a file, made exact (see `layers`), and its meta data.
-
-    Raises:
-        InputError: see `load_weights`; or the file has changed since its hash was taken, or the weights are
-            too large for exact sums.
-    """
+    """Load the network of a file, made exact (see `layers`), and its meta data."""
     weights = load_weights(file, kind)
     if weights.meta["sha256"] != sha256:
         raise InputError(f"{file}: has changed since the run began; run again")
@@ -94,9 +89,6 @@ class LearnedDriver:
     Attributes:
         keeps: whether image features of maps stay in the user's cache.
         clear: whether it steers away from vehicles beside it.
-
-    Raises:
-        InputError: the weights cannot be used.
     """
 
     keeps = False

@@ -91,7 +91,6 @@ def _framed(values: FloatArray) -> FloatArray:
 
 
 def _convolved(values: FloatArray, layer: Convolution, weight: FloatArray) -> FloatArray:
-    """Return (R', C', out) of (R, C, in), by one matrix product."""
     pad, step, apart = layer.padding, layer.stride, layer.dilation
     padded = np.pad(values, ((pad, pad), (pad, pad), (0, 0)))
     reach = apart * (layer.side - 1)

@@ -60,7 +60,6 @@ def raster_of(road: Road) -> Raster:
 
 
 def _draw_lane(fine: FloatArray, count: FloatArray, lane: Lane, corner: FloatArray) -> None:
-    """Add a lane to drivable share, and to sums of cos, sin and limit over `count` lanes."""
     rows, columns, hit = cells_of(
         lane_outline(lane), corner, PIXEL_M / FINE, (count.shape[0], count.shape[1])
     )

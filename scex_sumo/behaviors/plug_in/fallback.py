@@ -92,7 +92,6 @@ class Fallible:
         part: IntArray,
         rng: Sequence[np.random.Generator],
     ) -> Answer:
-        """Ask once for each number in (n,) `part`."""
         count = len(who)
         whole = _blank(count)
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)

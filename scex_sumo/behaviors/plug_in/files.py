@@ -62,11 +62,7 @@ class FileFunction(ABC):
 
 
 class OnnxFunction(FileFunction):
-    """An ONNX file, run on one thread; its first output holds the trajectories.
-
-    Raises:
-        InputError: it is no ONNX file, or its number of vehicles is fixed.
-    """
+    """An ONNX file, run on one thread; its first output holds the trajectories."""
 
     def __init__(self, file: str) -> None:
         super().__init__(file)
@@ -109,11 +105,7 @@ class OnnxFunction(FileFunction):
 
 
 class ScriptedFunction(FileFunction):
-    """A TorchScript file, run on one thread with float32 numbers.
-
-    Raises:
-        InputError: it is no TorchScript file.
-    """
+    """A TorchScript file, run on one thread with float32 numbers."""
 
     def __init__(self, file: str) -> None:
         super().__init__(file)

@@ -58,9 +58,6 @@ class Predictor:
         Args:
             inputs: names of its arguments; None takes its parameters.
             batched: call it once for all children; its rows must not depend on each other.
-
-        Raises:
-            UsageError: it asks for unknown inputs.
         """
         self.function = function
         self.inputs = tuple(inputs) if inputs is not None else wanted_inputs(function)

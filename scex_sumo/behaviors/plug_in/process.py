@@ -36,9 +36,6 @@ class ProcessDriver:
     Args:
         command: as on a shell's command line, but without a shell.
         deadline_s: a later answer counts as none, and ends the program.
-
-    Raises:
-        UsageError: the command is empty, or the deadline is not positive.
     """
 
     def __init__(self, command: str, deadline_s: float = 1.0) -> None:

@@ -31,9 +31,6 @@ def user_model(given: Any, name: str) -> UserModel:
 
     A function with inputs of a predictor, such as ``history``, predicts; another one makes the model, as does
     a class. An object with ``plan`` or ``plan_one`` is the model.
-
-    Raises:
-        UsageError: it is none of these.
     """
     if not inspect.isclass(given):
         if hasattr(given, "__scex_predictor__"):

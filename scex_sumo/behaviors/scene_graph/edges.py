@@ -178,10 +178,7 @@ def _relate(
 def _along(
     lane_t: IntArray, lane_s: IntArray, lead: FloatArray, relations: LaneRelations
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (M,) ways from target to source and back, m; inf without one.
-
-    ``lead`` is the arc length of the source minus that of the target, m.
-    """
+    """Return (M,) ways from target to source and back, m; inf without one."""
     ahead = relations.ahead[lane_t, lane_s] + lead
     behind = relations.ahead[lane_s, lane_t] - lead
     same = np.flatnonzero(lane_t == lane_s)

@@ -46,10 +46,7 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
 
 
 def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the headings (N,) of the last, else the next moving sample; without motion the most frequent.
-
-    Also returns how far off (N,) a steady heading is wrong: 45° off the last one, 135° (a flip) off the next.
-    """
+    """Return the headings (N,) of the last, else the next moving sample; without motion the most frequent."""
     moving = rows.speed >= MOVING_MPS
     piece = rows.piece
     begin, end = rows.pieces[0][piece], rows.pieces[1][piece] + 1

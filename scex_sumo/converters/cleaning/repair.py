@@ -66,11 +66,7 @@ def _repair(rows: TrackRows, table: TrackTable, forward_mps: float) -> tuple[Tra
 
 
 def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Drop the start of tracks whose filter had not yet converged.
-
-    Such a filter starts from standstill: the position stays while the speed rises. Cases are exempt: they are
-    cut out of longer tracks.
-    """
+    """Drop the start of tracks whose filter had not yet converged."""
     start, piece = rows.pieces[0], rows.piece
     since = np.arange(len(rows)) - start[piece]
     still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & (since[1:] > 0) & (since[1:] <= 5)
@@ -197,12 +193,7 @@ def _accelerations(velocity: FloatArray, time_s: FloatArray, rows: TrackRows) ->
 def _contradictions(
     rows: TrackRows, points: FloatArray, time_s: FloatArray
 ) -> tuple[BoolArray, BoolArray, FloatArray]:
-    """Compare displacements over up to one second with the integral of the velocities.
-
-    Returns:
-        For each track (K,): whether it moves enough to be judged, whether its velocities are wrong, and the
-        factor by which they are too small; 0 if they point elsewhere.
-    """
+    """Compare displacements over up to one second with the integral of the velocities."""
     reach = max(1, round(1.0 / max(float(np.median(np.diff(time_s)[np.diff(rows.segment) == 0])), 1e-3)))
     velocity = np.stack((rows.vx, rows.vy), axis=1)
     area = (velocity[1:] + velocity[:-1]) / 2.0 * np.diff(time_s)[:, None]

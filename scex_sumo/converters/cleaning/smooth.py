@@ -47,9 +47,6 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
     Args:
         segment: (N,) number of the piece; pieces under four rows stay.
         noise_m: standard deviation of the noise per axis, m.
-
-    Raises:
-        TrackError: samples are too close in time for double precision.
     """
     from scipy.linalg import LinAlgError, solveh_banded
 

@@ -51,10 +51,6 @@ def find_tracks(map_path: str | Path) -> Path:
 
     The first that exists: ``MAP.csv`` beside the map; the recording of the map's own format; INTERACTION's
     layouts in the folder above ``maps/``.
-
-    Raises:
-        MapError: the map does not exist.
-        TrackError: none of these exists.
     """
     path = Path(map_path)
     if not path.exists():

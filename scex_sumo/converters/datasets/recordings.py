@@ -144,9 +144,6 @@ def recorded_scene(
         time_s: the moment in the recording's clock; the nearest frame, of the first case if none is given.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
         road: the map as read; tracks beside its lanes are moved onto them.
-
-    Raises:
-        TrackError: no or unusable tracks, an unknown case, no vehicle at the moment.
     """
     recording = recording_of(Path(map_path), tracks)
     return take_scene(

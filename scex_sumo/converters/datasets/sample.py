@@ -142,7 +142,6 @@ def _usual_size(rows: TrackRows, track: int) -> tuple[float, float]:
 
 
 def _hermite(p: FloatArray, q: FloatArray, dp: FloatArray, dq: FloatArray, u: FloatArray) -> FloatArray:
-    """Cubic through p and q with slopes dp and dq per unit of u."""
     bend = dp * (1.0 - u) - dq * u + (q - p) * (2.0 * u - 1.0)
     return p + u * (q - p) + u * (1.0 - u) * bend
 

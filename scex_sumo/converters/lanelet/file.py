@@ -98,11 +98,7 @@ def list_ids(ids: Iterable[int | str]) -> str:
 
 
 def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
-    """Parse a map's XML, packed or not, and return its root; ``kind`` and ``ending`` are for messages.
-
-    Raises:
-        MapError: the file is missing, a folder, or not XML.
-    """
+    """Parse a map's XML, packed or not, and return its root; ``kind`` and ``ending`` are for messages."""
     if path.is_dir():
         raise MapError(f"{path}: is a folder; name the {ending} file in it")
     if not path.is_file():
@@ -139,9 +135,6 @@ def read_map_file(path: str | Path) -> MapFile:
 
     Of elements with one id the first is kept; elements without an id or a place on Earth are noted. If most
     nodes have ``local_x`` and ``local_y``, these are the coordinates, as in Autoware.
-
-    Raises:
-        MapError: the file is missing, not XML, or no OSM file.
     """
     path = Path(path)
     nodes: dict[int, MapPoint] = {}

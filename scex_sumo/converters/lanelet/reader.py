@@ -140,15 +140,7 @@ def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str
 def _load(
     map_file: MapFile, origin: Place, rules: Rules, mended: bool, notes: list[str]
 ) -> tuple[Map, list[Vertex], MapFile, list[MapLoss]]:
-    """Load the map with Lanelet2, without lanelets that its routing graph would crash on.
-
-    Args:
-        mended: whether the map differs from its file.
-        notes: extended by Lanelet2's complaints and by what was left out.
-
-    Returns:
-        Lanelet2's map, the usable lanelets, the file with new road tags, the lanelets not driven.
-    """
+    """Load the map with Lanelet2, without lanelets that its routing graph would crash on."""
     lanelet_map, errors = _parse(map_file, origin, mended)
     vertices = drawn_vertices(lanelet_map, rules, map_file)
     flat = {v.lanelet_id for v in vertices if not v.usable}

@@ -82,9 +82,6 @@ def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
     """Return a net or drawing reduced to what is allowed, and what was left out, e.g. ``2 <inductionLoop>``.
 
     A file that is allowed as a whole keeps its bytes.
-
-    Raises:
-        MapError: it cannot be read, or is not XML.
     """
     content = unpacked(path)
     try:
@@ -151,10 +148,6 @@ def allowed_copy(path: Path) -> Iterator[Path]:
 
 
 def refuse_outputs(path: Path) -> None:
-    """Refuse a file that this project once wrote and that now holds more than roads.
-
-    Raises:
-        MapError: something in it is not allowed.
-    """
+    """Refuse a file that this project once wrote and that now holds more than roads."""
     if left_out := allowed_content(path)[1]:
         raise MapError(f"{path}: changed since it was written: {listed(left_out)} in it; run again elsewhere")

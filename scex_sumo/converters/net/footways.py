@@ -129,10 +129,7 @@ def _tip(lane: Lane, s: float) -> shapely.Geometry:
 
 
 def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
-    """Arc length at which a footway's end joins another footway, or None.
-
-    ``whole``: the other footway can be entered at its ends only.
-    """
+    """Arc length at which a footway's end joins another footway, or None."""
     at = -1 if s else 0
     length = length_of(other.centreline)
     side = shapely.LineString([lane.left_bound[at], lane.right_bound[at]])
@@ -153,7 +150,6 @@ def _marked(lane: Lane) -> bool:
 
 
 def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Lane:
-    """Narrow a crosswalk that runs along a lane, such as a ring, to what the lane's cars leave free."""
     middle, half = shapely.LineString(footway.centreline), footway.width_m / 2
     right, left = -half, half
     if not _marked(footway):

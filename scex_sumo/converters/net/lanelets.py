@@ -156,7 +156,6 @@ def _lanelet(
 
 
 def _joined(parts: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
-    """Join a lanelet's centreline from parts that may cover the same ground, in any order."""
     lines: list[FloatArray] = []
     reached = -np.inf
     for stretch, line in sorted(parts, key=lambda part: (part[0].start, -part[0].end)):

@@ -37,11 +37,7 @@ class SumoNet:
 
 
 def open_net(net_path: Path) -> SumoNet:
-    """Open a net that `convert` wrote, with the files beside it.
-
-    Raises:
-        MapError: the net or its lane table is missing, or it holds more than roads by now.
-    """
+    """Open a net that `convert` wrote, with the files beside it."""
     table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
     for file in (net_path, table):
         if not file.is_file():

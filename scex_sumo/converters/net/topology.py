@@ -316,7 +316,6 @@ def _knot(chains: _Chains) -> tuple[int, int] | None:
 
 
 def _double_way(chains: _Chains) -> list[tuple[int, int]]:
-    """Find two ways through a junction between the same road pieces; return the longest piece of each."""
     for start in chains.road_pieces():
         ways: dict[Piece, tuple[Piece, ...]] = {}
         for end, way in chains.ways_from(start):
@@ -329,6 +328,5 @@ def _double_way(chains: _Chains) -> list[tuple[int, int]]:
 
 
 def _opened(row: Row, piece: int) -> Row:
-    """Insert a short road piece at the beginning of a junction piece, behind the merge; at most a third."""
     start, end = row.cuts[piece], row.cuts[piece + 1]
     return row.with_road(piece, start + (end - start) * min(STUB_M / row.size(piece), 1 / 3))

@@ -40,9 +40,6 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
 
     Returns:
         The columns, and a phrase each about rows left out and converted units.
-
-    Raises:
-        TrackError: not CSV, a column missing, too many values missing, one impossible, or no rows.
     """
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -122,11 +119,7 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
 
 
 def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
-    """Convert stamps in seconds to milliseconds, in place; returns a phrase if it does.
-
-    Raises:
-        TrackError: the time between samples is out of range in both units.
-    """
+    """Convert stamps in seconds to milliseconds, in place; returns a phrase if it does."""
     track = columns["track_id"][0]
     if "case_id" in columns:
         track = track * len(columns["case_id"][1]) + columns["case_id"][0]

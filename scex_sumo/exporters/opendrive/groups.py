@@ -92,7 +92,6 @@ def _same_line(a: FloatArray, b: FloatArray) -> bool:
 
 
 def _joined(groups: Sequence[Group], following: dict[Group, Group]) -> Iterator[Chain]:
-    """Yield chains with each group in exactly one; a ring opens at its first group."""
     preceded, seen = set(following.values()), set[Group]()
     for group in [*(g for g in groups if g not in preceded), *groups]:
         if group in seen:

@@ -49,8 +49,6 @@ class Piece:
 
 @dataclass(kw_only=True, eq=False)
 class _Parts:
-    """Roads of a chain: a connecting head for each chain before it, the rest, a connecting tail."""
-
     heads: dict[Chain, Piece] = field(default_factory=dict)
     rest: Piece | None = None
     tail: Piece | None = None
@@ -195,7 +193,6 @@ class _Network:
 
 
 def _forks(cut: Cut) -> bool:
-    """Return whether the roads after a cut connect, else those before it."""
     return len(cut.ends) == 1 or len(cut.starts) > 1
 
 

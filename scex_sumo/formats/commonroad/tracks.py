@@ -44,10 +44,6 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
 
     Returns:
         The recording, and a phrase that names unusable obstacles.
-
-    Raises:
-        MapError: it cannot be read or is no CommonRoad file.
-        TrackError: it has no usable road user that moves, or no time step.
     """
     path = Path(path)
     root = parse_commonroad(path)

@@ -60,13 +60,7 @@ def is_open_street_map(path: Path) -> bool:
 
 
 def _read_imported_road(path: str | Path, **_: object) -> Road:
-    """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache.
-
-    OpenDRIVE's coordinates stay; those of OpenStreetMap become metres east and north of the net's corner.
-
-    Raises:
-        MapError: netconvert cannot read it, or there is no lane for cars in it.
-    """
+    """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache."""
     path = Path(path)
     content = unpacked(path)
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:

@@ -39,9 +39,6 @@ def read_sumo_road(path: str | Path, **_: object) -> Road:
     Lanes of a net that `convert` wrote are joined to those of its map again, with their ids. Borders lie half
     a width beside SUMO's shapes. A lane change is allowed between lanes for the same vehicles unless the net
     forbids it. Right of way is that of the junctions' requests.
-
-    Raises:
-        MapError: the net cannot be read, or has no lane for cars.
     """
     path = Path(path)
     try:

@@ -23,9 +23,6 @@ def read_state(path: str | Path, net: Path | None) -> tuple[TrackTable, tuple[st
     """Read the vehicles of a saved state; positions count along the lanes of the simulated net.
 
     Vehicles that wait to be inserted are left out.
-
-    Raises:
-        TrackError: it cannot be read, holds no vehicle, or is of another net.
     """
     path = Path(path)
     if net is None:

@@ -87,7 +87,6 @@ def _pet_at_areas(scenes: Scenes) -> Entries:
 def _time_between(
     scenes: Scenes, crossing: Crossings, own_reach: FloatArray, other_reach: FloatArray
 ) -> Entries:
-    """Compute PET at crossings; a vehicle occupies one while its centre is within (N,) reach, m."""
     paths, times = scenes.once(_driven_paths), []
     sides = ((crossing.own, own_reach), (crossing.other, other_reach))
     for at, (arc, reach) in zip(scenes.flat_of(crossing.where), sides, strict=True):

@@ -70,7 +70,6 @@ def _corner_to_box(
     box_length: FloatArray,
     box_width: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Compute the squared distance of a rectangle's nearest corner to an upright box, and the vector."""
     along, across = (half_length * cos, half_length * sin), (-half_width * sin, half_width * cos)
     best = np.full(np.shape(x), np.inf)
     vector_x, vector_y = np.zeros(np.shape(x)), np.zeros(np.shape(x))

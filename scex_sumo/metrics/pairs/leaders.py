@@ -135,7 +135,6 @@ class _Corridors:
         return self.scenes.size_of(array, *np.divmod(vehicle, self.scenes.count))
 
     def _close_pairs(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """Find pairs whose boxes meet: path, other, index into (2P, C, T), widest offset."""
         scenes = self.scenes
         ends = octagon(self.last[0] + self.last[2], self.last[1] + self.last[3])
         ahead = self.paths.boxes_ahead

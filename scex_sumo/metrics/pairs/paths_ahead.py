@@ -129,7 +129,6 @@ class PathsAhead:
         return Crossings.join([one_order, reverse])
 
     def _between_plans(self, first: IntArray, second: IntArray) -> Crossings:
-        """Find crossings once per plan, repeated for its steps."""
         children, steps = self.scenes.shape
         replans, lines = self.planned.x.shape[1], self.lines
         path = np.arange(children * replans)[:, None] * self.scenes.vehicles
@@ -155,7 +154,6 @@ class PathsAhead:
         return crossings.take(np.flatnonzero(both))
 
     def _with_first_segments(self, first: IntArray, second: IntArray) -> tuple[Crossings, Crossings]:
-        """Find crossings of a vehicle's first segment with the other's first segment and plan."""
         scenes, lines = self.scenes, self.lines
         ordered = np.concatenate([first, second]), np.concatenate([second, first])
         where = meeting_pairs(ordered, self.first_boxes, self.boxes_ahead, self.ahead)

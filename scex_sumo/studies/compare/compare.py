@@ -90,10 +90,6 @@ def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distanc
         labels: (R,) names; default: those of the seed scenes.
         distance: ``w1``: Wasserstein-1 over the pooled scale, plus the difference of the defined shares;
             ``jsd``: square root of the Jensen-Shannon divergence of the densities.
-
-    Raises:
-        UsageError: fewer than two runs, or an unknown distance.
-        ResultError: runs that cannot be compared, see `comparable`.
     """
     names = [str(run.info["seed_scene"]["name"]) for run in runs] if labels is None else list(labels)
     comparable(runs, names)
@@ -105,12 +101,7 @@ def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distanc
 
 
 def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
-    """Check that runs have the same length and metrics; return notes on other differences.
-
-    Raises:
-        UsageError: fewer than two runs.
-        ResultError: they differ in steps, metric columns or preset.
-    """
+    """Check that runs have the same length and metrics; return notes on other differences."""
     if len(runs) < 2:
         raise UsageError(f"a comparison needs at least two runs, got {len(runs)}; name another result folder")
     first = runs[0]
@@ -149,10 +140,6 @@ def compare_samples(
         samples: per metric R arrays (C,), NaN if undefined.
         labels: (R,) names.
         distance: as of `compare`.
-
-    Raises:
-        UsageError: an unknown distance.
-        InputError: a run without children.
     """
     if distance not in KINDS:
         raise UsageError(f"unknown distance {distance!r}; known: {', '.join(KINDS)}")
@@ -231,9 +218,6 @@ def group_runs(distance: FloatArray, labels: Sequence[str], *, groups: int | Non
         distance: (R, R) symmetric, 0 on the diagonal.
         labels: (R,) different names; they break ties.
         groups: 1 to R; default: from 2 to R - 1, by the largest mean silhouette.
-
-    Raises:
-        UsageError: an impossible number of groups.
     """
     from scipy.cluster.hierarchy import fcluster, leaves_list, linkage
     from scipy.spatial.distance import squareform

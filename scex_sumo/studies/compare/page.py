@@ -155,7 +155,6 @@ def _row(comparison: Comparison, order: list[int], run: int, row: int, left: flo
 
 
 def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
-    """Draw the tree; its axis is the root of the distance, which gives small groups room."""
     count = len(grouping.order)
     top = max(float(grouping.linkage[-1, 2]), noise if noise == noise else 0.0, 1e-9)
 

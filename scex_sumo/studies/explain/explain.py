@@ -134,11 +134,7 @@ def pair_of(metric: str) -> tuple[int, int] | None:
 
 
 def metric_values(run: Run, metric: str) -> FloatArray:
-    """Return the values (C,) of a metric; for ``A,B`` 1 in children in which the two collide, else 0.
-
-    Raises:
-        UsageError: there is no such metric, or the two collide in no child.
-    """
+    """Return the values (C,) of a metric; for ``A,B`` 1 in children in which the two collide, else 0."""
     pair = pair_of(metric)
     if pair is None:
         return run.values(metric)

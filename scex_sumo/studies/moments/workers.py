@@ -93,12 +93,7 @@ class DaskWorkers:
     """
 
     def __init__(self, address: str, work: Work) -> None:
-        """Connect to a scheduler.
-
-        Raises:
-            MissingExtraError: distributed is not installed.
-            UsageError: no scheduler answers, or it has no worker.
-        """
+        """Connect to a scheduler."""
         try:
             from distributed import Client, Security
         except ImportError:
@@ -184,7 +179,6 @@ class DaskWorkers:
 
 
 def _check_reachable(address: str) -> None:
-    """Refuse an address where nothing listens: Dask would try for long, with tracebacks."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if not host or not port.isdigit():
         raise UsageError(f"--cluster {address}: needs the address of a Dask scheduler, e.g. tcp://host:8786")
@@ -217,7 +211,6 @@ def _answering() -> Iterator[None]:
 
 
 def _result(task: MomentTask, future: Future) -> Any:
-    """Return the result of a task, or its failure; raise a `ScexError` if the cluster failed."""
     from distributed import KilledWorker
 
     try:

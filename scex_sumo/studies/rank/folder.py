@@ -57,7 +57,6 @@ class RankFolder(StudyFolder):
         self._parts = dict(self._scan())
 
     def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:
-        """Yield parts by moment; damaged ones are removed, so that their children run again."""
         for folder in (self.path / _CHILDREN).glob("location=*/seed=*"):
             spans = {}
             for file in sorted(folder.iterdir()):
@@ -114,11 +113,7 @@ class RankFolder(StudyFolder):
         return self.path / kind / f"location={ref.location}" / f"seed={ref.moment}" / name
 
     def read(self, ref: MomentRef, first: int) -> pa.Table:
-        """Read the part of a moment that begins with child ``first``.
-
-        Raises:
-            ResultError: it is damaged.
-        """
+        """Read the part of a moment that begins with child ``first``."""
         return self._read(self._part_file(_CHILDREN, ref, first, self._parts[ref.moment][first] - 1))
 
     def _read(self, file: Path) -> pa.Table:

@@ -87,12 +87,7 @@ class _MomentReport:
 def _write_report(
     task: MomentTask, command: Sequence[str], path: Path, workers: Workers
 ) -> _MomentReport | None:
-    """Run the children of a moment and write their report; None if they cannot be run.
-
-    Args:
-        task: the moment with its road.
-        command: runs the moment by itself; its last word is the folder.
-    """
+    """Run the children of a moment and write their report; None if they cannot be run."""
     assert task.road is not None
     scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
     settings = dataclasses.replace(task.settings.run, children=len(task.children))

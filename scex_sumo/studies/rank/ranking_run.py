@@ -173,7 +173,6 @@ class RankingRun:
         self._tick(0)
 
     def _expect(self, children: int) -> None:
-        """Estimate the total of the first round from the recordings listed so far."""
         known = len(self.listings) + len(self.unreadable)
         moments = sum(len(listing.moments) for listing in self.listings.values())
         expected = moments * len(self.recordings) / known if known else len(self.recordings)

@@ -23,9 +23,6 @@ def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
 
     At constant velocity for 3 s, the two vehicles that come nearest to each other are taken first, then
     always the one that comes nearest to any taken.
-
-    Raises:
-        UsageError: the seed scene has fewer than ``count`` vehicles.
     """
     from scex_sumo.roads.matching import off_road
 

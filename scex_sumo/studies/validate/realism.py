@@ -108,7 +108,6 @@ def _features(states: States, length: FloatArray, width: FloatArray, road: Road)
 
 
 def _least_depth(states: States, length: FloatArray, width: FloatArray, road: Road) -> FloatArray:
-    """Return the depth (C, T, V) of the outermost corner within the lanes, m; negative outside."""
     cos, sin = np.cos(states.heading), np.sin(states.heading)
     surface, least = surface_of(road), np.full(states.shape, np.inf)
     for along in (-0.5, 0.5):

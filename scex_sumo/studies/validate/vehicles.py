@@ -139,7 +139,6 @@ def gap_forecasts(
 
 
 def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return pairs whose centres come within 25 m: bodies of trucks may come within 10 m."""
     vehicles = np.flatnonzero(judged)
     a, b = np.triu_indices(len(vehicles), 1)
     first, second = vehicles[a], vehicles[b]
