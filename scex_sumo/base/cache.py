@@ -63,7 +63,6 @@ def cached_object(kind: str, made_of: bytes, make: Callable[[], Made], parts: tu
 
 
 def _packed(value: Any, classes: dict[str, type]) -> bytes:
-    """Return an object as a line of JSON, followed by the bytes of its arrays; nothing of it is code."""
     content: list[bytes] = []
 
     def plain(value: Any) -> Any:

@@ -143,7 +143,6 @@ def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane) -> bool:
 
 
 def _joined(lanes: Mapping[int, Lane], a: Lane, b: Lane, *, end: bool) -> bool:
-    """Return whether both lead into one lanelet, or come from one fork, and stay near until there."""
     reached, level = {frozenset((a.lane_id, b.lane_id))}, [(a, b)]
     for depth in range(CHAIN + 1):
         if any(_share(one, other, end=end) for one, other in level):

@@ -228,7 +228,6 @@ def _contacts(moves: Moves) -> Moves:
 
 
 def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Find the moves whose overlap exceeds their limit (N,) by branch and bound: (F,) share and index."""
     count = moves.child.size
     share = np.full(count, np.inf)
     start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
@@ -286,7 +285,6 @@ def _is_seen_first(moves: Moves) -> BoolArray:
 
 
 def _impact(hits: Moves, share: FloatArray, limit: FloatArray) -> tuple[Moves, FloatArray]:
-    """Find the start of the contact that grew to a collision; touching pairs collide at the limit."""
     step, end = hits.step.copy(), share.copy()
     going = np.flatnonzero(hits.separation(np.zeros(share.size)) <= 0)
     touching = np.zeros(share.size, dtype=bool)

@@ -172,7 +172,6 @@ def _unknown(name: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Normalise a metric's written or printed name: ``1/TTC [1/s]`` becomes ``1/ttc``."""
     return text.partition("[")[0].strip().lower().replace("-", " ").replace("_", " ")
 
 

@@ -82,10 +82,7 @@ def find_ahead(
     near the path.
 
     Args:
-        row: (n,) path of each driver.
-        s_centre: (n,) arc length of the driver's centre, m.
         clearance: of a vehicle's centre from the path, m.
-        radius: perception radius, m.
         obstacle_clearance: of an obstacle's centre from the path, m.
         aside: (n,) offset of each driver's line, m, left positive; None is 0.
         margin: of the corridor beyond the driver's width, on each side, m.
@@ -162,7 +159,6 @@ def _ahead_of(
 def _first_guess(
     paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (n, M) nearest coarse arc length, m, and (n, M) squared distance, m²."""
     spacing = COARSE * DS_M
     samples = paths.coarse.shape[2]
     span = min(samples, int(radius / spacing) + 4)

@@ -97,9 +97,7 @@ def drive(
     """Drive vehicles along their paths.
 
     Args:
-        row: (n,) path of each.
         accelerate: vehicles stop instead of reversing.
-        start: (n,) initial states; None for the present ones.
         aside: (n, H + 1) wanted offset now and after each step, m, left positive; None is 0.
     """
     length = history.scene.length[who.vehicle]

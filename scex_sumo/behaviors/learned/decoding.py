@@ -36,7 +36,6 @@ def plan_along(
     """Drive along paths with given accelerations and offsets.
 
     Args:
-        row: (n,) path of each.
         acceleration: (n, H) m/s²; vehicles stop instead of reversing.
         offset: (n, H) wanted distance left of the path after each step, m; None returns to the path like
             exp(-t / RETURN_S).
@@ -114,14 +113,7 @@ def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
 def bounds_along(
     road: Road, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray, half_width: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
-
-    Args:
-        row: (n,) path of each vehicle.
-        s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) way from now on, m.
-        half_width: (n,) m.
-    """
+    """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m."""
     left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
     half = half_width[:, None]
     return _consistent(half - reached(right), reached(left) - half)

@@ -241,7 +241,6 @@ def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:
 
 
 def _merged(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:
-    """Merge plans of (k,) vehicles each; vehicles with a reason fell back."""
     whole = States.empty((len(reasons), parts[0][1].shape[1]))
     for index, plan in parts:
         whole.assign(index, plan)

@@ -26,7 +26,6 @@ TREND = (PAST_S - PAST_S.mean()) / ((PAST_S - PAST_S.mean()) ** 2).sum()  # weig
 
 
 def _end_of_fit(degree: int, states: int) -> FloatArray:
-    """Return (11,) weights of speeds for the end of a fitted polynomial."""
     fit = np.linalg.pinv(np.vander(PAST_S[-states:], degree + 1, increasing=True))[0]
     weights: FloatArray = np.concatenate([np.zeros(HISTORY_STEPS + 1 - states), fit])
     return weights

@@ -99,7 +99,6 @@ class SceneEncoder:
         return h[wanted]
 
     def _reach(self, graph: SceneGraph, wanted: IntArray) -> list[BoolArray]:
-        """Return (N,) required nodes of each layer's input and of the last output."""
         needed = np.zeros(len(graph.node), dtype=np.bool_)
         needed[wanted] = True
         reach = [needed]

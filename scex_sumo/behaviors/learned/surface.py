@@ -135,7 +135,6 @@ def path_room(paths: SeedPaths, road: Road) -> PathRoom:
 
 
 def _march(surface: Surface, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
-    """Return how far the surface reaches in a direction, m, in steps of the distance to the edge."""
     way, inside = np.zeros_like(x), np.ones(x.shape, dtype=np.bool_)
     for _ in range(MARCH_STEPS):
         depth = surface.at(x + way * dx, y + way * dy)

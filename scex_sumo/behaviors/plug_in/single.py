@@ -29,8 +29,6 @@ class SingleVehicleBehavior(Protocol):
                 vehicle's, ``history.states[child]`` (V, 11) those of all.
             road: the map; if the model has a `radius`, only the part around the vehicle.
             child: index into the history, 0; ``history.children[child]`` is the child's number.
-            vehicle: index into the seed scene.
-            rng: the child's generator.
 
         Returns:
             (H,) states of the centre; column 0 is the next step.

@@ -131,7 +131,6 @@ def _features(
 
 
 def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[IntArray, IntArray, IntArray]:
-    """Return pair, match of its target and match of its source, for all lanes of both."""
     second = place.probability[1] >= SECOND_MATCH
     of_target, of_source = np.flatnonzero(second[target]), np.flatnonzero(second[source])
     of_both = of_target[second[source[of_target]]]

@@ -18,13 +18,13 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
 MOVING_MPS = 2.0  # slower samples tell nothing about lanes
-SAMPLE_M = 1.0  # driven path per sample
+SAMPLE_M = 1.0
 MAX_SAMPLES = 2000  # more are thinned out evenly
 OWN_TRACKS, ENOUGH_TRACKS = 100, 200  # with fewer own tracks, other recordings of the site are read
 MIN_SAMPLES, MIN_TRACKS = 500, 20  # with fewer nothing is done
 MIN_OTHER_DIRECTIONS = 0.1
 LANE_SIGMA_M = 0.5  # samples farther off the middle count less
-SHIFT_SIGMA_M = 1.0  # usual offsets: the prior where the lanes say nothing (along a straight road)
+SHIFT_SIGMA_M = 1.0  # usual offsets
 TURN_SIGMA_RAD = math.radians(1.5)
 # Number of independent observations at most: samples of one track share its error.
 INDEPENDENT = 30

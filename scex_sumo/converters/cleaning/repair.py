@@ -16,13 +16,13 @@ from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 
 # A step this long is a jump, if it is also so much longer than the track's usual step there.
 JUMP_M, JUMP_EXCESS_M = 3.0, 1.5
-MIN_PIECE = 5  # samples of a piece between jumps; shorter pieces are a tracker's first guesses
+MIN_PIECE = 5  # samples of a piece between jumps
 # A tracker warms up if two of a track's first five steps have the same position at a rising speed.
 FROZEN_STEPS, WARM_UP_RISE_MPS = 2, 0.5
 WARM_UP_S = 2.0  # dropped then
 # Velocities contradict the motion if their integral is off by more than this factor, or points elsewhere.
 VELOCITY_RATIO, VELOCITY_COSINE = 1.2, 0.9
-JUDGED_PATH_M = 3.0  # displacements summed over a track's seconds must reach this to judge velocities
+JUDGED_PATH_M = 3.0  # least summed displacement of a judged track
 NOISE_M = 0.02  # positions with more white noise than this per axis are smoothed
 MAX_LENGTH_M, MAX_WIDTH_M = 60.0, 8.0  # trams reach 54 m
 MIN_SIZE_M = 0.1

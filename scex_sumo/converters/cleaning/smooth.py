@@ -72,7 +72,6 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
 
 
 def _penalty(time_s: FloatArray, segment: IntArray) -> NDArray[Any]:
-    """Return the (4, N) lower bands of the matrix of the integral of the squared third derivative."""
     size = len(time_s)
     windows = size - 3
     inside = segment[3:] == segment[:-3]

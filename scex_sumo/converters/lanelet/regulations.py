@@ -128,7 +128,6 @@ def attach(
 
 
 def _lanes_at(stop: FloatArray, lanes: Mapping[int, Lane]) -> Iterator[int]:
-    """Yield the lanes that a stop line holds back: those that end or begin at it."""
     across = shapely.LineString(_prolonged(stop))
     direction = stop[-1] - stop[0]
     for i, lane in lanes.items():

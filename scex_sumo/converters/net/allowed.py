@@ -127,7 +127,6 @@ def _light_parameter(param: Element) -> bool:
 
 
 def _plain(content: bytes) -> bool:
-    """Whether every XML reader sees the same in it: UTF-8, no declarations, no schema but SUMO's."""
     encoding = _ENCODING.search(content[:1000])
     if b"\0" in content or (encoding is not None and encoding[1].lower() not in (b"utf-8", b"us-ascii")):
         return False

@@ -201,7 +201,6 @@ def _sections(
 
 
 def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatArray:
-    """Return (N,) offsets at which normals of a curve cross a border, the nearest of several."""
     first, last = line[0] - line[1], line[-1] - line[-2]
     first, last = (_EXTENSION_M * v / max(float(np.hypot(*v)), 1e-9) for v in (first, last))
     line = np.vstack([line[0] + first, line, line[-1] + last])

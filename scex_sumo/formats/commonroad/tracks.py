@@ -201,7 +201,6 @@ def _filled(states: FloatArray, step_s: float) -> FloatArray:
 
 
 def _late_starts(rows: TrackRows) -> BoolArray:
-    """(N,) first rows of tracks whose distance to the next row does not fit the speeds."""
     start = np.append(True, np.diff(rows.track) != 0)
     follows = np.append(np.diff(rows.segment) == 0, False)
     late = np.zeros(len(rows), bool)

@@ -100,7 +100,6 @@ def _first_root(
 def _newton_concave(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, time: FloatArray, inflection: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the first root before the inflection, or the inflection; and whether there is a root."""
     time = time.copy()
     has_root = np.zeros(time.shape, dtype=bool)
     active = np.arange(time.size)
@@ -127,7 +126,6 @@ def _newton_concave(
 def _newton_convex(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Return the only root between ``low``, from where q is convex, and ``high``."""
     # One step from the left lands on the right of the root, mostly closer than the bound.
     q, slope = _polynomial(a4, a2, a1, a0, low)
     rising = slope > 0

@@ -128,7 +128,6 @@ def least_wttc_path(scenes: Scenes) -> Samples:
 
 
 def _lower_bounds(scenes: Scenes) -> FloatArray:
-    """Bound the WTTC of outlines from below, (P, C, T) s; inf for absent vehicles."""
     first, second = scenes.pairs
     apart = np.where(scenes.distance > 0, scenes.distance, 1.0)
     nx, ny = scenes.dx / apart, scenes.dy / apart
