@@ -66,7 +66,11 @@ def _big(share: Mapping[str, Any], what: str) -> tuple[Html, Html]:
         percent(share["value"]) if exact is None else f"{100 * exact:.4g} %",
     )
     of = of if exact is None else f"exact; {of}"
-    return number, element("p.soft", of, sure)
+    hurt = share["injuries"]
+    severe = (
+        [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) expected in 1000 futures"]
+    )
+    return number, element("p.soft", of, sure, *severe)
 
 
 def _share_card(info: Mapping[str, Any]) -> Html:

@@ -13,7 +13,8 @@ from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.reports.encounter_table import QUESTIONS
-from scex_sumo.reports.run_table import encounter_in_words
+from scex_sumo.reports.run_table import encounter_in_words, expected_injuries
+from scex_sumo.results.exact import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -84,7 +85,7 @@ def collision_share(run: Run) -> dict[str, Any] | None:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
-    return {"count": count, "children": run.children, **interval}
+    return {"count": count, "children": run.children, "injuries": expected_injuries(run), **interval}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
@@ -104,13 +105,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     ]
     rows = [
         {
-            "cells": [
-                f"{row['track_id']} → {row['other_id']}",
-                _short(row["collision"]),
-                f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
-                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
-                round(row["time_s"], 1),
-            ],
+            "cells": _cells(Encounter(row=row, exact=run.exact)),
             "words": encounter_in_words(run, row),
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
@@ -120,6 +115,20 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         for row in _rows(run, ENCOUNTERS)
     ]
     return {"columns": columns, "rows": rows}
+
+
+def _cells(encounter: Encounter) -> list[Any]:
+    """Return the cells of an encounter; probabilities are exact where there is a table."""
+    row = encounter.row
+    interval = f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %"
+    return [
+        f"{row['track_id']} → {row['other_id']}",
+        _short(encounter.probability()),
+        interval if encounter.table is None else "exact",
+        *(_short(encounter.probability(name)) for name in ("ttc", "pet", "drac")),
+        _short(row["gap_p05"]),
+        round(row["time_s"], 1),
+    ]
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
