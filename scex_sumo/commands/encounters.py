@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.options import Result
+
+if TYPE_CHECKING:
+    from scex_sumo.reports.encounter_rows import Meeting
+    from scex_sumo.results.run import Run
 
 EXAMPLE = "out/k733 --pair 17,23"
 
@@ -35,7 +38,8 @@ def encounters_command(
         elif pair is None:
             print_encounters(run, console, most=most)
         else:
-            print_pair(run, _row(run.encounters.to_pylist(), pair), console)
+            for one in _meetings(run, pair):
+                print_pair(one, console)
 
 
 def parse_weights(text: str) -> dict[str, float]:
@@ -56,14 +60,16 @@ def parse_weights(text: str) -> dict[str, float]:
     return found
 
 
-def _row(rows: list[dict[str, Any]], pair: str) -> Mapping[str, Any]:
+def _meetings(run: Run, pair: str) -> list[Meeting]:
+    from scex_sumo.reports.encounter_rows import meetings
+
     try:
         wanted = sorted(int(part) for part in pair.split(","))
     except ValueError:
         wanted = []
     if len(wanted) != 2:
         raise UsageError(f"--pair {pair}: needs two track ids, e.g. --pair 17,23")
-    for row in rows:
-        if sorted((row["track_id"], row["other_id"])) == wanted:
-            return row
-    raise UsageError(f"--pair {pair}: these two vehicles meet in no child of the run")
+    found = [one for one in meetings(run) if list(one.pair) == wanted]
+    if not found:
+        raise UsageError(f"--pair {pair}: these two vehicles meet in no child of the run")
+    return found

@@ -263,9 +263,8 @@ class Search:
     def _suspects(self, event: int, leaf: Node, without: IntArray, with_it: IntArray) -> list[int]:
         """Return the vehicles in which two futures of a leaf differ, most likely first."""
         drawn, seen = self.drawn[:MAX_GUESSED], self.seen[:MAX_GUESSED, event]
-        pool, happens = (
-            np.concatenate(both) for both in ((drawn, self.rows), (seen, self.outcomes[:, event]))
-        )
+        pool = np.concatenate([drawn, self.rows])
+        happens = np.concatenate([seen, self.outcomes[:, event]])
         here = np.ones(len(pool), dtype=np.bool_)
         for vehicle, level in leaf.path:
             here &= pool[:, vehicle] == level
