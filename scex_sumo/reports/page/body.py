@@ -68,7 +68,10 @@ def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
     sure = f"95 %: {interval}" if exact is None else f"sampled: {interval}"
     words = f"{share['count']} of {counted(share['children'], 'future')}; {sure}"
     what = what if exact is None else f"exact; {what}"
-    return number, element("p.soft", f"{what}; ", element("span", words, id=f"{name}-words", title=words))
+    hurt = share["injuries"]
+    severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
+    counts = element("span", words, id=f"{name}-words", title=words)
+    return number, element("p.soft", f"{what}; ", counts, *severe)
 
 
 def _share_card(info: Mapping[str, Any]) -> Html:

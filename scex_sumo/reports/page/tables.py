@@ -11,8 +11,10 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
-from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, meetings
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, Meeting, meetings
 from scex_sumo.reports.encounter_table import QUESTIONS
+from scex_sumo.reports.run_table import expected_injuries
+from scex_sumo.results.exact import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -84,7 +86,7 @@ def collision_share(run: Run) -> dict[str, Any] | None:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
-    return {"count": count, "children": run.children, **interval}
+    return {"count": count, "children": run.children, "injuries": expected_injuries(run), **interval}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
@@ -108,14 +110,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     ]
     rows = [
         {
-            "cells": [
-                f"{row['track_id']} → {row['other_id']}",
-                one.futures,
-                _short(row["collision"]),
-                f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
-                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap")),
-                round(row["time_s"], 1),
-            ],
+            "cells": _cells(one),
             "words": one.words(),
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
@@ -130,6 +125,21 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         for row in rows:
             row["cells"].pop(1)
     return {"columns": columns, "rows": rows}
+
+
+def _cells(one: Meeting) -> list[Any]:
+    """Return the cells of a row; probabilities are exact where there is a table."""
+    row, found = one.row, Encounter(row=one.row, exact=one.run.exact)
+    interval = f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %"
+    return [
+        f"{row['track_id']} → {row['other_id']}",
+        one.futures,
+        _short(found.probability()),
+        interval if found.table is None else "exact",
+        *(_short(found.probability(name)) for name in ("ttc", "pet", "drac")),
+        _short(row["gap"]),
+        round(row["time_s"], 1),
+    ]
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
