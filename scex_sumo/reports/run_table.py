@@ -152,6 +152,9 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     )
     if likely is not None:
         table.title = f"{table.title}, {likely.children} human-like ones"
+    if region := run.info.get("region"):
+        inside = counted(len(region["vehicles"]), "vehicle")
+        table.title = f"{table.title}\nonly pairs with one of {inside} {region['words']}"
     table.add_column("metric")
     possible = "P(critical)" if likely is None else "stress test"
     likely_head = () if likely is None else ("human-like",)
