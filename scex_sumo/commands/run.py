@@ -193,13 +193,13 @@ def _tell(run: Run, preset: str | None) -> None:
     from scex_sumo.reports.run_table import print_summary
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
-    print_summary(run, output_console(width=110), preset=preset)
-    if run.info["band"] is not None:
-        _print_band(run.info["band"])
     if run.baseline is not None:
         from scex_sumo.reports.under_test_table import print_under_test
 
-        print_under_test(run.under_test, output_console(width=110))
+        print_under_test(run, output_console(width=110), preset=preset)
+    print_summary(run, output_console(width=110), preset=preset)
+    if run.info["band"] is not None:
+        _print_band(run.info["band"])
 
 
 def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:

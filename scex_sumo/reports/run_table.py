@@ -22,7 +22,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
 SEVERITY: Final = "severe injuries/1000"
-MAIN: Final = ("gap", "ttc_path", "drac", "thw", "wttc_path")
+MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
 
 _WORST = 3  # encounters in words
@@ -53,7 +53,7 @@ def answer_lines(run: Run) -> list[str]:
         lines.append(above)
     if always := always_critical(run):
         lines.append(f"always so in this traffic: {', '.join(always)}")
-    tested = [int(track) for track in run.info.get("under_test") or {}]
+    tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
     if worst := worst_of(meetings(run), _WORST, without=tested):
         which = "other" if tested else "worst"
         lines.append(
@@ -75,6 +75,7 @@ def human_above(run: Run) -> str:
     human = run.reference
     if human is None:
         return ""
+    pairs: list[tuple[str, Interval, Interval]]
     pairs = [("collision", run.p_collision, human.p_collision)] if run.outcomes and human.outcomes else []
     columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in _always(run)]
     pairs += [(metric_of(c).words, run.p_critical(c), human.p_critical(c)) for c in columns]
@@ -84,7 +85,9 @@ def human_above(run: Run) -> str:
             surely = surely_above(likely.value, likely.low, possible.value, possible.high)
             above[surely].append(f"{name} in {likely.value:.1%}, {possible.value:.1%}")
     above[True] += [words for one in meetings(run) if (words := one.above())][:_WORST]
-    whys = {True: "no model of the mix drives like this", False: "no more than by chance"}
+    never = all(words.endswith(", 0.0%") for words in above[True])
+    few = "no model of the mix drives" if never else "few models of the mix drive"
+    whys = {True: f"{few} like this", False: "no more than by chance"}
     parts = [f"{'; '.join(above[surely])} ({why})" for surely, why in whys.items() if above[surely]]
     shares = f"in shares of {human.children} and {run.children} futures"
     return f"human-like exceeds the stress test, {shares}: {'; '.join(parts)}" if parts else ""
