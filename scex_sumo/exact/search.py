@@ -128,7 +128,8 @@ class Search:
     def run(self, simulate: Simulate, *, most: int) -> None:
         """Run futures until every tree is settled, or ``most`` futures have been run in all."""
         if not len(self.rows):
-            asked = [path for part in self._parts() for event in part for path in self._asked(event)]
+            events = [e for e in range(len(self.trees)) if len(self.influence(e)) <= MAX_VEHICLES]
+            asked = [path for event in events for path in self._asked(event)]
             rows = self._merged(asked, [])[:most]
             more = self.random(max(min(BASE_ROWS, most) - len(rows), 0))
             self._add([], [*rows, *more], simulate)
@@ -141,13 +142,12 @@ class Search:
     def _parts(self) -> Iterator[list[int]]:
         """Yield open events in the order in which they are settled: by rank, those of few vehicles first.
 
-        Events of too many vehicles come last of all.
+        Events of too many vehicles come last, and only those of the first rank.
         """
         sizes = [min(len(self.influence(event)), MAX_VEHICLES + 1) for event in range(len(self.trees))]
-        for allowed in (range(MAX_VEHICLES + 1), [MAX_VEHICLES + 1]):
-            for part in self._by_rank:
-                for size in allowed:
-                    yield [event for event in part if sizes[event] == size and event not in self.failed]
+        few = [(part, size) for part in self._by_rank for size in range(MAX_VEHICLES + 1)]
+        for part, size in [*few, *((part, MAX_VEHICLES + 1) for part in self._by_rank[:1])]:
+            yield [event for event in part if sizes[event] == size and event not in self.failed]
 
     def is_settled(self, event: int) -> bool:
         """Return whether an event's tree is believed: certified, no open leaf, few enough vehicles."""

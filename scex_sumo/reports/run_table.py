@@ -21,7 +21,7 @@ from scex_sumo.results.exact import CollisionShare
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
-SEVERITY: Final = "severe injuries/1000"
+SEVERITY: Final = "severe injuries [‰]"
 MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
 
@@ -170,7 +170,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     if (injuries := expected_injuries(run)) is not None:
         expected = None if likely is None else expected_injuries(likely)
         human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)
-        table.add_row(SEVERITY, *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all")
+        table.add_row(Text(SEVERITY), *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all")
     main, folded = shown_columns(run, preset)
     for part in (main, folded):
         table.add_section()

@@ -130,7 +130,7 @@ def under_test_table(tested: UnderTest, columns: Sequence[str] | None = None) ->
         if is_share and tested.injuries is not None:
             before, after = tested.injuries["baseline"], tested.injuries["under_test"]
             table.add_row(
-                SEVERITY,
+                Text(SEVERITY),
                 *(f"{1000 * side.mean():.2f}" for side in (before, after)),
                 f"{int((after > before).sum())} : {int((after < before).sum())}",
                 chance_text(signed_rank(after, before)) or "–",

@@ -99,6 +99,7 @@ _PATTERNS = (
     "under_test.*",
     "fallbacks.*",
     "exact.json",
+    "evidence.html",
     "explain*",
     "sample_size*",
 )

@@ -104,9 +104,13 @@ def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
     """Return a legend from kinds and texts."""
     spans = []
     for kind, text in entries:
-        stroke = element(f"path.line.{kind}", d="M0,5 22,5")
-        spans.append(element("span", element("svg", stroke, width="22", height="10"), f" {text} "))
+        spans.append(element("span", line_sample(kind), f" {text} "))
     return element("p.soft.legend", joined(*spans))
+
+
+def line_sample(kind: str) -> Html:
+    """Return a short line as legends show it."""
+    return element("svg", element(f"path.line.{kind}", d="M0,5 22,5"), width="22", height="10")
 
 
 def metric_title(column: str) -> str:

@@ -46,7 +46,7 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
     order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
     columns = [
         {"title": "vehicles"},
-        {"title": "value", "as": "real", "none": "∞", "hint": "Of collisions: relative speed, m/s"},
+        {"title": "value", "as": "real", "none": "∞"},
         {"title": "after", "as": "seconds"},
         {"title": "futures", "as": "times", "down": True},
         {"title": "which", "kind": "words"},
@@ -70,11 +70,12 @@ def _event(
     }
 
 
-def collision_places(run: Run) -> dict[str, Any]:
-    """Return ``children`` and ``places`` (m) of collisions."""
-    rows = _rows(run, COLLISIONS)
+def collision_places(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
+    """Return ``children``, ``places`` (m) and ``pairs`` by index of collisions."""
+    rows, where = _rows(run, COLLISIONS), {int(track): index for index, track in enumerate(track_ids)}
+    pairs = [(where[row["track_id"]], where[row["other_id"]]) for row in rows]
     places = [(round(row["x"], 2), round(row["y"], 2)) for row in rows]
-    return {"children": [row["child"] for row in rows], "places": places}
+    return {"children": [row["child"] for row in rows], "places": places, "pairs": pairs}
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:
@@ -92,7 +93,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     The child of a human-like row is -1, because the page holds the futures of the stress test alone.
     """
     where = {int(track): index for index, track in enumerate(track_ids)}
-    of = "Share of the futures; a click on a row shows the typical one"
+    of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
         {"title": "futures", "hint": "Stress test, or human-like where the pair is critical in these"},
