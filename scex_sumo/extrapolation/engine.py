@@ -127,6 +127,8 @@ def run_scene(
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     if vehicles is not None:
         inside = [int(scene.track_ids[v]) for v in vehicles]
+        counted = f"only pairs with one of {len(inside)} of {scene.vehicles} vehicles count"
+        info["run_notes"].append(f"{counted}: those {settings.region.words()} at the seed moment")
         info["region"] |= {"words": settings.region.words(), "vehicles": inside}
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)

@@ -25,6 +25,11 @@ class Region:
 
     Raises:
         UsageError: both are given, or the circle is none.
+
+    Example:
+        >>> part = scex.extrapolate(scene, children=4, region=scex.Region(around=16))
+        >>> len(part.info["region"]["vehicles"]) < scene.vehicles
+        True
     """
 
     circle: tuple[float, float, float] | None = None
