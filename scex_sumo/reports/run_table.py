@@ -75,8 +75,9 @@ def human_above(run: Run) -> str:
     human = run.reference
     if human is None:
         return ""
-    pairs: list[tuple[str, Interval, Interval]]
-    pairs = [("collision", run.p_collision, human.p_collision)] if run.outcomes and human.outcomes else []
+    pairs: list[tuple[str, Interval, Interval]] = []
+    if run.outcomes and human.outcomes:
+        pairs.append(("collision", run.p_collision, human.p_collision))
     columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in _always(run)]
     pairs += [(metric_of(c).words, run.p_critical(c), human.p_critical(c)) for c in columns]
     above: dict[bool, list[str]] = {True: [], False: []}
