@@ -75,6 +75,7 @@ def run_scene(
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     settings.check_size(settings.count or 1, scene.vehicles)
+    vehicles = settings.region.vehicles(scene)
     watch, models = _Stopwatch(), ModelSet.of(settings)
     if options.cache:
         models.keep_images()
@@ -109,13 +110,23 @@ def run_scene(
         )
     watch.lap("simulate_and_measure")
     recorded = measure_recorded(
-        scene, settings.steps, replan=settings.replan, metrics=settings.measured, preset=settings.rule
+        scene,
+        settings.steps,
+        replan=settings.replan,
+        metrics=settings.measured,
+        preset=settings.rule,
+        vehicles=vehicles,
     )
     part = write_tables(folder, job, recorded, workers=workers)
     _write_exact(job, part, options, workers)
     watch.lap("exact")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
+    if vehicles is not None:
+        inside = [int(scene.track_ids[v]) for v in vehicles]
+        counted = f"only pairs with one of {len(inside)} of {scene.vehicles} vehicles count"
+        info["run_notes"].append(f"{counted}: those {settings.region.words()} at the seed moment")
+        info["region"] |= {"words": settings.region.words(), "vehicles": inside}
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals

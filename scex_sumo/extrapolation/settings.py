@@ -14,6 +14,7 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, pars
 from scex_sumo.metrics.evaluate import PAPER_PRESET
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import COLUMNS, column_named, columns_of, describe_metrics, metrics_named
+from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
@@ -53,6 +54,7 @@ class RunSettings:
         thresholds: by metric column, on top of the defaults.
         reflect: separate values that many children share, and reflect densities at 0 if no value is negative;
             False gives the paper's plain kernel.
+        region: only pairs with a vehicle inside count; all vehicles are simulated.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
     Raises:
@@ -75,6 +77,7 @@ class RunSettings:
     thresholds: Mapping[str, float] = field(default_factory=dict)
     reflect: bool = True
     keep_plans: bool = False
+    region: Region = EVERYWHERE
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -182,6 +185,7 @@ class RunSettings:
             "preset": self.preset,
             "reflect": self.reflect,
             "keep_plans": self.keep_plans,
+            **self.region.to_json(),
         }
 
 

@@ -11,13 +11,14 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
-from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, Meeting, meetings
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, Meeting, meetings, worst_of
 from scex_sumo.reports.encounter_table import QUESTIONS
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.exact import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
+_WORST = 3
 _NAMED = 4  # children of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
@@ -90,11 +91,11 @@ def collision_share(run: Run) -> dict[str, Any] | None:
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child`` and ``step``.
+    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child``, ``step``, ``worst``.
 
     The child of a human-like row is -1, because the page holds the futures of the stress test alone.
     """
-    where = {int(track): index for index, track in enumerate(track_ids)}
+    found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
     of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
@@ -117,9 +118,12 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
             "child": row["child"] if one.futures == STRESS_TEST else -1,
             "step": round(row["time_s"] / STEP_S),
         }
-        for one in meetings(run)
+        for one in found
         for row in [one.row]
     ]
+    worst = worst_of(found, _WORST)
+    for one, row in zip(found, rows, strict=True):
+        row["worst"] = one in worst
     if not any(row["cells"][1] == HUMAN_LIKE for row in rows):
         columns.pop(1)
         for row in rows:
