@@ -52,7 +52,10 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     if share is None:
         words = element("p.soft", "not in this result; run it again")
         return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
-    parts = [element("h2", "P(collision)"), *_big(share, "stress test: driven as any of the models", "p-collision")]
+    parts = [
+        element("h2", "P(collision)"),
+        *_big(share, "stress test: driven as any of the models", "p-collision"),
+    ]
     if likely is not None:
         parts += _big(likely, "human-like: driven as people were recorded", "likely-collision")
     return element("div.card", *parts)
@@ -95,7 +98,9 @@ def _chart(info: Mapping[str, Any], number: int) -> Html:
     metric = info["metrics"][number]
     name = metric["name"] + (f" [{metric['unit']}]" if metric["unit"] else "")
     limit = element("input", type="number", step="any", title="Threshold", aria_label=f"Threshold of {name}")
-    recorded = [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f} {metric['unit']}".rstrip()]
+    recorded = (
+        [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f} {metric['unit']}".rstrip()]
+    )
     rare = metric["defined"] < info["children"]
     defined = [f"defined in {metric['defined']} of {info['children']} futures"] if rare else []
     return element(
@@ -114,7 +119,7 @@ def _encounter_card(info: Mapping[str, Any]) -> Html:
         for number, row in enumerate(info["encounters"]["rows"][:_WORST])
         if row["critical"]
     ]
-    about = "A vehicle hits or follows → another (how, where, after what time)."
+    about = "A vehicle hits or follows → another (how, where, after what time). Shares of all futures."
     parts = [
         element("p.soft", about if buttons else "No pair of vehicles has a critical encounter."),
         element("ol", *buttons),
@@ -131,7 +136,13 @@ def _legend(info: Mapping[str, Any]) -> Html:
     ]
     recorded = [("recorded.dashed", "recorded")] if info["has_recorded"] else []
     likely = [("likely.dashed", "human-like")] if info["likely_collisions"] is not None else []
-    lines = [("drawn", "stress test"), *likely, ("picked", "shown, selected"), *recorded, ("critical", "critical")]
+    lines = [
+        ("drawn", "stress test"),
+        *likely,
+        ("picked", "shown, selected"),
+        *recorded,
+        ("critical", "critical"),
+    ]
     sure = element("div", element("i.sure"), "95 % confidence interval")
     return joined(*models, *(element("div", line_sample(kind), words) for kind, words in lines), sure)
 

@@ -82,7 +82,12 @@ def recorded_tracks(states: States, start: IntArray) -> IntArray:
 
 def _poses(states: States) -> IntArray:
     heading = np.unwrap(states.heading)
-    parts = ((states.x, POSITION_M), (states.y, POSITION_M), (heading, HEADING_RAD), (states.speed, SPEED_MPS))
+    parts = (
+        (states.x, POSITION_M),
+        (states.y, POSITION_M),
+        (heading, HEADING_RAD),
+        (states.speed, SPEED_MPS),
+    )
     return np.stack([quantized(values, unit) for values, unit in parts], axis=-1)
 
 

@@ -93,7 +93,9 @@ def test_a_vehicle_says_its_id_speed_and_model_and_a_click_lists_its_encounters(
     assert said.endswith(run.models_of(child)[vehicle])
     page.mouse.click(*place)
     page.wait_for_selector("#vehicle > button")
-    mine = [in_words(row) for row in run.encounters.to_pylist() if track in (row["track_id"], row["other_id"])]
+    mine = [
+        in_words(row) for row in run.encounters.to_pylist() if track in (row["track_id"], row["other_id"])
+    ]
     assert page.locator("#vehicle > button:not([title])").all_inner_texts() == mine[:6]
     page.mouse.move(0, 0)
     page.locator("#vehicle > button:not([title])").last.click()
@@ -138,7 +140,9 @@ def test_curves_have_the_values_of_the_run_at_the_shown_step(page: Any, run: Run
     page.wait_for_selector("#clock:has-text('0.0 s')")
 
 
-@pytest.mark.parametrize("focused", ["#all", "#child", "#speed", "#show-ids", "#find", "#encounters th button"])
+@pytest.mark.parametrize(
+    "focused", ["#all", "#child", "#speed", "#show-ids", "#find", "#encounters th button"]
+)
 def test_space_always_plays_but_in_the_search(page: Any, focused: str) -> None:
     page.locator(focused).first.focus()
     was = page.is_checked("#show-ids")
@@ -207,8 +211,10 @@ def test_the_address_keeps_the_state(page: Any, browser: Any, run: Run) -> None:
     page.locator("#models td.go").first.click()
     page.click("#only-future")
     page.wait_for_function("() => location.hash.includes('only.future')")
-    read = """() => ["child", "time", "find", "curve"].map((id) => document.getElementById(id).value).concat(
-        [...document.querySelectorAll("#chips, #pair-title, #encounters, #verdict")].map((e) => e.innerText))"""
+    read = """() => [
+        ...["child", "time", "curve"].map((id) => window[id].value),
+        ...["chips", "pair-title", "encounters", "verdict"].map((id) => window[id].innerText),
+    ]"""
     before = page.evaluate(read)
     other = browser.new_page(viewport={"width": 1400, "height": 900})
     other.goto(page.url)
@@ -219,7 +225,9 @@ def test_the_address_keeps_the_state(page: Any, browser: Any, run: Run) -> None:
 
 
 def test_an_address_that_means_nothing_changes_nothing(page: Any, run: Run) -> None:
-    page.evaluate("location.hash = 'pair=1,x&future=zz&t=no&only.m99=1,2&only.v0=77&limit.wttc=x&vehicle=-3&sort=z'")
+    page.evaluate(
+        "location.hash = 'pair=1,x&future=zz&t=no&only.m99=1,2&only.v0=77&limit.wttc=x&vehicle=-3&sort=z'"
+    )
     page.wait_for_selector("#pairbox", state="hidden")
     assert text(page, "#chips") == ""
     assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
