@@ -88,15 +88,19 @@ def collision_share(run: Run) -> dict[str, Any] | None:
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return ``encounters.parquet`` with ``words``, ``pair`` by index, ``child`` and ``step``."""
+    """Return ``encounters.parquet`` with ``words``, ``pair`` by index, ``child`` and ``step``.
+
+    ``selected`` tells what a column shows of selected futures: of a pair only collisions are known by future.
+    """
     where = {int(track): index for index, track in enumerate(track_ids)}
     of = "Share of the futures; a click on a row shows one of them. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
-        {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
-        {"title": "95 %"},
+        {"title": "P(collision)", "as": "percent", "down": True, "hint": of, "selected": "share"},
+        {"title": "95 %", "selected": "range"},
         *(
             {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
+            | {"selected": "unknown"}
             for q in ("ttc", "pet", "drac")
         ),
         {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the futures; up to 10 m"},
@@ -112,6 +116,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 round(row["time_s"], 1),
             ],
             "words": in_words(row),
+            "share": row["collision"],
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
             "child": row["child"],

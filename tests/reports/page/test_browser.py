@@ -96,9 +96,9 @@ def test_a_vehicle_says_its_id_speed_and_model_and_a_click_lists_its_encounters(
     mine = [
         in_words(row) for row in run.encounters.to_pylist() if track in (row["track_id"], row["other_id"])
     ]
-    assert page.locator("#vehicle > button:not([title])").all_inner_texts() == mine[:6]
+    assert [button.get_attribute("title") for button in page.locator(LISTED).all()] == mine[:6]
     page.mouse.move(0, 0)
-    page.locator("#vehicle > button:not([title])").last.click()
+    page.locator(LISTED).last.click()
     row = next(row for row in run.encounters.to_pylist() if in_words(row) == mine[:6][-1])
     page.wait_for_selector(f"#clock:has-text('{row['time_s']:.1f} s')")
     assert page.input_value("#child") == str(row["child"])
@@ -290,6 +290,7 @@ def test_a_threshold_that_is_dragged_back_has_the_share_of_the_table_again(page:
 
 
 LIMIT = "#charts .chart:first-child input"
+LISTED = "#vehicle > p ~ button"
 ROWS = "count => document.querySelectorAll('#encounters tbody tr').length === count"
 
 

@@ -28,7 +28,8 @@ function makeSelection(run, state) {
     const rows = encounters.rows.filter((row) => isOfPair(row) && isFound(row, search));
     return !state.filters.size ? rows : rows.filter(({ pair }) => state.filters.has("pair") || isEvent(pair)).map((row) => {
       const share = state.shareOf((c) => (hits.get(pairKey(row.pair)) || new Set()).has(c));
-      return { ...row, cells: row.cells.map((cell, i) => i === 1 ? share.value : i === 2 ? range(share) : i < 6 && i ? null : cell) };
+      const shown = { share: share.value, range: range(share), unknown: null };
+      return { ...row, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
     });
   }
 
