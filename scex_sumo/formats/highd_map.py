@@ -1,4 +1,4 @@
-"""Map of a highD recording: a straight motorway built from lane markings, because highD has no maps."""
+"""Map of a highD recording: a straight motorway from its lane markings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SinD recordings: ``Veh_smoothed_tracks.csv`` in a folder of its own, which has the recording's name."""
+"""SinD recordings: ``Veh_smoothed_tracks.csv`` in a folder named by the recording."""
 
 from __future__ import annotations
 

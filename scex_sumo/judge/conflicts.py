@@ -1,7 +1,4 @@
-"""Conflicts of lanelets, from their geometry alone: crossing, merging, overlapping.
-
-The net writer has its own classification. This one shares nothing with it, so each can prove the other wrong.
-"""
+"""Conflicts of lanelets by geometry: crossing, merging, overlapping; independent of the net writer."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ from scex_sumo.judge.matching import angle_between, sample_headings, sample_line
 from scex_sumo.road import Lane
 
 NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there side by side
-JOINT_M = 0.3  # ends that coincide; mapped ends of one fork or merge share nodes, repaired ones nearly
+JOINT_M = 0.3  # between coinciding ends
 BACK_TO_BACK_RAD = np.deg2rad(150.0)  # from here on two lanelets run against each other
 LOOK_M = 0.25  # sampling of the centrelines
 CHAIN = 8  # lanelets to follow back to a fork or ahead to a merge
@@ -59,8 +56,8 @@ class _Trace:
 def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[JudgedConflict, ...]:
     """Classify every pair of lanelets that come within a car's width of each other.
 
-    No conflicts are: lanelets in a row, neighbours, branches of one fork, and opposite directions that do not
-    cross. Lanelets on different levels are not among ``Lane.conflicts`` and are left out.
+    Lanelets in a row, neighbours, branches of a fork, opposite directions that do not cross, and lanelets on
+    different levels (not among ``Lane.conflicts``) are no conflicts.
     """
     lines = {i: shapely.LineString(lane.centreline) for i, lane in lanes.items()}
     traces = [
@@ -101,7 +98,7 @@ def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> JudgedCo
     if abs(turned) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
         return None  # no right of way helps where two lanelets run against each other
     if kind != "merge" and other.lane.lane_id not in one.lane.conflicts:
-        return None  # a bridge: the reader has seen heights, which are no longer there
+        return None  # a bridge: only the reader sees heights
     if kind == "overlap" and one.area().intersection(other.area()).area < OVERLAP_M2:
         return None
     return JudgedConflict(first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turned)

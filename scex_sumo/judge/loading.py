@@ -1,6 +1,6 @@
-"""Loading figures of a net: what SUMO, sumolib and netconvert say, and where moveToXY puts a car.
+"""Loading figures of a net: messages of sumo, sumolib and netconvert, and places by moveToXY.
 
-SUMO runs in its own process: libsumo allows one simulation per process, and that is the caller's.
+SUMO runs in its own process, because libsumo allows one simulation per process.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from scex_sumo.judge.matching import (
 from scex_sumo.road import Road
 
 PROBE_STEP_M = 2.0
-MAX_PROBES = 20_000  # on longer maps only every second point is asked, or every third, ...
+MAX_PROBES = 20_000  # on longer maps points are left out evenly
 PROBE_END_M = 0.3  # at its very ends a lanelet and its neighbours in line share their points
-MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it is quicker and at times takes a worse lane for a better
+MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it finds worse lanes at times
 SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is the mapped lane there
 LOAD_LIMIT_S = 60.0
 PROBES_LIMIT_S = 300.0  # SUMO may never end on a damaged net
-RETRY_S = 0.05  # a small net takes SUMO a tenth of a second to load
+RETRY_S = 0.05
 RETRIES = int(LOAD_LIMIT_S / RETRY_S)
 
 

@@ -34,7 +34,7 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
     """Write the page of a recording and return its path.
 
     Args:
-        moments: at most 400 are shown, evenly chosen.
+        moments: at most 400 and the busiest are shown, evenly chosen.
         command: that runs a moment, without its time.
 
     Raises:
@@ -43,6 +43,7 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
     if not moments:
         raise TrackError(f"{loaded.recording.name}: no moment with a vehicle; give another recording")
     numbers = np.linspace(0, len(moments) - 1, _MAX_MOMENTS).round().astype(int)
+    numbers = np.append(numbers, moments.index(busiest(list(moments))))
     kept = [moments[k] for k in np.unique(numbers)]
     arrays = _arrays(loaded, kept)
     info = {

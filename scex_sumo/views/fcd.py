@@ -16,14 +16,12 @@ import shapely
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
-from scex_sumo.base.errors import ResultError
 from scex_sumo.converters.net.reader import read_net
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.tiles import tile_id
 
 _TURN_COST_M_PER_RAD = 3.0  # a lane in another direction costs as much as one farther away
-_MAX_COORDINATE_M = 1e8
 _NEAR_M = 8.0
 
 
@@ -52,11 +50,8 @@ class LaneFinder:
     """Index of a SUMO net's lanes by position and heading."""
 
     def __init__(self, net_path: Path) -> None:
-        """Read the lanes; a `ResultError` names a lane with impossible coordinates."""
+        """Read the lanes; a `MapError` names one that cannot be read."""
         lanes = [x for x in read_net(net_path).lanes.values() if x.function in ("normal", "internal")]
-        far = [lane.lane_id for lane in lanes if not (np.abs(lane.shape) < _MAX_COORDINATE_M).all()]
-        if far:
-            raise ResultError(f"{net_path}: lane {far[0]} leaves the Earth; run again")
         self._names = [lane.lane_id for lane in lanes]
         self._lines = np.array([lane.line for lane in lanes])
         self._inside = np.array([lane.internal for lane in lanes])

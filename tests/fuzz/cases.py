@@ -230,7 +230,10 @@ def _detectors(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str
 
 
 def _cache(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
-    """A cache that somebody else wrote: its entries are whole by their digests, whatever they hold."""
+    """A damaged cache, or one that holds a pickle that is whole by its digest.
+
+    Other entries that are whole are the user's own: the folder is private (`tests/base/test_owner_cache.py`).
+    """
     map_path, _ = _copied(work, "urban_intersection")
     shutil.copytree(sources.cache(), work / CACHE)
     files = sorted(file for file in (work / CACHE).rglob("*") if file.is_file())
@@ -245,7 +248,8 @@ def _cache(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
         content = work / rng.choice(("content", "content.csv"))
         content.write_bytes(EVIL if how == "pickle" else file.read_bytes()[32:])
         how = how if how == "pickle" else _twice(content, rng)
-        file.write_bytes(hashlib.sha256(content.read_bytes()).digest() + content.read_bytes())
+        kept = hashlib.sha256(EVIL).digest() if how == "pickle" else file.read_bytes()[:32]
+        file.write_bytes(kept + content.read_bytes())
     return f"{file.relative_to(work)}: {how}", ["run", map_path.name, *RUN]
 
 

@@ -139,7 +139,7 @@ def test_ctrl_c_leaves_one_line_and_what_has_finished(dataset: Path, tmp_path: P
     _, said = process.communicate(timeout=30)
     assert process.returncode == 130
     (line,) = said.splitlines()
-    assert line.startswith("interrupted; finished seeds are kept")
+    assert line == f"interrupted; {out} keeps finished seeds; run the same command to go on"
     assert (out / "incomplete.json").exists()
     assert list(out.glob("children/*/*/*.parquet"))
 

@@ -20,8 +20,8 @@ CELL_M, COURSES, MAX_CELLS = 4.0, 8, 1500
 def explain_mismatch(samples: Evidence, road: Road) -> str:
     """Explain why tracks do not lie on a map's lanes: a phrase with the remedy.
 
-    If one shift puts all tracks onto lanes, the origin is wrong; if none does, the map is another site's. Few
-    tracks, or tracks of few directions, fit any map somewhere and tell nothing.
+    If one shift puts all tracks onto lanes, the origin is wrong; else the map is of another site. Few tracks
+    or directions fit any map and give no phrase.
     """
     used = f"(used: {road.origin[0]:g},{road.origin[1]:g})"
     wrong = f"the map's origin is not the recording's {used}"

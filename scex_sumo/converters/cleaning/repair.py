@@ -1,4 +1,4 @@
-"""Repair of recordings: defects are found in the data, counted, and repaired if that is unambiguous."""
+"""Repair of recordings: counts defects, and repairs those that are unambiguous."""
 
 from __future__ import annotations
 
@@ -33,12 +33,10 @@ MAX_SPEED_MPS = 100.0  # 360 km/h; a track that is faster after all repairs is a
 def repair_tracks(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
     """Repair a recording, or one case of a file of cases.
 
-    In this order: duplicate samples, tracker warm-up, jumps, velocities and noise, headings, tracks of
-    implausible size or speed.
+    In order: duplicates, tracker warm-up, jumps, velocities and noise, headings, implausible sizes or speeds.
 
     Returns:
-        The repaired table, and a phrase with counts for each kind of defect of the vehicles; one more for the
-        defects of all others.
+        The repaired table, and a phrase with counts for each kind of defect.
     """
     vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS)
     # Pedestrians and cyclists face where they go.
@@ -123,7 +121,6 @@ def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
         tracks = len(np.unique(rows.track[cut]))
         found.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
     rows = rows.with_columns(segment=segment).take(~drop)
-    # A dropped sample may leave a gap that is too long; cuts stay.
     new = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
     return rows.with_columns(segment=new.astype(np.int64)), found
 

@@ -1,4 +1,4 @@
-"""Recordings in folders, and the recording of a map, found by the layouts that datasets are published in."""
+"""Recordings in folders, and the recording of a map, by the layouts of datasets."""
 
 from __future__ import annotations
 
@@ -49,9 +49,8 @@ def find_recordings(roots: Sequence[str | Path]) -> tuple[Recording, ...]:
 def find_tracks(map_path: str | Path) -> Path:
     """Find the recording of a map, plain or packed.
 
-    The first that exists: ``MAP.csv`` beside the map; the recording that comes with the map's format, e.g. a
-    CommonRoad scenario's own vehicles; INTERACTION's layouts in the folder above ``maps/`` or in the map's
-    own.
+    The first that exists: ``MAP.csv`` beside the map; the recording of the map's own format, e.g. CommonRoad;
+    INTERACTION's layouts in the folder above ``maps/`` or in the map's own.
 
     Raises:
         MapError: the map does not exist.

@@ -22,7 +22,7 @@ _STOP_SIGNS = {"stop", "stopsign", "de206", "usr1-1", "r1-1"}
 _YIELD_SIGNS = {"yield", "yieldsign", "giveway", "de205", "usr1-2", "r1-2"}
 
 BESIDE_M = 0.5  # a stop line may end this far beside the centreline that it stops
-MIN_SLANT_RAD = 0.7  # 40 degrees: a line along the lane is none to stop at
+MIN_SLANT_RAD = 0.7  # 40 degrees
 AHEAD_M = 30.0  # where conflicts begin behind a stop line
 LIGHT_M = 6.0  # from a light without an element to its stop line
 _STOPS = ("traffic_light", "stop", "yield")
@@ -102,10 +102,10 @@ def attach(
 ) -> tuple[tuple[Regulation, ...], list[int], list[int]]:
     """Attach stops, yields and lights that no lanelet names to the lanes at their stop lines.
 
-    A light without a regulatory element belongs to the nearest stop line without one.
+    A light without a regulatory element belongs to the nearest free stop line.
 
     Returns:
-        All rules by ascending id; ids of those attached here; ids of the lights that got no lane.
+        All rules; ids of those attached here; ids of the lights that got no lane.
     """
     named = {m.ref for r in map_file.of_type("regulatory_element").values() for m in r.members}
     bare = [i for i in _of_type(map_file, "traffic_light", lines) if i not in named]

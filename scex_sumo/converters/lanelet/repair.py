@@ -1,4 +1,4 @@
-"""Repair of a map file before Lanelet2 reads it: defects are repaired, or left out and noted."""
+"""Repair of a map file before Lanelet2 reads it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ SIDES = ("left", "right")
 
 
 def repair(map_file: MapFile) -> tuple[MapFile, bool]:
-    """Repair or leave out what Lanelet2 would silently drop, misread or crash on.
+    """Repair or leave out what Lanelet2 would drop, misread or crash on.
 
     - Nodes over 50 km from the map's middle and references to missing elements are dropped.
     - Ways that end at one place end in one node.
-    - Bounds in several pieces are joined; lanelets without two bounds are left out.
+    - Bounds in pieces are joined; lanelets without two bounds are left out.
 
     Returns:
         The map with its notes, and whether it differs from its file.

@@ -1,7 +1,4 @@
-"""Cache of converted nets: the next run on the same map takes its net from the user's cache.
-
-The key is the road; `cached_bytes` adds the state of our code, so another map or version never matches.
-"""
+"""Cache of converted nets, by road and state of the code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plan of the SUMO net: names, shapes and outlines of edges, connections and nodes for cut rows of lanes."""
+"""Plan of the SUMO net: names, shapes and outlines of its elements."""
 
 from __future__ import annotations
 

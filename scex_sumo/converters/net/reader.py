@@ -1,6 +1,6 @@
-"""Reader of SUMO nets (``.net.xml``, gzipped or not): lanes, links and junctions, whoever wrote the net.
+"""Reader of SUMO nets: lanes, links and junctions.
 
-sumolib's reader would do, but it drops the lane changes that a lane forbids.
+sumolib drops the lane changes that a lane forbids.
 """
 
 from __future__ import annotations
@@ -66,11 +66,11 @@ class SumoLane:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SumoLink:
-    """A connection between lanes of two normal edges.
+    """Connection between lanes of two normal edges.
 
     Attributes:
-        via: internal lanes in driving order; empty in nets without internal lanes.
-        junction: its junction, or empty if no request belongs to it.
+        via: internal lanes in driving order, if any.
+        junction: empty if no request belongs to it.
         row: its row in the junction's requests, or -1.
         signal: id of its traffic light, or empty.
         signal_index: its place in that light's phases, or -1.
@@ -87,16 +87,7 @@ class SumoLink:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Junction:
-    """A junction with its right of way.
-
-    Attributes:
-        kind: SUMO's type, e.g. ``priority``, ``allway_stop``.
-        shape: (P, 2) outline, m; may be empty.
-        response: (n, n) True where the row's link must give way to the column's.
-        foes: (n, n) True where the two links are in each other's way.
-    """
-
+class _Junction:
     kind: str
     shape: FloatArray
     response: BoolArray
@@ -119,7 +110,7 @@ class NetContent:
     edges: Mapping[str, tuple[str, ...]]
     links: tuple[SumoLink, ...]
     following: Mapping[str, tuple[str, ...]]
-    junctions: Mapping[str, Junction]
+    junctions: Mapping[str, _Junction]
     offset: FloatArray
     projected: bool
     phases: Mapping[str, tuple[str, ...]]
@@ -299,7 +290,7 @@ def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Sum
     return tuple(links)
 
 
-def _junction(junction: Element) -> Junction:
+def _junction(junction: Element) -> _Junction:
     requests = sorted(junction.iter("request"), key=lambda request: int(request.attrib["index"]))
     size = max(len(requests), len(junction.get("intLanes", "").split()))  # SUMO says what is missing
     bits = np.zeros((2, size, size), dtype=np.bool_)
@@ -308,4 +299,4 @@ def _junction(junction: Element) -> Junction:
             text = request.get(name, "")[::-1][:size]  # SUMO writes link 0 last
             matrix[row, : len(text)] = [bit == "1" for bit in text]
     kind, shape = junction.get("type", ""), points_of(junction.get("shape", ""))
-    return Junction(kind=kind, shape=shape, response=bits[0], foes=bits[1])
+    return _Junction(kind=kind, shape=shape, response=bits[0], foes=bits[1])

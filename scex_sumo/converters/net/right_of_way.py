@@ -1,4 +1,4 @@
-"""Right of way at a node: SUMO's foes, responses and link states from the map's rules; roundabouts."""
+"""Right of way at a node: SUMO's foes, responses and link states; roundabouts."""
 
 from __future__ import annotations
 

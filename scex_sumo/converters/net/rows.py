@@ -94,8 +94,8 @@ def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, in
     """Group lanes by permitted lane changes.
 
     Returns:
-        The rows, by their smallest lane id; and the permitted changes (from, to) that no row can hold,
-        because a lane already has another neighbour on that side.
+        The rows, by smallest lane id; and the changes (from, to) that no row can hold, because a lane has
+        another neighbour on that side.
     """
     left_of: dict[int, int] = {}
     right_of: dict[int, int] = {}

@@ -1,4 +1,4 @@
-"""SUMO net of a road: the files of a conversion, and the lane table from lanelets to SUMO lanes and back."""
+"""SUMO net of a road: its files, and its lane table."""
 
 from __future__ import annotations
 

@@ -25,12 +25,12 @@ from scex_sumo.converters.net.walks import NO_WALKS, SPEED_MPS, Walks
 from scex_sumo.road import Georeference
 from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opposed
 
-# Internal lane, or edge of a crossing: its traffic light and link index there.
+# Traffic light and link index by internal lane or crossing.
 Lights: TypeAlias = Mapping[str, tuple[str, int]]
 
 HEADER = '<?xml version="1.0" encoding="UTF-8"?>'
 ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
-# SUMO has no word for "nobody may change": it is said by naming a class that nothing here drives.
+# No vehicle has this class.
 NOBODY = "custom2"
 
 

@@ -1,8 +1,8 @@
-"""Topology of a SUMO net: cuts rows of lanes into edges and junctions, and finds the paths through junctions.
+"""Topology of a SUMO net: rows of lanes cut into edges and junctions, and the paths through junctions.
 
-A vehicle that waits needs room, so road pieces shorter than a car between two conflicts belong to the
-junction. But SUMO separates vehicles only if traffic that has merged drives over an edge before it forks. No
-piece of a junction may therefore have several ways in and several ways out.
+Road pieces shorter than a car between two conflicts belong to the junction. But SUMO separates vehicles only
+if traffic that has merged drives over an edge before it forks, so no piece of a junction may have several
+ways in and out.
 """
 
 from __future__ import annotations
@@ -38,29 +38,23 @@ class Path:
         return (self.start, *self.inside, self.end)
 
 
-class Chains:
-    """Pieces along the lanes. A row may be replaced by one of the same lanes with other cuts."""
-
+class _Chains:
     def __init__(self, rows: Sequence[Row], lanes: Mapping[int, Lane]) -> None:
         self.rows = list(rows)
         self.lanes = lanes
         self.where = {i: (r, k) for r, row in enumerate(rows) for k, i in enumerate(row.lanes)}
 
     def is_inside(self, piece: Piece) -> bool:
-        """Whether a piece lies in a junction."""
         return self.rows[piece[0]].inside[piece[1]]
 
     def pieces(self) -> Iterator[Piece]:
-        """All pieces, row by row."""
         for r, row in enumerate(self.rows):
             yield from ((r, k, at) for k in range(row.pieces) for at in range(len(row.lanes)))
 
     def road_pieces(self) -> Iterator[Piece]:
-        """Pieces outside of junctions, row by row."""
         return (piece for piece in self.pieces() if not self.is_inside(piece))
 
     def ways_from(self, start: Piece) -> Iterator[tuple[Piece, tuple[Piece, ...]]]:
-        """Ways from a road piece through a junction: the road piece behind it, and the pieces inside."""
         stack: list[tuple[Piece, ...]] = [(start,)]
         for _ in range(MAX_STEPS):
             if not stack:
@@ -74,14 +68,12 @@ class Chains:
         raise self.too_large(start)
 
     def too_large(self, piece: Piece) -> MapError:
-        """Return the error for a junction that SUMO cannot hold."""
         return MapError(
             f"lanelet {self.rows[piece[0]].lanes[piece[2]]}: its junction would have more than {MAX_LINKS} "
             "connections, which SUMO refuses; remove lanelets that overlap or meet there by mistake"
         )
 
     def after(self, piece: Piece) -> list[Piece]:
-        """Return the pieces that follow."""
         row, k, at = piece
         if k + 1 < self.rows[row].pieces:
             return [(row, k + 1, at)]
@@ -89,7 +81,6 @@ class Chains:
         return [(self.where[i][0], 0, self.where[i][1]) for i in lanes if i in self.where]
 
     def before(self, piece: Piece) -> list[Piece]:
-        """Return the pieces that precede."""
         row, k, at = piece
         if k:
             return [(row, k - 1, at)]
@@ -98,10 +89,6 @@ class Chains:
         return [(r, self.rows[r].pieces - 1, at) for r, at in found]
 
     def unsound(self, pieces: Iterable[Piece]) -> set[Piece]:
-        """Return the junction pieces, of all connected with these, over which SUMO cannot separate vehicles.
-
-        They lie on a ring within one junction, or on a way over a piece with several ways in and out.
-        """
         after: dict[Piece, list[Piece]] = {}
         before: dict[Piece, list[Piece]] = {}
         stack = [*pieces]
@@ -164,7 +151,7 @@ def _on_rings(after: _Steps, before: _Steps) -> set[Piece]:
     return rings
 
 
-class Topology(Chains):
+class Topology(_Chains):
     """Graph of cut rows."""
 
     def __init__(
@@ -235,7 +222,7 @@ class Topology(Chains):
 def cut_lanes(
     lanes: Mapping[int, Lane], found: Sequence[Conflict], walked: Sequence[Zone] = ()
 ) -> tuple[Topology, list[tuple[int, int]]]:
-    """Cut lanes into roads and junctions, as conflicts, crosswalks (``walked``) and SUMO's junctions require.
+    """Cut lanes into roads and junctions, by conflicts, crosswalks (``walked``) and SUMO's needs.
 
     Returns:
         The graph, and the permitted lane changes (from, to) that it cannot hold.
@@ -249,9 +236,9 @@ def cut_lanes(
     rows, _ = build_rows(lanes)
     zones: list[Conflict | Zone] = [*found, *walked]
     rows = [_with_road_to_change_on(row) for row in lay_zones(rows, lanes, zones)]
-    rows = open_knots(rows, lanes)
-    rows = fill_gaps(Topology(rows, lanes, zones))
-    rows = split_loops(Topology(rows, lanes, zones))
+    rows = _open_knots(rows, lanes)
+    rows = _fill_gaps(Topology(rows, lanes, zones))
+    rows = _split_loops(Topology(rows, lanes, zones))
     return Topology(rows, lanes, zones), lost
 
 
@@ -261,9 +248,8 @@ def _with_road_to_change_on(row: Row) -> Row:
     return row.with_road(0, min(STUB_M / row.size(0), 1 / 3) * row.cuts[1])
 
 
-def fill_gaps(topology: Topology) -> list[Row]:
-    """Give short road pieces between junction pieces to the junction, shortest first, where that is sound."""
-    chains, node = Chains(topology.rows, topology.lanes), topology.node
+def _fill_gaps(topology: Topology) -> list[Row]:
+    chains, node = _Chains(topology.rows, topology.lanes), topology.node
     for _, r, k in sorted(_gaps(chains)):
         row = chains.rows[r]
         if row.size(k) > NARROW_M and node(r, k) != node(r, k + 1):
@@ -277,8 +263,7 @@ def fill_gaps(topology: Topology) -> list[Row]:
     return chains.rows
 
 
-def split_loops(topology: Topology) -> list[Row]:
-    """Halve edges that leave a junction and enter it again; netconvert refuses such edges."""
+def _split_loops(topology: Topology) -> list[Row]:
     result, node = [], topology.node
     for r, row in enumerate(topology.rows):
         halved = row
@@ -289,7 +274,7 @@ def split_loops(topology: Topology) -> list[Row]:
     return result
 
 
-def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
+def _gaps(chains: _Chains) -> Iterator[tuple[float, int, int]]:
     for r, row in enumerate(chains.rows):
         for k, inside in enumerate(row.inside):
             pieces = [(r, k, at) for at in range(len(row.lanes))]
@@ -304,13 +289,12 @@ def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
                 yield row.size(k), r, k
 
 
-def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
+def _open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
     """Cut edges into junction pieces until SUMO can handle every junction.
 
-    Cut are pieces where traffic merges and forks again within one junction, and two ways through a junction
-    between the same two road pieces, which SUMO cannot distinguish.
+    These are pieces where traffic merges and forks again, and double ways between the same two road pieces.
     """
-    chains = Chains(rows, lanes)
+    chains = _Chains(rows, lanes)
     for _ in range(sum(row.pieces for row in rows)):
         knot = _knot(chains)
         twins = [] if knot else _double_way(chains)
@@ -323,7 +307,7 @@ def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
     return chains.rows
 
 
-def _knot(chains: Chains) -> tuple[int, int] | None:
+def _knot(chains: _Chains) -> tuple[int, int] | None:
     candidates = []
     for r, k in {piece[:2] for piece in chains.unsound(chains.pieces())}:
         merging = any(len(chains.before((r, k, at))) > 1 for at in range(len(chains.rows[r].lanes)))
@@ -334,7 +318,7 @@ def _knot(chains: Chains) -> tuple[int, int] | None:
     return -r, -k
 
 
-def _double_way(chains: Chains) -> list[tuple[int, int]]:
+def _double_way(chains: _Chains) -> list[tuple[int, int]]:
     """Find two ways through a junction between the same road pieces; return the longest piece of each."""
     for start in chains.road_pieces():
         ways: dict[Piece, tuple[Piece, ...]] = {}

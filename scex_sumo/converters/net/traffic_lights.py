@@ -1,4 +1,4 @@
-"""Traffic light programs: the links and crossings of each light, and a fixed program if none was recorded."""
+"""Traffic light programs: links, crossings, and fixed phases."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from scex_sumo.roads.conflicts import Conflict
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
 AT_LINE_M = 2.0  # how far stop lines reach into crosswalks, as drawn
-BEFORE_END_M = 30.0  # from a crosswalk to the end of a lane whose light holds people's traffic, too
-AHEAD_M = 60.0  # how far beyond a light its traffic is looked at for conflicts with that of other lights
+BEFORE_END_M = 30.0  # from a crosswalk to the end of its light's lane
+AHEAD_M = 60.0  # where conflicts with other lights' traffic count
 ONCOMING = math.radians(135.0)
 
 
@@ -44,7 +44,7 @@ def fixed_programmes(
 ) -> list[Programme]:
     """Return a program for each group of traffic_light elements whose traffic conflicts.
 
-    The links of an element are green together. Oncoming elements share a phase, in which left turns give way.
+    Oncoming elements share a phase, in which left turns give way.
     """
     elements = [rule for rule in rules if rule.kind == "traffic_light"]
     clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
@@ -70,8 +70,8 @@ def controlled(
 ) -> list[Connection]:
     """Return the links that a light controls: those that leave its lanes, or enter lanes in conflict.
 
-    In some maps the approach refers to the light, in others the lanelet across the intersection. Crosswalks
-    behind the stop line, or shortly before the end of the lanes, are controlled too.
+    Some maps give the light to the approach, others to the lanelet across. Crosswalks behind the stop line,
+    or shortly before the end of the lanes, are controlled too.
     """
     crossing = {lane for lane, _ in clashing}
     found = []
@@ -145,9 +145,9 @@ def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tu
 
 
 def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
-    """Format one phase: letters by internal lane, red if not named; green that must yield becomes ``g``.
+    """Format one phase: letters by internal lane, red if not named.
 
-    A green link yields if a foe that it gives way to also has green, or is not controlled by a light.
+    Green becomes ``g`` if a foe with priority also has green or no light.
     """
     known = {c.internal.name for c in links}
     letters = []
@@ -165,17 +165,16 @@ def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
 _Phases: TypeAlias = Sequence[tuple[float, str]]
 _Crossed: TypeAlias = Mapping[int, bool]  # link indices of a programme, and whether the links turn
 
-WALK_S, CLEAR_S = 10, 5  # a phase of people's own; what they get to leave the crossing before cars start
+WALK_S, CLEAR_S = 10, 5  # phase for people; time to leave the crossing
 TURNING_RAD = 0.35  # 20 degrees: who turns lets people cross
 
 
 def with_crossings(
     programmes: Sequence[Programme], recorded: Programme | None, walks: Walks, layout: NetLayout
 ) -> tuple[list[Programme], list[int]]:
-    """Add to each program the crossings of its links; return those that the recorded one never leaves free.
+    """Add the crossings of its links to each program; also return those that the recorded one never frees.
 
-    People may walk while the links that they cross are red or turn. Otherwise a fixed program gets an
-    additional phase for people.
+    People walk while links that they cross are red or turn; else a fixed program gets a phase for people.
     """
     nodes = {node.name: node for node in layout.nodes}
     taken: set[str] = set()

@@ -29,8 +29,7 @@ def read_tracks(path: str | Path, *, walkers: tuple[str, str] = WALKERS) -> Trac
     """Read a recording in INTERACTION format, plain or packed; nothing is repaired.
 
     Rows may have any order. Unknown columns and single rows without a value are left out. ``walkers``: part
-    of the file's name, and that of the file beside it with pedestrians and cyclists, which need no heading or
-    size.
+    of the file's name, and that of the file beside it with pedestrians and cyclists.
 
     Raises:
         TrackError: file missing or no CSV, column missing, value missing or not a number, no rows.

@@ -1,8 +1,4 @@
-"""CommonRoad recordings: scenarios, and consecutive chunks joined to one recording, as MONA's are.
-
-Chunks are files ``SCENE_FIRST_T-LAST`` of one folder; the next one begins with the step after the last one's
-end.
-"""
+"""CommonRoad recordings: scenarios, and consecutive chunks ``SCENE_FIRST_T-LAST`` joined, as MONA's."""
 
 from __future__ import annotations
 

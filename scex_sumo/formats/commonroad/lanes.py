@@ -216,11 +216,7 @@ def drawn_areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
 
 
 def with_reverse(lanes: Mapping[int, Lane], both_ways: Iterable[int]) -> dict[int, Lane]:
-    """Add the opposite lane of each connected vehicle lane that cars drive both ways.
-
-    It leads to the opposite lane of its original's predecessor, and to lanes that begin at the original's
-    beginning. Lane changes from or to it are not allowed.
-    """
+    """Add the opposite lane of each connected lane that cars drive both ways, without lane changes."""
     result = dict(lanes)
     turned: dict[int, int] = {}
     for i in sorted(both_ways):

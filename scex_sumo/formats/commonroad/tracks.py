@@ -18,7 +18,6 @@ from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, track_rows
 from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
 from scex_sumo.geometry.polylines import wrap
 
-# CommonRoad's words in those of track files; other words are the same.
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}
 _MOTOR = {"car", "truck", "bus", "motorcycle", "taxi", "vehicle"}
 _BESIDE_THE_ROAD = {"roadBoundary", "building", "medianStrip", "pillar"}
@@ -43,11 +42,10 @@ class _Track:
 def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
     """Read the obstacles of a CommonRoad scenario; nothing is repaired.
 
-    Dynamic obstacles with a trajectory are tracks. Static ones stand there all the time, except those beside
-    the road. Intervals count as their middle. Sets of occupied space are left out.
+    Static obstacles stand there all the time, except those beside the road. Intervals count as their middle.
 
     Returns:
-        The recording, and one phrase that names unusable obstacles, if any.
+        The recording, and a phrase that names unusable obstacles.
 
     Raises:
         MapError: it cannot be read or is no CommonRoad file.
@@ -82,11 +80,10 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
 
 
 def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
-    """Repair two defects of recordings exported to CommonRoad; returns one phrase for each.
+    """Repair two defects of recordings exported to CommonRoad; returns a phrase for each.
 
-    A road user that enters between two steps may have its first position from there and its stamp from the
-    next step: such states are dropped. Headings that are all turned by one angle against the motion, by
-    another map projection, are turned back.
+    A first position between two steps with the next step's stamp is dropped. Headings that are all turned by
+    one angle against the motion are turned back.
     """
     findings = []
     keep = ~_late_starts(table.vehicles)

@@ -60,13 +60,9 @@ def is_fcd(path: Path) -> bool:
 
 
 def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
-    """Read SUMO's ``fcd-output``.
+    """Read SUMO's ``fcd-output``, with a phrase for each guess.
 
-    Sizes are the file's, else SUMO's own for the class that the type's name mentions. Steps longer than 0.5 s
-    are filled in to 0.1 s along curves.
-
-    Returns:
-        The recording, and one phrase for each guess.
+    Unknown sizes are SUMO's own by the type's name. Steps above 0.5 s are filled in to 0.1 s along curves.
 
     Raises:
         TrackError: it cannot be read, or holds no vehicle.

@@ -1,4 +1,4 @@
-"""SUMO net as a road, read with sumolib: every lane is a lane, those within junctions too."""
+"""SUMO net as a road, read with sumolib."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ _KINDS = (("passenger", "vehicle"), ("bus", "bus"), ("bicycle", "bicycle"), ("pe
 
 
 def read_sumo_road(path: str | Path, **_: object) -> Road:
-    """Read a net; its lanes are numbered from 1 in the order of the file, and it is driven as it is.
+    """Read a net; its lanes are numbered from 1 in the order of the file.
 
-    The lanes of a net that `convert` wrote are joined to those of its map again, with their ids. Centrelines
-    are SUMO's shapes; borders lie half a width beside them. A lane change is allowed if both lanes are for
-    the same vehicles and the net does not forbid it. Right of way is that of the junctions' requests.
+    Lanes of a net that `convert` wrote are joined to those of its map again, with their ids. Borders lie half
+    a width beside SUMO's shapes. A lane change is allowed between lanes for the same vehicles unless the net
+    forbids it. Right of way is that of the junctions' requests.
 
     Raises:
         MapError: the net cannot be read, or has no lane for cars.

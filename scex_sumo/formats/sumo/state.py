@@ -1,4 +1,4 @@
-"""Saved state of a SUMO simulation (``--save-state``) as tracks of one moment, without a past."""
+"""Saved state of a SUMO simulation as tracks of one moment."""
 
 from __future__ import annotations
 

@@ -62,9 +62,12 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
 
 
 def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
-    number = element("div.big.hot" if share["count"] else "div.big", percent(share["value"]), id=name)
-    sure = f"95 %: {percent(share['low'])} – {percent(share['high'])}"
+    exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
+    value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
+    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
+    sure = f"95 %: {interval}" if exact is None else f"sampled: {interval}"
     words = f"{share['count']} of {counted(share['children'], 'future')}; {sure}"
+    what = what if exact is None else f"exact; {what}"
     return number, element("p.soft", f"{what}; ", element("span", words, id=f"{name}-words", title=words))
 
 
@@ -75,7 +78,7 @@ def _share_card(info: Mapping[str, Any]) -> Html:
         for number in range(len(info["metrics"]))
     ]
     about = element("p.soft", _recorded_words(info["metrics"]))
-    whoever = f"Critical in every future, with any driver: {', '.join(info['always'])}."
+    whoever = f"Always so in this traffic: {', '.join(info['always'])}."
     always = [element("p", whoever)] if info["always"] else []
     return element("div.card", element("h2", "P(critical)"), *lines, about, *always)
 

@@ -135,11 +135,12 @@ def value_range(
     tail = _TAIL * max(float(third - first), _MIN_SPREAD)
     margin = 4 * BANDWIDTH
     lowest, highest = limits or (float(finite.min()) - margin, float(finite.max()) + margin)
-    low, high = max(lowest, float(first) - tail), min(highest, float(third) + tail)
+    floor = 0.0 if finite.min() >= 0 else -math.inf  # no density below 0
+    low, high = max(lowest, floor, float(first) - tail), min(highest, float(third) + tail)
     near = 0.5 * (high - low)
     for mark in marks:
         if mark is not None and low - near <= mark <= high + near:
-            low, high = min(low, mark - BANDWIDTH), max(high, mark + BANDWIDTH)
+            low, high = min(low, max(mark - BANDWIDTH, floor)), max(high, mark + BANDWIDTH)
     return low, high
 
 

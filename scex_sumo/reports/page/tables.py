@@ -9,9 +9,9 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, meetings
 from scex_sumo.reports.encounter_table import QUESTIONS
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
@@ -83,19 +83,21 @@ def collision_share(run: Run) -> dict[str, Any] | None:
     if COLLISION_COLUMN not in run.metrics.column_names:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
-    interval = {"value": share.value, "low": share.low, "high": share.high}
+    interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
     return {"count": count, "children": run.children, **interval}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return ``encounters.parquet`` with ``words``, ``pair`` by index, ``child`` and ``step``.
+    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child`` and ``step``.
 
     ``selected`` tells what a column shows of selected futures: of a pair only collisions are known by future.
+    The child of a human-like row is -1, because the page holds the futures of the stress test alone.
     """
     where = {int(track): index for index, track in enumerate(track_ids)}
-    of = "Share of the futures; a click on a row shows one of them. A dash: not known of selected futures"
+    of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
+        {"title": "futures", "hint": "Stress test, or human-like where the pair is critical in these"},
         {"title": "P(collision)", "as": "percent", "down": True, "hint": of, "selected": "share"},
         {"title": "95 %", "selected": "range"},
         *(
@@ -103,27 +105,33 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
             | {"selected": "unknown"}
             for q in ("ttc", "pet", "drac")
         ),
-        {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the futures; up to 10 m"},
+        {"title": "gap", "as": "metres", "hint": "Least gap in the typical future; up to 10 m"},
         {"title": "after", "as": "seconds"},
     ]
     rows = [
         {
             "cells": [
                 f"{row['track_id']} → {row['other_id']}",
+                one.futures,
                 _short(row["collision"]),
                 f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
-                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
+                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap")),
                 round(row["time_s"], 1),
             ],
-            "words": in_words(row),
+            "words": one.words(),
             "share": row["collision"],
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
-            "child": row["child"],
+            "child": row["child"] if one.futures == STRESS_TEST else -1,
             "step": round(row["time_s"] / STEP_S),
         }
-        for row in _rows(run, ENCOUNTERS)
+        for one in meetings(run)
+        for row in [one.row]
     ]
+    if not any(row["cells"][1] == HUMAN_LIKE for row in rows):
+        columns.pop(1)
+        for row in rows:
+            row["cells"].pop(1)
     return {"columns": columns, "rows": rows}
 
 

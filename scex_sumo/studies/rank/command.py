@@ -46,6 +46,9 @@ def rank_command(
     threshold: Thresholds = None,
     keep: Annotated[str, Option(metavar="none|critical|all", help="Futures whose tracks are kept.")] = "none",
     top: Annotated[int, Option(help="Moments on the page.")] = 10,
+    by: Annotated[
+        str, Option(metavar="mixed|severity|collisions|encounters", help="Order of the moments.")
+    ] = "mixed",
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
@@ -59,7 +62,7 @@ def rank_command(
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.studies.rank.rank import rank
 
-    with progress_bar("children") as tick, resumable("seeds", out):
+    with progress_bar("futures") as tick, resumable("seeds", out):
         ranking = rank(
             roots,
             out=out,
@@ -74,6 +77,7 @@ def rank_command(
             keep=keep,
             cache=cache,
             top=top,
+            by=by,
             seed=seed,
             workers=workers,
             cluster=cluster,
@@ -131,7 +135,10 @@ def _print_top(ranking: Ranking) -> None:
     console = output_console(width=160)
     print_table(table, console)
     about = "P(collision): stress test; encounters: critical ones of a future"
-    print_line(f"{about} on average; ranked by collisions, how hard they are, and these", console)
+    order = (
+        "collisions, how hard they are, and these" if ranking.info.get("by") is None else ranking.info["by"]
+    )
+    print_line(f"{about} on average; ranked by {order}", console)
 
 
 def _worst_pair(row: Mapping[str, Any]) -> str:

@@ -154,7 +154,7 @@ def test_space_always_plays_but_in_the_search(page: Any, focused: str) -> None:
 
 
 def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any, run: Run) -> None:
-    row = run.encounters.to_pylist()[0]
+    row, whole = run.encounters.to_pylist()[0], text(page, "#p-collision")
     pair = {row["track_id"], row["other_id"]}
     tables = (run.worst.to_pylist(), run.collisions.to_pylist())
     futures = {r["child"] for table in tables for r in table if {r["track_id"], r["other_id"]} == pair}
@@ -162,6 +162,7 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     page.wait_for_selector(".chip")
     assert text(page, "#chips b") == f"{len(futures)} of {run.children} futures"
     collided = len(futures & set(run.collisions["child"].to_pylist()))
+    assert text(page, "#p-collision") == f"{100 * collided / len(futures):.0f} %"
     assert text(page, "#p-collision-words").startswith(f"{collided} of {len(futures)} futures selected")
     assert page.locator("#encounters tbody tr").count() == 1
     assert page.locator("#models tbody tr").count() == 2
@@ -171,6 +172,7 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     assert 0 <= page.locator(".chip").bounding_box()["y"] < 60
     page.keyboard.press("Escape")
     page.wait_for_selector(".chip", state="detached")
+    assert text(page, "#p-collision") == whole == f"{100 * run.p_collision():.4g} %"
     assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
 
 
@@ -249,6 +251,23 @@ def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -
     for metric in ("collision", "distance"):
         page.select_option("#focus", label=metric)
         page.wait_for_selector(f"#worst th:has-text('{'m/s' if metric == 'collision' else '[m]'}')")
+
+
+def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
+    assert run.exact is not None and run.exact.p_collision() is not None
+    shown = text(page, "#any-collision")
+    assert shown == f"{100 * run.p_collision():.2f} %"
+    first = "#exact-table tbody tr:first-child td:nth-child(2)"
+    own = text(page, first)
+    page.locator("#weights input").nth(2).fill("0.7")  # constant_velocity; the others share the rest
+    rest = {name: 0.1 for name in run.exact.models} | {"constant_velocity": 0.7}
+    assert text(page, "#any-collision") == f"{100 * run.p_collision(rest):.2f} %"
+    one, other = text(page, "#exact-table tbody tr:first-child td").split(" → ")
+    pair = run.encounter(int(one), int(other)).probability(weights=rest)
+    assert text(page, first) == f"{100 * pair:.2f} %" != own
+    assert "keeps its speed (constant_velocity)" in text(page, "#exact-table")
+    page.click("#own-weights")
+    assert (text(page, "#any-collision"), text(page, first)) == (shown, own)
 
 
 def test_a_brushed_metric_selects_the_children_everywhere(page: Any, run: Run) -> None:

@@ -21,7 +21,7 @@ function runReport(run) {
     byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.children} futures`)] : []), ...chips);
     const said = byId("p-collision"), { value, count, words } = chips.length ? select.collision() : info.collision || {};
     if (said && info.collision) {
-      said.textContent = percent(value);
+      said.textContent = chips.length ? percent(value) : said.title;
       said.classList.toggle("hot", count > 0);
       byId("p-collision-words").textContent = chips.length ? words : byId("p-collision-words").title;
     }
@@ -123,6 +123,7 @@ function runReport(run) {
   });
 
   showTables(info.tables);
+  if (byId("exact")) exactCard(info.exact);
   const redraw = () => state.change({}, "size");
   for (const button of all("[data-encounter]")) button.onclick = () => jump(info.encounters.rows[button.dataset.encounter]);
   find.oninput = () => state.change({}, "find");
