@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from scex_sumo.evaluation.encounters import in_words
 from scex_sumo.metrics.registry import metric_of
+from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.reports.page.report import write_report
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
@@ -93,13 +93,12 @@ def test_a_vehicle_says_its_id_speed_and_model_and_a_click_lists_its_encounters(
     assert said.endswith(run.models_of(child)[vehicle])
     page.mouse.click(*place)
     page.wait_for_selector("#vehicle > button")
-    mine = [
-        in_words(row) for row in run.encounters.to_pylist() if track in (row["track_id"], row["other_id"])
-    ]
+    met = [one for one in meetings(run) if track in (one.row["track_id"], one.row["other_id"])]
+    mine = [one.words() for one in met]
     assert [button.get_attribute("title") for button in page.locator(LISTED).all()] == mine[:6]
     page.mouse.move(0, 0)
     page.locator(LISTED).last.click()
-    row = next(row for row in run.encounters.to_pylist() if in_words(row) == mine[:6][-1])
+    row = met[:6][-1].row
     page.wait_for_selector(f"#clock:has-text('{row['time_s']:.1f} s')")
     assert page.input_value("#child") == str(row["child"])
 
