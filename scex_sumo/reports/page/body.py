@@ -65,9 +65,8 @@ def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
     exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
     value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
     number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
-    sure = f"95 %: {interval}" if exact is None else f"sampled: {interval}"
-    words = f"{share['count']} of {counted(share['children'], 'future')}; {sure}"
-    what = what if exact is None else f"exact; {what}"
+    seen = f"{share['count']} of {counted(share['children'], 'future')}"
+    words = f"{seen}; 95 %: {interval}" if exact is None else f"exact; sampled: {seen}, {interval}"
     return number, element("p.soft", f"{what}; ", element("span", words, id=f"{name}-words", title=words))
 
 

@@ -16,6 +16,7 @@ from scex_sumo.reports.encounter_table import QUESTIONS
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
+_SETS = "Stress test, or human-like where the pair is critical in these"
 _NAMED = 4  # children of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
@@ -97,7 +98,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
-        {"title": "futures", "hint": "Stress test, or human-like where the pair is critical in these"},
+        {"title": "futures", "hint": f"{_SETS}: a click shows all futures of the stress test"},
         {"title": "P(collision)", "as": "percent", "down": True, "hint": of, "selected": "share"},
         {"title": "95 %", "selected": "range"},
         *(

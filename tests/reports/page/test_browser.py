@@ -162,6 +162,7 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     assert text(page, "#chips b") == f"{len(futures)} of {run.children} futures"
     collided = len(futures & set(run.collisions["child"].to_pylist()))
     assert text(page, "#p-collision") == f"{100 * collided / len(futures):.0f} %"
+    assert "exact" not in text(page, "#p-collision-words")
     assert text(page, "#p-collision-words").startswith(f"{collided} of {len(futures)} futures selected")
     assert page.locator("#encounters tbody tr").count() == 1
     assert page.locator("#models tbody tr").count() == 2
