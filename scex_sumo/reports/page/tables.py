@@ -19,6 +19,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 _WORST = 3
+_SETS = "Stress test, or human-like where the pair is critical in these"
 _NAMED = 4  # children of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
@@ -93,17 +94,19 @@ def collision_share(run: Run) -> dict[str, Any] | None:
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     """Return the encounters of both sets with ``words``, ``pair`` by index, ``child``, ``step``, ``worst``.
 
+    ``selected`` tells what a column shows of selected futures: of a pair only collisions are known by future.
     The child of a human-like row is -1, because the page holds the futures of the stress test alone.
     """
     found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
     of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
-        {"title": "futures", "hint": "Stress test, or human-like where the pair is critical in these"},
-        {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
-        {"title": "95 %"},
+        {"title": "futures", "hint": f"{_SETS}: a click shows all futures of the stress test"},
+        {"title": "P(collision)", "as": "percent", "down": True, "hint": of, "selected": "share"},
+        {"title": "95 %", "selected": "range"},
         *(
             {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
+            | {"selected": "unknown"}
             for q in ("ttc", "pet", "drac")
         ),
         {"title": "gap", "as": "metres", "hint": "Least gap in the typical future; up to 10 m"},
@@ -113,6 +116,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         {
             "cells": _cells(one),
             "words": one.words(),
+            "share": row["collision"],
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
             "child": row["child"] if one.futures == STRESS_TEST else -1,
