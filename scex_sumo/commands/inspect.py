@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import Case, MapPath, Origin, Time, Tracks
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def inspect_command(
     zero = parse_origin(origin) if origin is not None else None
     loaded = load_recording(recording_of(map_path, tracks), zero)
     console = output_console(width=110)
+    warn(loaded.notes)
     print(f"{loaded.recording.name}: {_size(loaded)}")
     for finding in loaded.findings:
         print_line(f"repaired: {finding}", console)

@@ -17,6 +17,7 @@ from scex_sumo.commands.options import (
     Cache,
     Case,
     Fcd,
+    Force,
     MapPath,
     Metrics,
     Models,
@@ -101,6 +102,7 @@ def run_command(
     ] = "sumo",
     cache: Cache = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
+    force: Force = False,
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
@@ -145,6 +147,7 @@ def run_command(
             origin=origin,
             seed=seed,
             cache=cache,
+            force=force,
         )
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("futures", folder):

@@ -22,6 +22,7 @@ def read_seed(
     time: float | None = None,
     origin: tuple[float, float] | None = None,
     align: bool = True,
+    force: bool = False,
     cache: bool = True,
 ) -> SeedScene:
     """Read one moment of a recording, with its map.
@@ -35,11 +36,12 @@ def read_seed(
             recorded from 1 s before to 3 s after.
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
         align: move tracks beside the lanes onto them, see `align_tracks`.
+        force: accept a moment with over half of its vehicles on no lane, as a wrong origin makes them.
         cache: keep the road in ``~/.cache/scex-sumo``.
 
     Raises:
         MapError: the map cannot be read.
-        TrackError: the tracks cannot be read, or hold no such moment.
+        TrackError: the tracks cannot be read, hold no such moment, or lie beside the lanes.
 
     Example:
         >>> scex.read_seed(scex.example_path("roundabout"), time=4.0).vehicles
@@ -56,7 +58,9 @@ def read_seed(
         read_map(map_path)  # no map is the likelier reason
         raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False, keep=cache)
-    scene = recorded_scene(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
+    scene = recorded_scene(
+        map_path, tracks=track_path, case=case, time_s=time, road=road, align=align, force=force
+    )
     return dataclasses.replace(scene, road=road)
 
 
