@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Any
 
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.options import Result
+from scex_sumo.commands.shared import Answer
 
 EXAMPLE = "out/k733 --pair 17,23"
 
@@ -17,7 +17,7 @@ def encounters_command(
     folder: Result,
     pair: Annotated[str | None, Option(metavar="A,B", help="Only these two vehicles, in full.")] = None,
     most: Annotated[int, Option(metavar="N", help="How many pairs are listed.")] = 20,
-) -> None:
+) -> Answer:
     """List which vehicles meet in a run, the most critical first."""
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.encounter_table import print_encounters, print_pair
@@ -27,13 +27,17 @@ def encounters_command(
     console = output_console(width=110)
     with as_written(folder):
         run = open_run(folder)
+        rows = run.encounters.to_pylist()
         if pair is None:
             print_encounters(run, console, most=most)
         else:
-            print_pair(run, _row(run.encounters.to_pylist(), pair), console)
+            rows = [_row(rows, pair)]
+            print_pair(run, rows[0], console)
+    name = run.info["seed_scene"]["name"]
+    return lambda: {"scene": name, "futures": run.children, "encounters": rows[:most]}
 
 
-def _row(rows: list[dict[str, Any]], pair: str) -> Mapping[str, Any]:
+def _row(rows: list[dict[str, Any]], pair: str) -> dict[str, Any]:
     try:
         wanted = sorted(int(part) for part in pair.split(","))
     except ValueError:

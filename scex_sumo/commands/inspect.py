@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ from typer import Option
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import Case, MapPath, Origin, Time, Tracks
+from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -33,8 +35,9 @@ def inspect_command(
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
     ] = None,
-) -> None:
+) -> Answer:
     """List the moments of a recording, or the vehicles of one."""
+    from scex_sumo.commands.answers import inspect_answer
     from scex_sumo.commands.console import output_console
     from scex_sumo.converters.datasets.recordings import (
         load_recording,
@@ -69,11 +72,12 @@ def inspect_command(
         if best is not None:
             chosen = ["--case", best.case] if best.case else ["--time", f"{best.time_s:g}"]
             print(f"most vehicles: {shlex.join([*words, *chosen])}")
-        return
+        return partial(inspect_answer, loaded, moments, None, out)
     scene = seed_at(loaded, _time_of(loaded, case) if time is None else time, case=case)
     console.print(_vehicles_table(scene))
     chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]
     print(f"run it: {shlex.join([*words, *chosen])}")
+    return partial(inspect_answer, loaded, moments, scene, out)
 
 
 def _size(loaded: LoadedRecording) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 import sys
 from collections.abc import Sequence
@@ -35,6 +36,7 @@ from scex_sumo.commands.options import (
     parse_thresholds,
 )
 from scex_sumo.commands.seed import one_source, seed_scene
+from scex_sumo.commands.shared import Answer
 from scex_sumo.commands.view import view_command
 
 if TYPE_CHECKING:
@@ -105,15 +107,18 @@ def run_command(
     force: Force = False,
     overwrite: Overwrite = False,
     out: ResultPath = None,
-) -> None:
+) -> Answer:
     """Simulate futures of one moment of traffic, and measure how critical they become."""
     from scex_sumo.behaviors.registry import parse_models
-    from scex_sumo.extrapolation.engine import RunOptions, run_scene
+    from scex_sumo.commands.answers import run_answer
+    from scex_sumo.extrapolation.engine import RunOptions, check_world, run_scene
+    from scex_sumo.extrapolation.models import ModelSet
     from scex_sumo.extrapolation.reference import add_reference, drop_reference
     from scex_sumo.extrapolation.settings import RunSettings
     from scex_sumo.extrapolation.workers import Workers, succeeded
     from scex_sumo.statistics.bands import MAX_CHILDREN
     from scex_sumo.views.children import write_critical, write_critical_of
+    from scex_sumo.world.base import DEFAULT_WORLD
 
     if until_band is not None and children is None:
         children = str(MAX_CHILDREN)
@@ -136,7 +141,13 @@ def run_command(
     )
     if reference != NO_REFERENCE:
         parse_models(reference)  # an error now, not after the run
+    if out is not None and out.is_file():
+        raise UsageError(f"-o {out}: is a file; name a folder")
+    options = RunOptions(batch=batch, gui=gui, cache=cache)
+    if gui or world != DEFAULT_WORLD:
+        check_world(settings, ModelSet.of(settings), gui=gui)
     command = ["scex-sumo", *sys.argv[1:]]
+    page = None
     with Workers(1 if gui else min(workers, settings.count or workers)) as pool:  # start while we read
         scene = seed_scene(
             map_path,
@@ -151,14 +162,13 @@ def run_command(
         )
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("futures", folder):
-            options = RunOptions(batch=batch, gui=gui, cache=cache, progress=tick, command=command)
             result = run_scene(
                 scene,
                 settings,
                 out=folder,
                 workers=pool,
                 overwrite=overwrite,
-                options=options,
+                options=dataclasses.replace(options, progress=tick, command=command),
             )
         views = pool.submit(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:
@@ -180,6 +190,7 @@ def run_command(
     print(f"look:   scex-sumo view {shlex.quote(str(folder))} {options_of_view}")
     if gui:
         view_command(folder, **_worst_option(result))
+    return partial(run_answer, result, page)
 
 
 def _tell(run: Run) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.commands import console
 from scex_sumo.commands.console import progress_bar, warn
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ def seed_scene(
     from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 
+    if time is not None and not math.isfinite(time):
+        raise UsageError(f"--time {time}: needs a moment in seconds")
     zero = parse_origin(origin) if origin is not None else None
     if synthetic is None:
         scene = read_seed(
@@ -57,7 +61,7 @@ def seed_scene(
 
 def _brief(note: str) -> str:
     """Return the first finding of a long note; ``run.json`` has the rest."""
-    first, *others = note.split("; ")
+    first, *others = note.split("; ") if console.level <= 0 else [note]
     return f"{first}; {len(others)} more in run.json" if others and len(note) > _LONG else note
 
 

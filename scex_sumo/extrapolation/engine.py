@@ -87,7 +87,7 @@ def run_scene(
     )
     settings.check_size(len(assignment), scene.vehicles)
     models.try_on(scene, seed=settings.seed)
-    _check_world(settings, models, options.gui)
+    check_world(settings, models, gui=options.gui)
     temporary = TemporaryFolder() if out is None else None
     path = Path(temporary.name) / "run" if temporary else Path(str(out))
     folder = ResultFolder(path, _identity(scene, settings, models, assignment), overwrite=overwrite)
@@ -120,7 +120,7 @@ def run_scene(
     return run
 
 
-def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
+def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
     """Raise a `UsageError` if SUMO is needed and the world has none."""
     by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
