@@ -103,6 +103,7 @@ def run_command(
         ),
     ] = "sumo",
     cache: Cache = True,
+    exact: Annotated[bool, Option(help="Some more futures, for exact probabilities.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     force: Force = False,
     overwrite: Overwrite = False,
@@ -143,7 +144,7 @@ def run_command(
         parse_models(reference)  # an error now, not after the run
     if out is not None and out.is_file():
         raise UsageError(f"-o {out}: is a file; name a folder")
-    options = RunOptions(batch=batch, gui=gui, cache=cache)
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact)
     if gui or world != DEFAULT_WORLD:
         check_world(settings, ModelSet.of(settings), gui=gui)
     command = ["scex-sumo", *sys.argv[1:]]
@@ -175,7 +176,7 @@ def run_command(
             drop_reference(result)
         else:
             with progress_bar("reference") as tick, resumable("futures", folder):
-                options = RunOptions(cache=cache, progress=tick, command=command)
+                options = RunOptions(cache=cache, exact=exact, progress=tick, command=command)
                 add_reference(result, scene, reference, settings, workers=pool, options=options)
         _tell(result)
         print(f"result: {folder}")

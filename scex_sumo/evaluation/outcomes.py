@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.evaluation.severity import Severity
 from scex_sumo.metrics.collisions import KINDS, SIDES, Collisions
 from scex_sumo.metrics.encounters import Encounters
 
@@ -24,14 +25,19 @@ COLLISIONS_SCHEMA: Final = pa.schema(
         ("side", pa.string()),
         ("other_side", pa.string()),
         *((name, pa.float64()) for name in ("relative_speed", "overlap", "x", "y")),
+        *((name, pa.float64()) for name in ("delta_v", "delta_v_other", "p_mais3", "p_mais3_other")),
+        ("fault", pa.string()),
     ]
 )
-"""``step`` is the first one after the impact at ``time_s``; both count from the seed moment."""
+"""``step`` is the first one after the impact at ``time_s``; both count from the seed moment. The last
+five are those of `Severity`; ``p_mais3`` is null for types that the curve does not cover."""
 
 _SMALL = {"first": np.int32, "second": np.int32, "kind": np.int8, "towards": np.int8}
 
 
-def collisions_table(hits: Collisions, *, children: IntArray, track_ids: IntArray, first: int) -> pa.Table:
+def collisions_table(
+    hits: Collisions, severity: Severity, *, children: IntArray, track_ids: IntArray, first: int
+) -> pa.Table:
     """Tabulate the collisions of C children with numbers (C,), by child, time and pair.
 
     In a rear-end collision ``track_id`` hits ``other_id``.
@@ -50,6 +56,11 @@ def collisions_table(hits: Collisions, *, children: IntArray, track_ids: IntArra
         "overlap": hits.overlap,
         "x": hits.x,
         "y": hits.y,
+        "delta_v": severity.delta_v,
+        "delta_v_other": severity.delta_v_other,
+        "p_mais3": pa.array(severity.p_mais3, from_pandas=True),
+        "p_mais3_other": pa.array(severity.p_mais3_other, from_pandas=True),
+        "fault": pa.array(severity.faults(), pa.string()),
     }
     return pa.table({name: pa.array(values) for name, values in columns.items()}, schema=COLLISIONS_SCHEMA)
 

@@ -15,7 +15,7 @@ from scex_sumo.evaluation.blocks import Block, blocks
 from scex_sumo.evaluation.outcomes import after_collision
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PAPER, MetricParameters
-from scex_sumo.metrics.collisions import Collisions, find_collisions
+from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate, evaluate_pairs
 from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.metric import Metric
@@ -130,7 +130,7 @@ def _other_ids(ids: IntArray | None, count: int) -> pa.Array:
 def _pair_rows(
     block: Block, metrics: Sequence[Metric], options: dict[str, Any], *, outcomes: bool
 ) -> list[pa.Table]:
-    hits = find_collisions(block.tracks) if outcomes else None
+    hits = find_collisions(block.tracks, limit_m2=CONTACT_M2) if outcomes else None
     values = evaluate_pairs(block.tracks, block.planned, **options)
     tables = []
     for metric in metrics:
@@ -209,7 +209,7 @@ class _Cases:
         self.origin = np.zeros((count, size, 3), dtype=np.int64)
 
     def add(self, block: Block, values: ScenarioValues) -> None:
-        hits = find_collisions(block.tracks) if self.outcomes else None
+        hits = find_collisions(block.tracks, limit_m2=CONTACT_M2) if self.outcomes else None
         if hits is not None:
             self.collided[block.case[np.unique(hits.child)]] = True
         for column, metric in enumerate(self.metrics):

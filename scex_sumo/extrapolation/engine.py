@@ -15,6 +15,7 @@ from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.net_cache import converted
+from scex_sumo.extrapolation.exact_futures import find_exact, why_not_exact
 from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
@@ -24,6 +25,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import write_tables
 from scex_sumo.metrics.registry import thresholds_of
+from scex_sumo.results.exact import EXACT, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.provenance import describe, digest, versions
@@ -51,6 +53,7 @@ class RunOptions:
     gui: bool = False
     cache: bool = True
     compared: bool = True
+    exact: bool = True
     progress: Progress | None = None
     command: Sequence[str] | None = None
 
@@ -112,12 +115,22 @@ def run_scene(
         scene, settings.steps, replan=settings.replan, metrics=settings.measured, preset=settings.rule
     )
     part = write_tables(folder, job, recorded, workers=workers)
+    _write_exact(job, part, options, workers)
+    watch.lap("exact")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
     return run
+
+
+def _write_exact(job: Job, part: Part, options: RunOptions, workers: Workers) -> None:
+    """Write ``exact.json``, unless the run has no exact probabilities."""
+    remove_exact(job.folder)
+    if options.exact and why_not_exact(job.settings, job.models, len(job.assignment)) is None:
+        assert part.encounters is not None
+        write_exact(find_exact(job, part.encounters, workers), job.folder / EXACT)
 
 
 def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:

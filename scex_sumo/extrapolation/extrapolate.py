@@ -41,6 +41,7 @@ def extrapolate(
     batch: int | None = None,
     gui: bool = False,
     cache: bool = True,
+    exact: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
 ) -> Run:
@@ -57,6 +58,7 @@ def extrapolate(
         batch: children side by side in one world; None for about 6000 vehicles.
         gui: show the run live in sumo-gui.
         cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
+        exact: run more futures for exact probabilities if all models are deterministic, see `Run.exact`.
         progress: called with (steps done, steps in all).
         command: the command line, for ``run.json``.
 
@@ -88,6 +90,6 @@ def extrapolate(
         reflect=reflect,
         keep_plans=keep_plans,
     )
-    options = RunOptions(batch=batch, gui=gui, cache=cache, progress=progress, command=command)
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, progress=progress, command=command)
     with Workers(1 if gui else min(workers, settings.count or workers)) as pool:
         return run_scene(scene, settings, out=out, overwrite=overwrite, workers=pool, options=options)

@@ -184,7 +184,9 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
             track_ids=ids,
         ),
         tested=_tested(job, rollout),
-        collisions=collisions_table(hits, children=children, track_ids=ids, first=LOGGED_HISTORY),
+        collisions=collisions_table(
+            hits, outcome.severity, children=children, track_ids=ids, first=LOGGED_HISTORY
+        ),
         encounters=encounter_rows(outcome.encounters, children),
     )
 

@@ -11,11 +11,12 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
+from scex_sumo.evaluation.severity import Severity, severity_of
 from scex_sumo.evaluation.tables import worst_table
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.metrics.collisions import OVERLAP_M2, Collisions, find_collisions
+from scex_sumo.metrics.collisions import CONTACT_M2, OVERLAP_M2, Collisions, find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
 from scex_sumo.metrics.metric import Metric
@@ -26,10 +27,11 @@ from scex_sumo.world.plain import PlainWorld
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """Metric values, collisions and encounters of a batch."""
+    """Metric values, collisions with their severity, and encounters of a batch."""
 
     values: ScenarioValues
     collisions: Collisions
+    severity: Severity
     encounters: Encounters
 
 
@@ -55,23 +57,26 @@ def measure_outcome(
     metrics: Sequence[Metric] | None = None,
     preset: str = PAPER_PRESET,
     counted: BoolArray | None = None,
+    limit_m2: float = CONTACT_M2,
 ) -> Outcome:
     """Measure a batch of children by the metrics, or by the paper's six.
 
     Args:
         preset: car-following rule of the metrics that leave it open.
         counted: (T, V) steps in which a vehicle counts; None: all.
+        limit_m2: overlap above which vehicles have collided; `OVERLAP_M2` for boxes as recorded.
     """
     present = None if counted is None else counted[None].repeat(len(rollout.children), axis=0)
     tracks, planned = _evaluated(scene, rollout, present)
-    hits = find_collisions(tracks)
+    hits = find_collisions(tracks, limit_m2=limit_m2)
     met: list[Encounters] = []
 
     def meet(start: int, scenes: Scenes) -> None:
         met.append(encounters_of(scenes, hits, start))
 
     values = evaluate(tracks, planned, preset=preset, metrics=metrics, also=meet)
-    return Outcome(values=values, collisions=hits, encounters=Encounters.join(met))
+    severity = severity_of(tracks, hits, scene.types, scene.road)
+    return Outcome(values=values, collisions=hits, severity=severity, encounters=Encounters.join(met))
 
 
 def measure_rollout(

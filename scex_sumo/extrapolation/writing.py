@@ -53,7 +53,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     folder.write_table("metrics.parquet", metrics.append_column(COLLISION, pa.array(hit)))
     folder.write_table("worst.parquet", part.worst)
     folder.write_table(COLLISIONS, part.collisions)
-    folder.write_table(ENCOUNTERS, _encounters(job, part.encounters, intervals))
+    folder.write_table(ENCOUNTERS, _encounters(job, part, intervals))
     if part.tested is not None:
         values, defined = part.tested
         folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.children))
@@ -70,11 +70,17 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     return part
 
 
-def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Table:
+def _encounters(job: Job, part: Part, intervals: DesignIntervals) -> pa.Table:
+    assert part.encounters is not None and part.collisions is not None
     models = np.array(job.models.names)[job.assignment]
-    found = encounters_of_rows(rows)
-    ids = job.scene.track_ids
-    return encounters_table(found, track_ids=ids, models=models, intervals=intervals, road=job.road)
+    return encounters_table(
+        encounters_of_rows(part.encounters),
+        track_ids=job.scene.track_ids,
+        models=models,
+        intervals=intervals,
+        collisions=part.collisions,
+        road=job.road,
+    )
 
 
 def _each(

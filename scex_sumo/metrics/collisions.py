@@ -1,7 +1,8 @@
 """Collisions of vehicles: pair, time, kind, speed; exact between steps.
 
-Two vehicles collide if their rectangles overlap by more than 0.1 m² after the seed moment, but not at it.
-Between steps, positions and headings change linearly.
+Two vehicles collide if their rectangles overlap after the seed moment, but not at it. Simulated boxes are
+exact: any overlap counts. In recordings, and between vehicles that touch at the seed moment, more than 0.1 m²
+counts. Between steps, positions and headings change linearly.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ from scex_sumo.geometry.rectangles import (
 from scex_sumo.metrics.base import Rows, SceneTracks
 
 OVERLAP_M2: Final = 0.1
-"""Overlap above which two vehicles have collided."""
+"""Overlap above which two recorded vehicles, or two that touch at the seed moment, have collided."""
+
+CONTACT_M2: Final = 1e-6
+"""Overlap above which two simulated vehicles have collided: any but rounding."""
 
 KINDS: Final = ("rear-end", "side", "head-on")
 SIDES: Final = ("front", "rear", "left", "right")
@@ -66,11 +70,17 @@ class Collisions(Rows):
         return hit
 
 
-def find_collisions(tracks: SceneTracks) -> Collisions:
-    """Find the first collision of every pair in every child."""
+def find_collisions(tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2) -> Collisions:
+    """Find the first collision of every pair in every child.
+
+    Args:
+        limit_m2: overlap above which vehicles collide that do not touch at the seed moment; `CONTACT_M2` for
+            simulated tracks.
+    """
     start = max(tracks.first - 1, 0)
     moves = _contacts(near_moves(tracks, start))
-    at, which = _first_of_pair(moves, *_exceeding(moves))
+    limit = _limits(moves, start, limit_m2)
+    at, which = _first_of_pair(moves, *_exceeding(moves, limit))
     if not len(which):
         number, value = np.empty(0, dtype=np.int64), np.empty(0)
         empty: dict[str, Any] = {
@@ -78,7 +88,13 @@ def find_collisions(tracks: SceneTracks) -> Collisions:
         }
         return Collisions(**empty)
     hits = moves.take(which)
-    return _described(*_impact(hits, at), hits, at, start)
+    return _described(*_impact(hits, at, limit[which]), hits, at, start)
+
+
+def _limits(moves: Moves, start: int, limit_m2: float) -> FloatArray:
+    """Return the (N,) overlap above which each pair has collided, m²."""
+    at_seed = moves.at_step(np.full(moves.step.size, start)).overlap(np.zeros(moves.step.size))
+    return np.where(at_seed > limit_m2, max(limit_m2, OVERLAP_M2), limit_m2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,28 +229,29 @@ def _contacts(moves: Moves) -> Moves:
     return moves.take(np.flatnonzero(ends <= gap_way))
 
 
-def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
-    """Find the moves whose overlap exceeds `OVERLAP_M2` by branch and bound: (F,) share and index."""
+def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Find the moves whose overlap exceeds their limit (N,) by branch and bound: (F,) share and index."""
     count = moves.child.size
     share = np.full(count, np.inf)
     start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
-    share[end > OVERLAP_M2] = 1.0
-    share[start > OVERLAP_M2] = 0.0
+    share[end > limit] = 1.0
+    share[start > limit] = 0.0
     gap_way, corner_way = moves.way()
     inner = np.minimum(*(np.hypot(*moves.half_sizes(v)) for v in (moves.first, moves.second)))
     growth = 2 * np.pi * inner * corner_way  # no outline within the smaller one is longer
-    move = np.flatnonzero((share > 0) & (start + end + growth > 2 * OVERLAP_M2))
+    move = np.flatnonzero((share > 0) & (start + end + growth > 2 * limit))
     low, width = np.zeros(move.size), 1.0
     ends = start[move], end[move]
     for _ in range(_SPLITS):
         width /= 2
         part, middle = moves.take(move), low + width
         area, gap = part.overlap(middle), part.separation(middle)
-        np.minimum.at(share, move[area > OVERLAP_M2], middle[area > OVERLAP_M2])
+        over = area > limit[move]
+        np.minimum.at(share, move[over], middle[over])
         # A pair apart in the middle by more than half the way does not touch in this part.
         close = gap <= gap_way[move] * width
         rise = growth[move] * width
-        left, right = (close & (e + area + rise > 2 * OVERLAP_M2) for e in ends)
+        left, right = (close & (e + area + rise > 2 * limit[move]) for e in ends)
         move, low, ends = (
             np.concatenate([move[left], move[right]]),
             np.concatenate([low[left], middle[right]]),
@@ -272,7 +289,7 @@ def _is_seen_first(moves: Moves) -> BoolArray:
     return np.asarray(~seen)
 
 
-def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
+def _impact(hits: Moves, share: FloatArray, limit: FloatArray) -> tuple[Moves, FloatArray]:
     """Find the start of the contact that grew to a collision; touching pairs collide at the limit."""
     step, end = hits.step.copy(), share.copy()
     going = np.flatnonzero(hits.separation(np.zeros(share.size)) <= 0)
@@ -291,7 +308,7 @@ def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
     low, high = np.zeros(share.size), end
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        over = np.where(touching, moves.overlap(middle) > OVERLAP_M2, moves.separation(middle) <= 0)
+        over = np.where(touching, moves.overlap(middle) > limit, moves.separation(middle) <= 0)
         low, high = np.where(over, low, middle), np.where(over, middle, high)
     return moves, high
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from rich.text import Text
 from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
 from scex_sumo.extrapolation.fallbacks import fallback_lines
 from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of, side_of
+from scex_sumo.results.exact import CollisionShare
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
@@ -33,7 +34,7 @@ def answer_lines(run: Run) -> list[str]:
     """Return collision shares, always critical metrics and the worst encounters in words."""
     both = (("stress test", run, "any of the models"), ("human-like", run.reference, "people were recorded"))
     lines = [
-        f"{name}: a collision in {one.p_collision.percent} of futures, driven as {how}"
+        f"{name}: a collision in {one.p_collision.percent} of futures, driven as {how}{_sure(one)}"
         for name, one, how in both
         if one is not None and one.outcomes
     ]
@@ -43,7 +44,24 @@ def answer_lines(run: Run) -> list[str]:
         lines.append("worst encounters, a vehicle hits or follows → another (how, where, after what time):")
     elif (run.folder / ENCOUNTERS).is_file():
         lines.append("no encounter of two vehicles is critical in any future")
-    return lines + [f"  {in_words(row)}" for row in worst]
+    return lines + [f"  {encounter_in_words(run, row)}" for row in worst]
+
+
+def _sure(run: Run) -> str:
+    share = run.p_collision
+    return f"; {share.tables.told()}" if share.tables is not None and share.exact is not None else ""
+
+
+def encounter_in_words(run: Run, row: Mapping[str, Any]) -> str:
+    """Return an encounter in words, with its cut sets where the run has an exact table."""
+    exact = run.exact
+    return in_words(row, None if exact is None else exact.table(row["track_id"], row["other_id"]))
+
+
+def expected_injuries(run: Run) -> float | None:
+    """Return the expected number of severe injuries (MAIS 3+) in a future; None in older results."""
+    there = (run.folder / ENCOUNTERS).is_file() and "expected_mais3" in run.encounters.column_names
+    return float(np.sum(np.asarray(run.encounters["expected_mais3"]))) if there else None
 
 
 def worst_encounters(run: Run) -> list[dict[str, Any]]:
@@ -110,7 +128,17 @@ def summary_table(run: Run) -> Table:
             "–",
             "any",
             *(() if likely is None else (f"{likely.p_collision.value:.1%}",)),
-            *_shares(run.p_collision),
+            *_collision_shares(run.p_collision),
+            f"{run.children}/{run.children}",
+        )
+    if (injuries := expected_injuries(run)) is not None:
+        human = None if likely is None else expected_injuries(likely)
+        table.add_row(
+            Text("severe injuries [‰]"),
+            *("–",) * 3,
+            *(() if likely is None else ("–" if human is None else f"{1000 * human:.2f}",)),
+            f"{1000 * injuries:.2f}",
+            "–",
             f"{run.children}/{run.children}",
         )
     for column in critical_columns(run.columns):
@@ -144,6 +172,10 @@ def _critical(run: Run, column: str, threshold: float | None, likely: Run | None
 def _shares(share: Interval) -> tuple[str, str]:
     exact = share.low == share.high
     return f"{share.value:.1%}", "–" if exact else f"{100 * share.low:.1f}–{100 * share.high:.1f}"
+
+
+def _collision_shares(share: CollisionShare) -> tuple[str, str]:
+    return _shares(share) if share.exact is None else (f"{share.exact:.1%}", "exact")
 
 
 def _recorded_overlaps(run: Run) -> str:

@@ -32,7 +32,7 @@ class ResultFolder(OutputFolder):
         for pattern in _PATTERNS:
             for file in self.path.glob(pattern):
                 file.unlink()
-        for name in (PARTS, "sumo", "baseline", "reference"):
+        for name in (PARTS, "sumo", "baseline", "reference", "exact"):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _prepare(self) -> None:
@@ -98,6 +98,8 @@ _PATTERNS = (
     "scene.png",
     "under_test.*",
     "fallbacks.*",
+    "exact.json",
+    "evidence.html",
     "explain*",
     "sample_size*",
 )

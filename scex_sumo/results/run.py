@@ -17,6 +17,7 @@ from scex_sumo.base.registry import Registry
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
+from scex_sumo.results.exact import CollisionShare, Encounter, Exact, read_exact
 from scex_sumo.results.info import read_info
 from scex_sumo.results.tables import (
     StateBlocks,
@@ -123,9 +124,29 @@ class Run:
         return intervals_of(self.info, self.assignments if there else None, self.children)
 
     @cached_property
-    def p_collision(self) -> Interval:
-        """Share of the children in which two vehicles collide, with its 95 % interval."""
-        return self.intervals.share(np.asarray(self.metrics[COLLISION]))
+    def p_collision(self) -> CollisionShare:
+        """Share of the children in which two vehicles collide, with its 95 % interval.
+
+        Called, it returns the exact probability, with other weights of the models if they are given.
+        """
+        share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
+        return CollisionShare(**vars(share), tables=self.exact)
+
+    @cached_property
+    def exact(self) -> Exact | None:
+        """Exact probabilities of the encounters; None if the run has none."""
+        return read_exact(self.folder)
+
+    def encounter(self, one: int, other: int) -> Encounter:
+        """Return the encounter of two vehicles, with its influence table and cut sets.
+
+        Raises:
+            UsageError: these two meet in no child.
+        """
+        for row in self.encounters.to_pylist():
+            if {row["track_id"], row["other_id"]} == {one, other}:
+                return Encounter(row=row, exact=self.exact)
+        raise UsageError(f"{one}, {other}: these two vehicles meet in no child of the run")
 
     @cached_property
     def baseline(self) -> Run | None:

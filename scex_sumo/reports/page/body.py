@@ -59,8 +59,13 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
 
 def _big(share: Mapping[str, Any], what: str) -> tuple[Html, Html]:
     of = f"{what}; {share['count']} of {counted(share['children'], 'future')}; "
-    sure = element("span.nowrap", f"95 %: {percent(share['low'])} – {percent(share['high'])}")
-    number = element("div.big.hot" if share["count"] else "div.big", percent(share["value"]))
+    exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
+    sure = element("span.nowrap", f"95 %: {interval}" if exact is None else f"sampled: {interval}")
+    number = element(
+        "div.big.hot" if share["count"] else "div.big",
+        percent(share["value"]) if exact is None else f"{100 * exact:.4g} %",
+    )
+    of = of if exact is None else f"exact; {of}"
     return number, element("p.soft", of, sure)
 
 

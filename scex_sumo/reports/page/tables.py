@@ -9,10 +9,11 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
+from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.reports.encounter_table import QUESTIONS
+from scex_sumo.reports.run_table import encounter_in_words
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -82,7 +83,7 @@ def collision_share(run: Run) -> dict[str, Any] | None:
     if COLLISION_COLUMN not in run.metrics.column_names:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
-    interval = {"value": share.value, "low": share.low, "high": share.high}
+    interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
     return {"count": count, "children": run.children, **interval}
 
 
@@ -110,7 +111,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
                 round(row["time_s"], 1),
             ],
-            "words": in_words(row),
+            "words": encounter_in_words(run, row),
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
             "child": row["child"],

@@ -16,6 +16,7 @@ from scex_sumo.commands.options import Result, metric_option
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
+    from scex_sumo.exact.tables import InfluenceTable
     from scex_sumo.results.run import Run
     from scex_sumo.studies.explain.effects import Effect
     from scex_sumo.studies.explain.explain import Explanation
@@ -128,6 +129,14 @@ def _sources(effects: Sequence[Effect], ids: Sequence[int]) -> str:
     return ", ".join([*words, f"{effects[-1].share:.1%} not explained"])
 
 
+def _exact_table(run: Run, metric: str) -> InfluenceTable | None:
+    """Return the influence table of two vehicles' collision; None for other metrics."""
+    from scex_sumo.studies.explain.explain import pair_of
+
+    pair = pair_of(metric)
+    return run.exact.table(*pair) if run.exact is not None and pair is not None else None
+
+
 def _told(
     run: Run,
     explanation: Explanation,
@@ -142,12 +151,16 @@ def _told(
     p, whole = explanation.p_critical, run.intervals.whole
     sure = "" if whole else f" (95 %: {p.low:.1%} – {p.high:.1%})"
     yield f"{explanation.question(explanation.metric)}: {p.value:.1%} of {p.count} futures{sure}"
-    for c in explanation.rules:
+    table = _exact_table(run, explanation.metric)
+    if table is not None:
+        yield f"  exactly if ({100 * table.probability():.4g} %, checked on {table.checked} futures):"
+        yield from (f"    {words}" for words in table.in_words())
+    for c in explanation.rules if table is None else ():
         models = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
         sure = "" if whole else f"95 %: {c.low:.0%} – {c.high:.0%}, "
         counted = f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones"
         yield f"  {c.share:.0%} with {models} ({sure}{counted})"
-    if explanation.effects:
+    if explanation.effects and table is None:
         yield f"  variance: {_sources(explanation.effects, ids)}"
     for row in worst:
         value = [f"{row['value']:.3g}"] if explanation.metric in run.columns else []

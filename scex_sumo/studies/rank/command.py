@@ -47,6 +47,9 @@ def rank_command(
     threshold: Thresholds = None,
     keep: Annotated[str, Option(metavar="none|critical|all", help="Futures whose tracks are kept.")] = "none",
     top: Annotated[int, Option(help="Moments on the page.")] = 10,
+    by: Annotated[
+        str, Option(metavar="mixed|severity|collisions|encounters", help="Order of the moments.")
+    ] = "mixed",
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
@@ -75,6 +78,7 @@ def rank_command(
             keep=keep,
             cache=cache,
             top=top,
+            by=by,
             seed=seed,
             workers=workers,
             cluster=cluster,
@@ -141,7 +145,10 @@ def _print_top(ranking: Ranking) -> None:
     console = output_console(width=160)
     print_table(table, console)
     about = "P(collision): stress test; encounters: critical ones of a future"
-    print_line(f"{about} on average; ranked by collisions, how hard they are, and these", console)
+    order = (
+        "collisions, how hard they are, and these" if ranking.info.get("by") is None else ranking.info["by"]
+    )
+    print_line(f"{about} on average; ranked by {order}", console)
 
 
 def _worst_pair(row: Mapping[str, Any]) -> str:

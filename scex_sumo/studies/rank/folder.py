@@ -22,7 +22,7 @@ from scex_sumo.studies.moments.folder import (
 )
 from scex_sumo.studies.moments.references import Listing, MomentRef, as_row, from_row, plain
 from scex_sumo.studies.moments.settings import built
-from scex_sumo.studies.rank.children import MomentPart, children_schema
+from scex_sumo.studies.rank.children import PAIR_NUMBERS, MomentPart, children_schema
 from scex_sumo.studies.rank.settings import RankSettings
 
 REPORTS = "moments"
@@ -132,6 +132,6 @@ class RankFolder(StudyFolder):
             raise damaged(file, "has rows with other vehicles")
         if not self._models.issuperset(name for row in models for name in row):
             raise damaged(file, f"has models other than {', '.join(sorted(self._models))}")
-        if any(len(row) % 4 for row in table["critical_pairs"].to_pylist()):
+        if any(len(row) % PAIR_NUMBERS for row in table["critical_pairs"].to_pylist()):
             raise damaged(file, "column critical_pairs has incomplete rows")
         return table

@@ -21,7 +21,7 @@ from scex_sumo.studies.rank.children import run_moment
 from scex_sumo.studies.rank.folder import RankFolder
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import Progress, RankingRun
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.settings import MIXED, RankSettings
 from scex_sumo.studies.rank.table import ranking_table, write_ranking
 
 
@@ -56,6 +56,7 @@ def rank(
     children: int = 96,
     top: int = 10,
     keep: str = "none",
+    by: str = MIXED,
     cache: bool = True,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
@@ -69,7 +70,7 @@ def rank(
         out: folder of the ranking; an interrupted one goes on.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
-        every: as of `scex_sumo.studies.rank.settings.RankSettings`, like the next six.
+        every: as of `scex_sumo.studies.rank.settings.RankSettings`, like the next seven.
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
         progress: called with (children done, children expected).
@@ -93,6 +94,7 @@ def rank(
         first=first,
         top=top,
         keep=keep,
+        by=by,
         cache=cache,
     )
     recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)

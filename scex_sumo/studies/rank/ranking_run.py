@@ -155,7 +155,7 @@ class RankingRun:
     def _count(self, ref: MomentRef, children: pa.Table) -> None:
         models, scores = self._scores.setdefault(ref.moment, ([], []))
         models.extend(children["model"].to_pylist())
-        scores.extend(score_of(pairs_of(children)).tolist())
+        scores.extend(score_of(pairs_of(children), self.settings.by).tolist())
         score, error = mean_score(np.array(scores), self.settings.intervals(models))
         kept = pc.sum(children["kept"]).as_py()
         tally = Tally(children=len(children), score=score, error=error, kept=kept)

@@ -19,6 +19,7 @@ from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, r
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.studies.moments.references import Failure
 from scex_sumo.studies.moments.run import MomentTask, attempt, compared
@@ -170,7 +171,14 @@ def _seen(
 ) -> _Children:
     seen = as_recorded(scene, children.driven, noise, rng)
     counted = recorded_steps_of(scene, settings.steps)
-    found = measure_outcome(scene, seen, metrics=settings.measured, preset=settings.rule, counted=counted)
+    found = measure_outcome(
+        scene,
+        seen,
+        metrics=settings.measured,
+        preset=settings.rule,
+        counted=counted,
+        limit_m2=OVERLAP_M2,
+    )
     collided = np.zeros(len(seen.children), dtype=bool)
     collided[found.collisions.child] = True
     values = np.where(found.values.defined, found.values.values, np.nan)

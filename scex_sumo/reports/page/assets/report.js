@@ -51,6 +51,7 @@ function runReport(run) {
   };
 
   showTables(info.tables);
+  if (byId("exact")) exactCard(info.exact);
   const redraw = () => state.change({}, "size");
   for (const button of all("[data-encounter]")) button.onclick = () => jump(info.encounters.rows[button.dataset.encounter]);
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });
