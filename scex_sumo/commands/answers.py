@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,8 @@ import numpy as np
 
 from scex_sumo.converters.datasets.moment import busiest
 from scex_sumo.metrics.registry import critical_columns, metric_of, side_of
+from scex_sumo.reports.encounter_rows import STRESS_TEST, Meeting, meetings
+from scex_sumo.results.exact import Encounter
 from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
@@ -32,8 +35,21 @@ def run_answer(run: Run, page: Path | None = None) -> dict[str, Any]:
             **_both(run, lambda one: one.p_collision if one.outcomes else None),
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
-        "encounters": run.encounters.to_pylist(),
+        "encounters": meeting_rows(meetings(run)),
     }
+
+
+def meeting_rows(
+    found: Sequence[Meeting], weights: Mapping[str, float] | None = None
+) -> list[dict[str, Any]]:
+    """Return encounters as rows; ``weights`` of models are for exact probabilities of the stress test."""
+    rows = []
+    for one in found:
+        table = Encounter(row=one.row, exact=one.run.exact).table
+        asked = weights if one.futures == STRESS_TEST else None
+        exact = None if table is None else table.probability(asked)
+        rows.append({"futures": one.futures, **one.row, "exact_collision": exact})
+    return rows
 
 
 def _both(run: Run, share: Any) -> dict[str, Any]:

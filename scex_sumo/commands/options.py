@@ -76,6 +76,13 @@ Models = Annotated[
 Preset = Annotated[
     str, typer.Option(metavar="paper|path|both", help="Metrics: the paper's, those along paths, or both.")
 ]
+RunPreset = Annotated[
+    str | None,
+    typer.Option(
+        metavar="paper|path|both",
+        help="Metrics: the paper's, those along paths, or both (default: main ones are shown).",
+    ),
+]
 Metrics = Annotated[
     str | None, typer.Option(metavar="NAME,...", help="These metrics, also of your own; else the preset's.")
 ]

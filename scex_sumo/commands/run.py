@@ -24,9 +24,9 @@ from scex_sumo.commands.options import (
     Models,
     Origin,
     Overwrite,
-    Preset,
     Processes,
     ResultPath,
+    RunPreset,
     Seed,
     State,
     Synthetic,
@@ -82,7 +82,7 @@ def run_command(
     until_band: Annotated[
         float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")
     ] = None,
-    preset: Preset = "both",
+    preset: RunPreset = None,
     metrics: Metrics = None,
     threshold: Thresholds = None,
     reflect: Annotated[bool, Option(help="Separate shared values and reflect densities at 0.")] = True,
@@ -123,7 +123,7 @@ def run_command(
 
     if until_band is not None and children is None:
         children = str(MAX_CHILDREN)
-    given = {"models": models, "children": children, "design": design}
+    given = {"models": models, "children": children, "design": design, "preset": preset}
     settings = RunSettings(
         **{name: value for name, value in given.items() if value is not None},
         assign=parse_assign(assign or ()),
@@ -134,7 +134,6 @@ def run_command(
         replan=replan,
         seed=seed,
         world=world,
-        preset=preset,
         metrics=None if metrics is None else [name.strip() for name in metrics.split(",")],
         thresholds=parse_thresholds(threshold),
         reflect=reflect,
@@ -178,7 +177,7 @@ def run_command(
             with progress_bar("reference") as tick, resumable("futures", folder):
                 options = RunOptions(cache=cache, exact=exact, progress=tick, command=command)
                 add_reference(result, scene, reference, settings, workers=pool, options=options)
-        _tell(result)
+        _tell(result, preset)
         print(f"result: {folder}")
         if plots:
             from scex_sumo.reports.page.report import write_report
@@ -187,19 +186,20 @@ def run_command(
             if views is None or not succeeded(views):
                 write_critical(result)
             print(f"report: {page}")
-    options_of_view = " ".join(f"--{name} {value}" for name, value in _worst_option(result).items())
-    print(f"look:   scex-sumo view {shlex.quote(str(folder))} {options_of_view}")
+    shown, option = _worst_option(result)
+    options_of_view = " ".join(f"--{name} {value}" for name, value in option.items())
+    print(f"look:   scex-sumo view {shlex.quote(str(shown))} {options_of_view}")
     if gui:
-        view_command(folder, **_worst_option(result))
+        view_command(shown, **option)
     return partial(run_answer, result, page)
 
 
-def _tell(run: Run) -> None:
+def _tell(run: Run, preset: str | None) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.run_table import print_summary
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
-    print_summary(run, output_console(width=110))
+    print_summary(run, output_console(width=110), preset=preset)
     if run.info["band"] is not None:
         _print_band(run.info["band"])
     if run.baseline is not None:
@@ -208,14 +208,15 @@ def _tell(run: Run) -> None:
         print_under_test(run.under_test, output_console(width=110))
 
 
-def _worst_option(run: Run) -> dict[str, Any]:
-    """Return the option of ``view`` for the worst encounter, else the most critical child, else any child."""
-    from scex_sumo.reports.run_table import worst_encounters
+def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
+    """Return folder and option of ``view``: the worst encounter, else the most critical, else any child."""
+    from scex_sumo.reports.encounter_rows import meetings, worst_of
 
-    if worst := worst_encounters(run):
-        return {"encounter": f"{worst[0]['track_id']},{worst[0]['other_id']}"}
+    if worst := worst_of(meetings(run), 1):
+        row = worst[0].row
+        return worst[0].run.folder, {"encounter": f"{row['track_id']},{row['other_id']}"}
     defined = [column for column in ("ttc", "wttc") if len(run.samples(column))]
-    return {"critical": defined[0]} if defined else {"child": 0}
+    return run.folder, {"critical": defined[0]} if defined else {"child": 0}
 
 
 def _print_band(band: dict[str, Any]) -> None:

@@ -113,7 +113,7 @@ def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
 
 
 def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[int, ...]:
-    """Return the children in which two vehicles come closest, the closest first.
+    """Return the typical child in which two vehicles meet, as `view` shows it, then the closest ones.
 
     Raises:
         UsageError: one of them is not in the seed scene.
@@ -126,7 +126,10 @@ def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[i
             raise UsageError(f"--encounter {first},{second}: no vehicle {track}; known: {vehicles}")
     pair = [ids.index(first), ids.index(second)]
     gaps = [_least_gap(scene, run.states(child), pair) for child in range(run.children)]
-    return tuple(int(child) for child in np.argsort(gaps, kind="stable")[:count])
+    rows = run.encounters.to_pylist()
+    typical = [row["child"] for row in rows if {row["track_id"], row["other_id"]} == {first, second}]
+    order = [*typical, *np.argsort(gaps, kind="stable").tolist()]
+    return tuple(dict.fromkeys(order))[:count]
 
 
 def _least_gap(scene: SeedScene, states: States, pair: list[int]) -> float:

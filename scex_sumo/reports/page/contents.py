@@ -104,7 +104,7 @@ def _words(
         "ticks": [(value, f"{words} s") for value, words in ticks(0, int(run.info["steps"]) * STEP_S)],
         "bandwidth": BANDWIDTH,
         "collision": collision_share(run),
-        "collisions": collision_places(run),
+        "collisions": collision_places(run, track_ids),
         "encounters": encounter_table(run, track_ids),
         "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,

@@ -9,11 +9,10 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, meetings
 from scex_sumo.reports.encounter_table import QUESTIONS
-from scex_sumo.reports.run_table import encounter_in_words
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -47,7 +46,7 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
     order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
     columns = [
         {"title": "vehicles"},
-        {"title": "value", "as": "real", "none": "∞", "hint": "Of collisions: relative speed, m/s"},
+        {"title": "value", "as": "real", "none": "∞"},
         {"title": "after", "as": "seconds"},
         {"title": "futures", "as": "times", "down": True},
         {"title": "which", "kind": "words"},
@@ -71,11 +70,12 @@ def _event(
     }
 
 
-def collision_places(run: Run) -> dict[str, Any]:
-    """Return ``children`` and ``places`` (m) of collisions."""
-    rows = _rows(run, COLLISIONS)
+def collision_places(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
+    """Return ``children``, ``places`` (m) and ``pairs`` by index of collisions."""
+    rows, where = _rows(run, COLLISIONS), {int(track): index for index, track in enumerate(track_ids)}
+    pairs = [(where[row["track_id"]], where[row["other_id"]]) for row in rows]
     places = [(round(row["x"], 2), round(row["y"], 2)) for row in rows]
-    return {"children": [row["child"] for row in rows], "places": places}
+    return {"children": [row["child"] for row in rows], "places": places, "pairs": pairs}
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:
@@ -88,37 +88,47 @@ def collision_share(run: Run) -> dict[str, Any] | None:
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return ``encounters.parquet`` with ``words``, ``pair`` by index, ``child`` and ``step``."""
+    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child`` and ``step``.
+
+    The child of a human-like row is -1, because the page holds the futures of the stress test alone.
+    """
     where = {int(track): index for index, track in enumerate(track_ids)}
-    of = "Share of the futures; a click on a row shows one of them"
+    of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
+        {"title": "futures", "hint": "Stress test, or human-like where the pair is critical in these"},
         {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
         {"title": "95 %"},
         *(
             {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
             for q in ("ttc", "pet", "drac")
         ),
-        {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the futures; up to 10 m"},
+        {"title": "gap", "as": "metres", "hint": "Least gap in the typical future; up to 10 m"},
         {"title": "after", "as": "seconds"},
     ]
     rows = [
         {
             "cells": [
                 f"{row['track_id']} → {row['other_id']}",
+                one.futures,
                 _short(row["collision"]),
                 f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
-                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
+                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap")),
                 round(row["time_s"], 1),
             ],
-            "words": encounter_in_words(run, row),
+            "words": one.words(),
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
-            "child": row["child"],
+            "child": row["child"] if one.futures == STRESS_TEST else -1,
             "step": round(row["time_s"] / STEP_S),
         }
-        for row in _rows(run, ENCOUNTERS)
+        for one in meetings(run)
+        for row in [one.row]
     ]
+    if not any(row["cells"][1] == HUMAN_LIKE for row in rows):
+        columns.pop(1)
+        for row in rows:
+            row["cells"].pop(1)
     return {"columns": columns, "rows": rows}
 
 

@@ -98,7 +98,8 @@ def _ridge(plane: Plane, samples: FloatArray, share: float, foot: float, kind: s
     if not finite.size:
         return []
     x = np.linspace(*plane.x, 130)
-    height = density(finite, max(BANDWIDTH, _FINEST * (plane.x[1] - plane.x[0])), x=x).pdf
+    width = max(BANDWIDTH, _FINEST * (plane.x[1] - plane.x[0]))
+    height = density(finite, width, x=x, reflect=bool(finite.min() >= 0)).pdf
     height *= 0.85 * share / max(float(height.max()), 1e-12)
     found = [plane.area(x, np.full_like(x, foot), foot + height, kind), plane.line(x, foot + height, kind)]
     middle = float(np.median(finite))

@@ -110,4 +110,4 @@ def _densities(run: Run, column: str, subsets: Mapping[int, IntArray]) -> Html:
 
 def _density(values: FloatArray) -> Density | None:
     finite = values[np.isfinite(values)]
-    return density(finite) if finite.size else None
+    return density(finite, reflect=bool(finite.min() >= 0)) if finite.size else None

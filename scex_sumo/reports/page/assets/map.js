@@ -2,6 +2,7 @@
 
 const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
 const ROAD_UNIT = 0.05; // m, as in road_lines.py
+const POINTED_PX = 8; // reach of the pointer beyond a body
 const ROAD_COLORS = ["road", "road", "mark", "border", "mark"]; // surface, area, marking, border, stop line
 
 function makeMap(run, state, canvas) {
@@ -68,9 +69,9 @@ function makeMap(run, state, canvas) {
     }
     if (isShown("heat")) drawHeat(pen);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    for (const v of state.pair || []) {
-      paint(circle(toScreen(place(v)), Math.max(13, run.radius(v) * scale * 1.25)), { stroke: "critical", width: 2.5 });
-    }
+    const ring = (v, stroke, more) => paint(circle(toScreen(place(v)), Math.max(13, run.radius(v) * scale * 1.25) + more), { stroke, width: 2.5 });
+    for (const v of state.pair || []) ring(v, "critical", 0);
+    if (!isMissing(state.vehicle)) ring(state.vehicle, "picked", 4);
     if (isShown("ids")) drawIds(write);
     const metres = [5, 10, 20, 50, 100, 200].find((m) => m * scale > 50) || 500, left = width - 14 - metres * scale;
     paint([[left, height - 10], [width - 14, height - 10]], { stroke: "soft", width: 2 });
@@ -96,7 +97,7 @@ function makeMap(run, state, canvas) {
     }
     const isOne = state.child >= 0;
     for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : owner.keys()) {
-      const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 3));
+      const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 4));
       const style = isOne ? { stroke: color(row, state.child), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 * Math.sign(weights[row]) };
       pen.paint(points, { width: Math.max(0.25, 1 / scale), ...style });
     }
@@ -142,6 +143,16 @@ function makeMap(run, state, canvas) {
     }
   }
 
+  // The vehicle at a place of the screen, or null.
+  function at(px, py) {
+    const [w, h] = middle(), gaps = vehicles.map((v) => {
+      const [cx, cy, heading] = place(v), [dx, dy] = [x + (px - w) / scale - cx, y - (py - h) / scale - cy], c = Math.cos(heading), s = Math.sin(heading);
+      return Math.hypot(...[dx * c + dy * s, dy * c - dx * s].map((part, k) => Math.max(Math.abs(part) - info.sizes[v][k] / 2, 0))) * scale;
+    });
+    const least = Math.min(...gaps);
+    return least < POINTED_PX ? gaps.indexOf(least) : null;
+  }
+
   canvas.onwheel = (event) => {
     event.preventDefault();
     zoom(Math.exp(-event.deltaY / 400), event.offsetX, event.offsetY);
@@ -160,7 +171,7 @@ function makeMap(run, state, canvas) {
   };
   canvas.onpointerup = canvas.onpointercancel = ({ pointerId }) => pointers.delete(pointerId);
   weigh();
-  return { draw, weigh, fit, zoom, follow };
+  return { draw, weigh, fit, zoom, follow, at, rowOf };
 }
 
 // Lines of the road, surfaces first, in m.
