@@ -7,13 +7,14 @@ import os
 import signal
 import sys
 import traceback
+import warnings
 from collections.abc import Sequence
 from types import FrameType
 from typing import Annotated
 
 import typer
 
-from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.base.errors import ScexError, ScexWarning, UsageError
 from scex_sumo.base.registry import Registry
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
@@ -97,6 +98,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # ? for – on some terminals
     print_safely()
+    warnings.simplefilter("ignore", ScexWarning)  # commands print the notes
     try:
         status = command_line(sys.argv[1:])(sys.argv[1:] or ["--help"], standalone_mode=False)
     except ScexError as error:

@@ -177,7 +177,8 @@ def _value(param: Any, value: Any, where: str, *, positive: bool) -> Any:
 
 def _words(command: TyperCommand, ctx: Any) -> list[str]:
     """Return the command line of all that is given, by the file or here."""
-    words, last = [], []
+    words: list[str] = []
+    last: list[str] = []
     for param in command.params:
         source = ctx.get_parameter_source(param.name)
         if param.name in _SHARED or source is None or source.name not in ("COMMANDLINE", "DEFAULT_MAP"):

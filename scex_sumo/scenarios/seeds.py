@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 
 from scex_sumo.base.cache import cached_object
-from scex_sumo.base.errors import TrackError
+from scex_sumo.base.errors import TrackError, warn_notes
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import version_of
 from scex_sumo.scene import Obstacles, SeedScene, States
 
@@ -25,7 +25,7 @@ def read_seed(
     force: bool = False,
     cache: bool = True,
 ) -> SeedScene:
-    """Read one moment of a recording, with its map.
+    """Read one moment of a recording, with its map; notes on both are `ScexWarning`.
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
@@ -61,6 +61,7 @@ def read_seed(
     scene = recorded_scene(
         map_path, tracks=track_path, case=case, time_s=time, road=road, align=align, force=force
     )
+    warn_notes([*road.notes, *scene.notes])
     return dataclasses.replace(scene, road=road)
 
 
@@ -71,7 +72,7 @@ def synthetic_seed(
     seed: int = 0,
     origin: tuple[float, float] | None = None,
     cache: bool = True,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | bool | None = None,
 ) -> SeedScene:
     """Populate a map by SUMO's demand and car-following, and return one moment with history and future.
 
@@ -81,7 +82,7 @@ def synthetic_seed(
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
         cache: keep road, net and scene in ``~/.cache/scex-sumo``.
-        progress: called with the seconds spent and their limit.
+        progress: True for a bar; or called with the seconds spent and their limit.
 
     Raises:
         MapError: the map cannot be read.
@@ -100,13 +101,14 @@ def synthetic_seed(
     name = f"{road.name}_synthetic{vehicles}_s{seed}"
 
     def populated() -> SeedScene:
-        with TemporaryFolder() as folder:
+        with TemporaryFolder() as folder, progress_of(progress, name) as tick:
             net = converted(road, Path(folder) / f"{road.name}.net.xml", keep=cache)
-            return synthetic_scene(road, net.path, vehicles=vehicles, seed=seed, name=name, progress=progress)
+            return synthetic_scene(road, net.path, vehicles=vehicles, seed=seed, name=name, progress=tick)
 
     if cache:
         made_of = pickle.dumps((version_of("eclipse-sumo"), vehicles, seed, road))
         scene = cached_object("populated", made_of, populated, (SeedScene, States, Obstacles))
     else:
         scene = populated()
+    warn_notes(road.notes)
     return dataclasses.replace(scene, road=road)
