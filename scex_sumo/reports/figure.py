@@ -146,7 +146,8 @@ def _draw_atoms(curve: Density, axes: Axes) -> None:
     """Draw values that many futures share as stems; label the largest where there is room."""
     (left, right), most = axes.get_xlim(), max((atom.share for atom in curve.atoms), default=1.0)
     transform = axes.get_xaxis_transform()  # heights in shares of the panel
-    labelled = [float(line.get_xdata()[0]) for line in axes.lines if len(line.get_xdata()) == 2]
+    drawn = [np.asarray(line.get_xdata()) for line in axes.lines]
+    labelled = [float(x[0]) for x in drawn if len(x) == 2]
     lines = len(labelled)  # threshold and recorded value
     inside = [atom for atom in curve.atoms if left <= atom.value <= right]
     for atom in sorted(inside, key=lambda atom: -atom.share):
