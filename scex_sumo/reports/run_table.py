@@ -22,7 +22,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
 SEVERITY: Final = "severe injuries [‰]"
-MAIN: Final = ("gap", "ttc_path", "drac", "thw", "wttc_path")
+MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
 
 _WORST = 3  # encounters in words
@@ -75,7 +75,9 @@ def human_above(run: Run) -> str:
     human = run.reference
     if human is None:
         return ""
-    pairs = [("collision", run.p_collision, human.p_collision)] if run.outcomes and human.outcomes else []
+    pairs: list[tuple[str, Interval, Interval]] = []
+    if run.outcomes and human.outcomes:
+        pairs.append(("collision", run.p_collision, human.p_collision))
     columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in _always(run)]
     pairs += [(metric_of(c).words, run.p_critical(c), human.p_critical(c)) for c in columns]
     above: dict[bool, list[str]] = {True: [], False: []}
