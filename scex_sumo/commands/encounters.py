@@ -39,11 +39,12 @@ def encounters_command(
     console = output_console(width=110)
     with as_written(folder):
         run = open_run(folder)
-        found = meetings(run)
+        part = parse_region(region, around)
+        found = meetings(run, part)
         if weights is not None:
             print_weights(run, parse_weights(weights), console)
         elif pair is None:
-            print_encounters(run, console, most=most, region=parse_region(region, around))
+            print_encounters(run, console, most=most, region=part)
         else:
             found = _meetings(run, pair)
             for one in found:

@@ -32,11 +32,10 @@ QUESTIONS = {
 
 def print_encounters(run: Run, console: Console, *, most: int, region: Region = EVERYWHERE) -> None:
     """Print at most ``most`` lines of both sets of futures, the most critical pair first."""
-    scene, found = run.info["seed_scene"]["name"], meetings(run)
+    scene, found = run.info["seed_scene"]["name"], meetings(run, region)
     indices = None if region == EVERYWHERE else region.vehicles(run.scene)
     if indices is not None:
         inside = run.scene.track_ids[list(indices)].tolist()
-        found = [one for one in found if set(one.pair) & set(inside)]
         line = (
             f"{len(inside)} of {run.scene.vehicles} vehicles are {region.words()}; one of them collides in "
         )
