@@ -151,7 +151,6 @@ def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
 def _identity(
     scene: SeedScene, settings: RunSettings, models: ModelSet, assignment: IntArray
 ) -> dict[str, Any]:
-    """Return what decides on the values of a run: with the same identity, a run resumes."""
     children = {"children": len(assignment)} if settings.until_band is None else {}
     own = {**models.to_json(), **settings.to_json(), **children}
     return {"version": __version__, "scene": digest(scene), **own}

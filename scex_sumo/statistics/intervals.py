@@ -240,7 +240,6 @@ class _Block:
 
 
 def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]:
-    """Return (R, R) means over all groups of k vehicles of how alike two rows are in all k, by order k."""
     rows, most = len(factors[0][0]), min(ORDERS + 2, len(factors))
     sums = [np.ones((rows, rows)), *(np.zeros((rows, rows)) for _ in range(most))]
     for level, share in factors:

@@ -180,7 +180,6 @@ class Trainer:
         return sums
 
     def _groups(self, rng: np.random.Generator) -> list[Any]:
-        """Return batches of an epoch; those of the hybrid have one site each, to share the map's cost."""
         order = rng.permutation(len(self.train.samples))
         if self.images is None:
             return self.train.groups(order, self.options.nodes)

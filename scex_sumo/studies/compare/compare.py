@@ -168,7 +168,6 @@ def _distances(columns: Columns, scale: Scale, kind: Kind) -> tuple[FloatArray, 
 
 
 def _noise(samples: Mapping[str, Columns], scales: Sequence[Scale], kind: Kind) -> FloatArray:
-    """Return distances (R,) of random halves of each run, over the root of 2 for half the children."""
     runs = len(next(iter(samples.values())))
     noise = np.zeros((runs, len(samples)))
     for m, (columns, scale) in enumerate(zip(samples.values(), scales, strict=True)):
