@@ -83,5 +83,5 @@ def _meetings(run: Run, pair: str) -> list[Meeting]:
         raise UsageError(f"--pair {pair}: needs two track ids, e.g. --pair 17,23")
     found = [one for one in meetings(run) if list(one.pair) == wanted]
     if not found:
-        raise UsageError(f"--pair {pair}: these two vehicles meet in no child of the run")
+        raise UsageError(f"--pair {pair}: these two vehicles meet in no future of the run")
     return found

@@ -28,13 +28,13 @@ def metrics_command(
     level: Annotated[str, Option(metavar="pair|scene|scenario|worst", help="Rows.")] = "scenario",
     preset: Annotated[
         str | None,
-        Option(metavar="paper|path", help="Car-following rule: paper by default; of OUT that of its run."),
+        Option(metavar="paper|path", help="Car-following rule: Default: paper, or that of the run in OUT."),
     ] = None,
     metrics: Annotated[
         str | None,
         Option(
             metavar="NAME,...",
-            help="These only; else the paper's six, of OUT its run's.",
+            help="Metrics; default: the paper's six, or those of the run in OUT.",
             autocompletion=complete_metrics,
         ),
     ] = None,
@@ -94,7 +94,7 @@ def _of_run(folder: Path) -> tuple[str, tuple[str, ...] | None]:
     unknown = [name for name in names if name not in known_metrics()]
     if unknown:
         raise UsageError(
-            f"{folder}: {', '.join(unknown)[:80]} is no installed metric; name what to evaluate, e.g. "
+            f"{folder}: {', '.join(unknown)[:80]} is not installed; name other metrics, e.g. "
             f"--metrics {','.join([n for n in names if n in METRICS] or ['ttc'])},package.module:function"
         )
     return "path" if preset == "path" else "paper", tuple(names) or RUN_PRESETS[preset]

@@ -46,10 +46,10 @@ MapPath = Annotated[
 ]
 Origin = Annotated[
     str | None,
-    typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; else from meta_data.csv."),
+    typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; default: that of meta_data.csv."),
 ]
 Tracks = Annotated[
-    Path | None, typer.Option(metavar="CSV", help="Recorded tracks; else looked for beside the map.")
+    Path | None, typer.Option(metavar="CSV", help="Recorded tracks; default: those beside the map.")
 ]
 Fcd = Annotated[
     Path | None,
@@ -60,7 +60,7 @@ State = Annotated[
 ]
 Case = Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")]
 Time = Annotated[
-    float | None, typer.Option(metavar="S", help="Moment in seconds; a run without takes the busiest.")
+    float | None, typer.Option(metavar="S", help="Moment in seconds; default: the busiest.")
 ]
 Synthetic = Annotated[
     int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
@@ -84,7 +84,7 @@ RunPreset = Annotated[
     ),
 ]
 Metrics = Annotated[
-    str | None, typer.Option(metavar="NAME,...", help="These metrics, also of your own; else the preset's.")
+    str | None, typer.Option(metavar="NAME,...", help="Metrics, built-in or your own; default: the preset's.")
 ]
 Thresholds = Annotated[
     list[str] | None,
@@ -95,14 +95,14 @@ Roots = Annotated[
     typer.Argument(metavar="DATASET...", help="Folders of recordings, or single files.", show_default=False),
 ]
 Every = Annotated[float, typer.Option(metavar="S", help="Least time between two seed scenes.")]
-MinVehicles = Annotated[int, typer.Option(help="Fewer moving vehicles make no seed scene.")]
+MinVehicles = Annotated[int, typer.Option(help="Smallest number of moving vehicles of a seed scene.")]
 Cluster = Annotated[
-    str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
+    str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers run the futures.")
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Run a moment with over half of its vehicles on no lane, too.")
 ]
-Cache = Annotated[bool, typer.Option(help="Keep what is made of map and models for the next run.")]
+Cache = Annotated[bool, typer.Option(help="Keep converted maps and assignments for the next run.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[int, typer.Option(help="Processes.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]

@@ -65,7 +65,7 @@ def run_command(
         Option(metavar="N|all", help="Number of futures: 385; at most 10000 with --until-band."),
     ] = None,
     steps: Annotated[int, Option(help="Steps of 0.1 s per future.")] = 30,
-    replan: Annotated[int, Option(help="Steps that a plan is followed.")] = 5,
+    replan: Annotated[int, Option(help="Steps between two plans.")] = 5,
     models: Models = None,
     assign: Annotated[
         list[str] | None, Option(metavar="TRACK=MODEL", help="A vehicle's model; repeatable.")
@@ -92,7 +92,7 @@ def run_command(
     reflect: Annotated[bool, Option(help="Separate shared values and reflect densities at 0.")] = True,
     seed: Seed = 0,
     workers: Processes = 1,
-    batch: Annotated[int | None, Option(help="Futures side by side in one SUMO; else chosen.")] = None,
+    batch: Annotated[int | None, Option(help="Futures in one SUMO process; default: automatic.")] = None,
     gui: Annotated[
         bool, Option("--gui", help="Show the run live in sumo-gui, then its worst future.")
     ] = False,
@@ -103,11 +103,11 @@ def run_command(
         str,
         Option(
             metavar="sumo|plain|checked|NAME",
-            help="plain: arrays in SUMO's place; checked: and compared with it; or an entry point.",
+            help="plain: without SUMO; checked: plain, compared with SUMO; or an entry point.",
         ),
     ] = "sumo",
     cache: Cache = True,
-    exact: Annotated[bool, Option(help="Some more futures, for exact probabilities.")] = True,
+    exact: Annotated[bool, Option(help="Run some more futures for exact probabilities.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     force: Force = False,
     overwrite: Overwrite = False,

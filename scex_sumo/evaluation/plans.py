@@ -82,7 +82,7 @@ class StoredPlans:
         if missing.any():
             c, v = (int(i) for i in np.argwhere(missing)[0])
             raise ResultError(
-                f"{self.path}: no plan of vehicle {track_ids[c, v]} in child {cases[c]}, "
+                f"{self.path}: no plan of vehicle {track_ids[c, v]} in future {cases[c]}, "
                 "which tracks.parquet has; run again"
             )
 
@@ -130,6 +130,6 @@ def read_plans(folder: Path) -> StoredPlans | None:
         and all(pa.types.is_fixed_size_list(column.type) for column in lists)
     )
     if not whole:
-        raise ResultError(f"{path}: its rows are not the plans of every vehicle of every child; run again")
+        raise ResultError(f"{path}: plans of some vehicles or futures are missing; run again")
     x, y = (np.asarray(column.flatten(), dtype=np.float64).reshape(*grid, -1) for column in lists)
     return StoredPlans(path=path, children=children, track_ids=track_ids, made_at=made_at, x=x, y=y)

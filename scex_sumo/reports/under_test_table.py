@@ -38,7 +38,7 @@ def print_under_test(run: Run, console: Console, *, preset: str | None = None) -
     for line in (
         "only pairs that involve a vehicle under test; before: the same futures, as drawn; P: critical",
         "worse : better: futures that are more and less critical than before",
-        "p: of no difference; signed-rank test of values, McNemar's of shares, corrected after Holm",
+        "p: probability of such a difference by chance (signed-rank test of values, McNemar's of shares, Holm)",
         "",
     ):
         print_line(line, console)

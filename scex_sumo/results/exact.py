@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -81,7 +81,7 @@ class CollisionShare(Interval):
         tables: None where the run has no exact probabilities.
     """
 
-    tables: Exact | None = None
+    tables: Exact | None = field(default=None, repr=False)
 
     @cached_property
     def exact(self) -> float | None:

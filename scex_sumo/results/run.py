@@ -67,7 +67,7 @@ class Run:
 
     def __repr__(self) -> str:
         name = self.info["seed_scene"]["name"]
-        return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
+        return f"Run({str(self.folder)!r}: {self.info['children']} futures of {name})"
 
     def plot(
         self,
@@ -159,7 +159,7 @@ class Run:
         for row in self.encounters.to_pylist():
             if {row["track_id"], row["other_id"]} == {one, other}:
                 return Encounter(row=row, exact=self.exact)
-        raise UsageError(f"{one}, {other}: these two vehicles meet in no child of the run")
+        raise UsageError(f"{one}, {other}: these two vehicles meet in no future of the run")
 
     @cached_property
     def baseline(self) -> Run | None:
@@ -188,7 +188,7 @@ class Run:
             with_own_collisions(run.table(UNDER_TEST), run.collisions, known) for run in (self, self.baseline)
         )
         if without["child"] != tested["child"]:
-            raise ResultError(f"{self.baseline.folder}: has not the children of {self.folder}; run again")
+            raise ResultError(f"{self.baseline.folder}: its futures are not those of {self.folder}; run again")
         vehicles = {int(track): model for track, model in known.items()}
         limits, plain = self.thresholds | {COLLISION: 1.0}, self.baseline.intervals
         folded = bool(self.info.get("reflect", True))
@@ -224,7 +224,7 @@ class Run:
     def states(self, child: int) -> States:
         """Return the states (V, T) of a child; frames 1 to 10 are the history, 10 is the seed scene."""
         if not 0 <= child < self.children:
-            raise UsageError(f"no child {child} in {self.folder}; it has 0 to {self.children - 1}")
+            raise UsageError(f"no future {child} in {self.folder}; it has 0 to {self.children - 1}")
         return self._blocks.child(child)
 
     def state_blocks(self) -> Iterator[States]:

@@ -37,7 +37,7 @@ def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = No
         table = pq.ParquetFile(file.absolute()).read()  # a relative one may be a URI to Arrow
     missing = [column for column in columns if column not in table.column_names]
     if missing:
-        raise ResultError(f"{file}: has no column {missing[0]}; it is not as the run wrote it: run again")
+        raise ResultError(f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again")
     if rows not in (None, table.num_rows):
         raise ResultError(f"{file}: has {table.num_rows} rows, run.json says {rows}; run again")
     return table
@@ -82,7 +82,7 @@ def _check_states(file: Path, table: pa.Table) -> None:
     for name in _STATES:
         numbers = pa.types.is_floating(table.schema.field(name).type)
         if not numbers or not (np.abs(np.asarray(table[name])) <= MAX_STATE).all():
-            raise ResultError(f"{file}: column {name} holds what no run writes; run again")
+            raise ResultError(f"{file}: column {name} has impossible values; run again")
 
 
 class StateBlocks:
@@ -97,7 +97,7 @@ class StateBlocks:
             missing = [name for name in _STATES if name not in self._parquet.schema_arrow.names]
             groups = [there.row_group(index).num_rows for index in range(there.num_row_groups)]
         if missing:
-            raise ResultError(f"{file}: has no column {missing[0]}; it is not as the run wrote it: run again")
+            raise ResultError(f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again")
         if there.num_rows != children * rows:
             wanted = children * rows
             raise ResultError(f"{file}: has {there.num_rows} rows, run.json says {wanted}; run again")

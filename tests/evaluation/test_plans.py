@@ -83,7 +83,7 @@ def test_who_is_not_there_has_no_plan(folder: Path) -> None:
 def test_a_vehicle_without_plan_is_named(folder: Path, case: str, track: int) -> None:
     plans = read_plans(folder)
     assert plans is not None
-    with pytest.raises(ResultError, match=f"no plan of vehicle {track} in child {case}, .*run again"):
+    with pytest.raises(ResultError, match=f"no plan of vehicle {track} in future {case}, .*run again"):
         plans.paths(np.array([case]), np.array([[track, track]]), THERE, 5)
 
 

@@ -191,5 +191,5 @@ def test_a_run_without_vehicles_under_test_or_baseline_says_so(run: Run) -> None
 
 def test_a_baseline_of_other_children_is_refused(tmp_path: Path) -> None:
     run = folder_of(tmp_path / "out", {"distance": [4.0, 6.0]}, {"distance": [4.0]})
-    with pytest.raises(ResultError, match="has not the children of"):
+    with pytest.raises(ResultError, match="its futures are not those of"):
         _ = run.under_test

@@ -87,7 +87,7 @@ def densities_of(run: Run, columns: Sequence[str]) -> Curves:
     arrays = {name: np.asarray(table[name], dtype=np.float64) for name in _CURVES}
     for name, values in arrays.items():
         if not (np.abs(values) < MAX_STATE).all():
-            raise ResultError(f"{run.folder / DENSITIES}: column {name} holds what no run writes; run again")
+            raise ResultError(f"{run.folder / DENSITIES}: column {name} has impossible values; run again")
     rows = {column: metric == column for column in columns}
     return {column: {name: values[mine] for name, values in arrays.items()} for column, mine in rows.items()}
 
