@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.options import Around, InRegion, Result
 
 if TYPE_CHECKING:
     from scex_sumo.reports.encounter_rows import Meeting
@@ -23,11 +23,14 @@ def encounters_command(
     weights: Annotated[
         str | None, Option(metavar="MODEL=W,...", help="Exact P with other weights, without new futures.")
     ] = None,
+    region: InRegion = None,
+    around: Around = None,
 ) -> None:
     """List which vehicles meet in a run, the most critical first."""
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.encounter_table import print_encounters, print_pair, print_weights
     from scex_sumo.results.info import as_written
+    from scex_sumo.results.region import parse_region
     from scex_sumo.results.run import open_run
 
     console = output_console(width=110)
@@ -36,7 +39,7 @@ def encounters_command(
         if weights is not None:
             print_weights(run, parse_weights(weights), console)
         elif pair is None:
-            print_encounters(run, console, most=most)
+            print_encounters(run, console, most=most, region=parse_region(region, around))
         else:
             for one in _meetings(run, pair):
                 print_pair(one, console)
