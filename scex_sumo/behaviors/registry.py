@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
+from scex_sumo.base.importing import own_error_reason
 from scex_sumo.base.registry import Registry
 from scex_sumo.base.sumo_models import SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior
@@ -26,7 +27,6 @@ from scex_sumo.behaviors.models.simple import (
     ReplayProfile,
 )
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.fallback import model_error_reason
 from scex_sumo.behaviors.plug_in.files import FILES
 from scex_sumo.behaviors.plug_in.process import NAME as PROCESS
 from scex_sumo.behaviors.plug_in.process import split_command
@@ -344,7 +344,7 @@ def _build(spec: ModelSpec) -> Behavior:
     except ScexError:
         raise
     except Exception as error:  # whatever a user's constructor raises
-        raise UsageError(f"{spec.name}: making it {model_error_reason(error)}") from error
+        raise UsageError(f"{spec.name}: making it {own_error_reason(error)}") from error
     if isinstance(model, Behavior):
         return model
     if isinstance(model, SingleVehicleBehavior):

@@ -8,6 +8,7 @@ from typer import Option
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.options import Around, InRegion, Result
+from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
     from scex_sumo.reports.encounter_rows import Meeting
@@ -25,9 +26,11 @@ def encounters_command(
     ] = None,
     region: InRegion = None,
     around: Around = None,
-) -> None:
+) -> Answer:
     """List which vehicles meet in a run, the most critical first."""
+    from scex_sumo.commands.answers import meeting_rows
     from scex_sumo.commands.console import output_console
+    from scex_sumo.reports.encounter_rows import meetings
     from scex_sumo.reports.encounter_table import print_encounters, print_pair, print_weights
     from scex_sumo.results.info import as_written
     from scex_sumo.results.region import parse_region
@@ -36,13 +39,18 @@ def encounters_command(
     console = output_console(width=110)
     with as_written(folder):
         run = open_run(folder)
+        found = meetings(run)
         if weights is not None:
             print_weights(run, parse_weights(weights), console)
         elif pair is None:
             print_encounters(run, console, most=most, region=parse_region(region, around))
         else:
-            for one in _meetings(run, pair):
+            found = _meetings(run, pair)
+            for one in found:
                 print_pair(one, console)
+        name = run.info["seed_scene"]["name"]
+        rows = meeting_rows(found[:most], None if weights is None else parse_weights(weights))
+    return lambda: {"scene": name, "futures": run.children, "encounters": rows}
 
 
 def parse_weights(text: str) -> dict[str, float]:

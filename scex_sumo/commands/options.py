@@ -99,6 +99,9 @@ MinVehicles = Annotated[int, typer.Option(help="Fewer moving vehicles make no se
 Cluster = Annotated[
     str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
 ]
+Force = Annotated[
+    bool, typer.Option("--force", help="Run a moment with over half of its vehicles on no lane, too.")
+]
 Cache = Annotated[bool, typer.Option(help="Keep what is made of map and models for the next run.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[int, typer.Option(help="Processes.")]

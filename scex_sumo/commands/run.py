@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 import sys
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from scex_sumo.commands.options import (
     Cache,
     Case,
     Fcd,
+    Force,
     InRegion,
     MapPath,
     Metrics,
@@ -36,6 +38,7 @@ from scex_sumo.commands.options import (
     parse_thresholds,
 )
 from scex_sumo.commands.seed import one_source, seed_scene
+from scex_sumo.commands.shared import Answer
 from scex_sumo.commands.view import view_command
 
 if TYPE_CHECKING:
@@ -106,18 +109,22 @@ def run_command(
     cache: Cache = True,
     exact: Annotated[bool, Option(help="Some more futures, for exact probabilities.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
+    force: Force = False,
     overwrite: Overwrite = False,
     out: ResultPath = None,
-) -> None:
+) -> Answer:
     """Simulate futures of one moment of traffic, and measure how critical they become."""
     from scex_sumo.behaviors.registry import parse_models
-    from scex_sumo.extrapolation.engine import RunOptions, run_scene
+    from scex_sumo.commands.answers import run_answer
+    from scex_sumo.extrapolation.engine import RunOptions, check_world, run_scene
+    from scex_sumo.extrapolation.models import ModelSet
     from scex_sumo.extrapolation.reference import add_reference, drop_reference
     from scex_sumo.extrapolation.settings import RunSettings
     from scex_sumo.extrapolation.workers import Workers, succeeded
     from scex_sumo.results.region import parse_region
     from scex_sumo.statistics.bands import MAX_CHILDREN
     from scex_sumo.views.children import write_critical, write_critical_of
+    from scex_sumo.world.base import DEFAULT_WORLD
 
     if until_band is not None and children is None:
         children = str(MAX_CHILDREN)
@@ -140,7 +147,13 @@ def run_command(
     )
     if reference != NO_REFERENCE:
         parse_models(reference)  # an error now, not after the run
+    if out is not None and out.is_file():
+        raise UsageError(f"-o {out}: is a file; name a folder")
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact)
+    if gui or world != DEFAULT_WORLD:
+        check_world(settings, ModelSet.of(settings), gui=gui)
     command = ["scex-sumo", *sys.argv[1:]]
+    page = None
     with Workers(1 if gui else min(workers, settings.count or workers)) as pool:  # start while we read
         scene = seed_scene(
             map_path,
@@ -151,19 +164,17 @@ def run_command(
             origin=origin,
             seed=seed,
             cache=cache,
+            force=force,
         )
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("futures", folder):
-            options = RunOptions(
-                batch=batch, gui=gui, cache=cache, exact=exact, progress=tick, command=command
-            )
             result = run_scene(
                 scene,
                 settings,
                 out=folder,
                 workers=pool,
                 overwrite=overwrite,
-                options=options,
+                options=dataclasses.replace(options, progress=tick, command=command),
             )
         views = pool.submit(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:
@@ -186,6 +197,7 @@ def run_command(
     print(f"look:   scex-sumo view {shlex.quote(str(shown))} {options_of_view}")
     if gui:
         view_command(shown, **option)
+    return partial(run_answer, result, page)
 
 
 def _tell(run: Run, preset: str | None) -> None:

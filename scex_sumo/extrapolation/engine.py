@@ -7,11 +7,12 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
+from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.net_cache import converted
@@ -34,8 +35,6 @@ from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.world.base import WORLDS
-
-Progress: TypeAlias = Callable[[int, int], None]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -88,7 +87,7 @@ def run_scene(
     )
     settings.check_size(len(assignment), scene.vehicles)
     models.try_on(scene, seed=settings.seed)
-    _check_world(settings, models, options.gui)
+    check_world(settings, models, gui=options.gui)
     temporary = TemporaryFolder() if out is None else None
     path = Path(temporary.name) / "run" if temporary else Path(str(out))
     folder = ResultFolder(path, _identity(scene, settings, models, assignment), overwrite=overwrite)
@@ -141,7 +140,8 @@ def _write_exact(job: Job, part: Part, options: RunOptions, workers: Workers) ->
         write_exact(find_exact(job, part.encounters, workers), job.folder / EXACT)
 
 
-def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
+def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
+    """Raise a `UsageError` if SUMO is needed and the world has none."""
     by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
         what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"

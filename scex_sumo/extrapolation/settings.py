@@ -119,6 +119,8 @@ class RunSettings:
         twice = sorted(set(under_test) & set(assign))
         if twice:
             raise UsageError(f"--under-test {twice[0]}: --assign names this vehicle too; give one of them")
+        for text in under_test.values():
+            parse_models(text or DEFAULT_MODELS)  # an error now, not after reading the scene
         own = {
             t: text for t, text in assign.items() if self.baseline and any(map(is_own, parse_models(text)))
         }

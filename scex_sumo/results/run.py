@@ -36,6 +36,8 @@ from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
@@ -67,12 +69,22 @@ class Run:
         name = self.info["seed_scene"]["name"]
         return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
 
-    def plot(self, path: str | Path, *, metric: str | None = None, curve: str = "density") -> Path:
-        """Draw the densities of one metric or all into an SVG, PNG or PDF file; return the file.
+    def plot(
+        self,
+        path: str | Path | None = None,
+        *,
+        metric: str | None = None,
+        curve: str = "density",
+        ax: Axes | None = None,
+    ) -> list[Axes]:
+        """Draw the densities of one metric or of all that are defined; return the matplotlib axes.
 
-        ``curve`` is ``density`` or ``cumulative``.
+        Args:
+            path: SVG, PNG or PDF file to write.
+            curve: ``density`` or ``cumulative``.
+            ax: draw one metric in these axes; None makes a figure, of pyplot without a ``path``.
         """
-        return Path(DRAWINGS.load("densities")(self, curve, Path(path), metric=metric))
+        return list(DRAWINGS.load("densities")(self, curve, path, metric=metric, ax=ax))
 
     def to_pandas(self, table: str = "metrics") -> Any:
         """Return one of `TABLES` as a pandas data frame."""

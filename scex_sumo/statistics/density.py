@@ -6,7 +6,7 @@ Infinite samples count in every denominator: a density integrates to the share o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,9 @@ from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BANDWIDTH: Final = 0.1
 CONFIDENCE: Final = 0.95
@@ -47,6 +50,24 @@ class Density:
     cdf: FloatArray
     band: tuple[FloatArray, FloatArray]
     atoms: tuple[Atom, ...] = ()
+
+    def plot(self, ax: Axes | None = None, *, curve: str = "density", color: str = "#0072b2") -> Axes:
+        """Draw the density, or the cumulative density with its band, with matplotlib; return the axes.
+
+        Args:
+            ax: None draws in pyplot's current axes.
+            curve: ``density`` or ``cumulative``.
+        """
+        if ax is None:
+            from matplotlib import pyplot
+
+            ax = pyplot.gca()
+        pdf = curve == "density"
+        line, band = (self.pdf, (0.0 * self.pdf, self.pdf)) if pdf else (self.cdf, self.band)
+        ax.fill_between(self.x, *band, color=color, alpha=0.18, linewidth=0)
+        ax.plot(self.x, line, color=color, linewidth=1.2)
+        ax.set_ylim(0.0, None if pdf else 1.0)
+        return ax
 
 
 @dataclass(frozen=True, kw_only=True)

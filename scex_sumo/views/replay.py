@@ -32,14 +32,13 @@ from scex_sumo.world.gui_drawings import (
     letter_height,
     readable,
 )
-from scex_sumo.world.gui_settings import write_view_settings
+from scex_sumo.world.gui_settings import WINDOW_SIZE, write_view_settings
 from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 _GRID_MARGIN_M, _GRID_AROUND_M = 15.0, 25.0
-_WINDOW = "1400,900"
 
 
 class ReadNet(NamedTuple):
@@ -224,7 +223,7 @@ def _write_configuration(
         "no-step-log": "true",
         "xml-validation": "never",
         "start": "true",
-        "window-size": _WINDOW,
+        "window-size": WINDOW_SIZE,
     } | ({"selection-file": f"{name}.ids.txt"} if ids else {})
     lines = "".join(f"    <{key} value={quoted(value)}/>\n" for key, value in options.items())
     path = folder / f"{name}.sumocfg"

@@ -19,7 +19,7 @@ OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
 _LINE = 1.4  # line height, in letters
 _LETTER = 0.4  # width of a letter, in heights
 _LEGEND_COLUMNS = 3
-_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # usual widths by heights
+_WINDOW_ASPECTS = (1.5, 1.8, 2.1)  # usual widths by heights; the window opens with 1.9
 _LETTER_SHARE = 0.03  # of the window's height
 _AROUND_M = 25.0  # vehicles
 _RING_M, _RING_WIDTH_M, _RING_POINTS, _RING_RGB = 4.0, 0.3, 48, (214, 64, 58)
@@ -128,6 +128,10 @@ class Frame:
         view = max(left, around[0]), max(bottom, around[1]), min(right, around[2]), min(top, around[3])
         if view[0] >= view[2] or view[1] >= view[3]:
             view = around
+        return self.on(view)
+
+    def on(self, view: Bounds) -> Frame:
+        """Return the frame with these bounds in view, e.g. those of one of many tiles."""
         return replace(self, view=view, line_m=_LETTER_SHARE * _window_height(view))
 
 

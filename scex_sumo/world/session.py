@@ -18,7 +18,7 @@ from scex_sumo.base.files import writing
 from scex_sumo.base.programs import checked_path, program
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.gui_drawings import LETTER_M, draw_legend, frame_of
-from scex_sumo.world.gui_settings import write_view_settings
+from scex_sumo.world.gui_settings import WINDOW_SIZE, write_view_settings
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, template_of, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
@@ -166,7 +166,7 @@ class SumoSession:
                 additional.append(self._folder / "tiles.add.xml")
                 self._extras.write(additional[-1], self.slots, self.layout)
             offsets = [self.layout.offset(slot) for slot in self.slots]
-            frame = frame_of(self._template.bounds, offsets, self._legend)
+            frame = frame_of(self._template.bounds, offsets, self._legend).on(self._template.bounds)
             additional.append(self._folder / "legend.add.xml")
             text = f"<additional>\n{draw_legend(frame)}</additional>\n"
             additional[-1].write_text(text, encoding="utf-8")
@@ -174,6 +174,7 @@ class SumoSession:
             letter_m = LETTER_M * frame.exaggeration if len(self.slots) == 1 else 0.0
             write_view_settings(view, frame, letter_m=letter_m, delay_ms=self._delay_ms)
             options += ["--gui-settings-file", str(view), "--start", "true", "--quit-on-end", "true"]
+            options += ["--window-size", WINDOW_SIZE]
         return [*options, "-a", ",".join(str(path) for path in additional)]
 
     def _start(self, module: Any, options: list[str]) -> None:

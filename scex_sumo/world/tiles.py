@@ -126,12 +126,14 @@ class TileTemplate:
         )
 
     def window_layout(self, count: int, *, margin_m: float) -> TileLayout:
-        """Return a layout in reading order: a square for square numbers, else shaped like a window."""
+        """Return a layout in reading order, with the number of columns that shows tiles largest."""
         wide = self.layout(margin_m=margin_m)
-        columns = round(math.sqrt(count * WINDOW_ASPECT * wide.pitch_y / wide.pitch_x))
-        if math.isqrt(count) ** 2 == count:
-            columns = math.isqrt(count)
-        return TileLayout(pitch_x=wide.pitch_x, pitch_y=-wide.pitch_y, columns=min(max(columns, 1), count))
+
+        def height(columns: int) -> float:
+            return max(-(-count // columns) * wide.pitch_y, columns * wide.pitch_x / WINDOW_ASPECT)
+
+        columns = min(range(1, count + 1), key=height)
+        return TileLayout(pitch_x=wide.pitch_x, pitch_y=-wide.pitch_y, columns=columns)
 
     def write(self, path: Path, slots: Sequence[int], layout: TileLayout) -> None:
         """Write the copies of some slots, in any order."""

@@ -129,6 +129,14 @@ def _find_alignment(samples: Evidence, road: Road) -> tuple[_Alignment, float, f
     return fit, float(np.median(np.abs(before))), float(np.median(np.abs(after)))
 
 
+def fitted(samples: Evidence, road: Road) -> tuple[Evidence, float, float]:
+    """Return samples moved onto the lanes near them, and the shift dx, dy, m."""
+    few = _thinned(samples)
+    fit = _fit(few, road)
+    x, y = fit.points(few.x, few.y)
+    return replace(few, x=x, y=y, heading=few.heading + fit.turn), fit.dx, fit.dy
+
+
 def on_lanes(samples: Evidence, road: Road) -> float:
     """Return the share of samples that match a lane; 1 without samples."""
     few = _thinned(samples, most=400)

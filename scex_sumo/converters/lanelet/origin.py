@@ -59,8 +59,8 @@ def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
         near = [n for n in map_file.nodes.values() if distance_m((n.lat, n.lon), centre) <= STRAY_M]
         return min(n.lat for n in near), min(n.lon for n in near)
     raise MapError(
-        f"{map_file.path}: the origin of its coordinates is not known (near {centre[0]:.4f},{centre[1]:.4f}, "
-        f"no {META_DATA} with originLat, originLon); give --origin LAT,LON"
+        f"{map_file.path}: the origin of its coordinates is not known: no {META_DATA} with originLat, "
+        "originLon beside the tracks or the map; give --origin LAT,LON, as the recording's makers state it"
     )
 
 

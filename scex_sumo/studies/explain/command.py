@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +13,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import progress_bar
 from scex_sumo.commands.metrics import write_table
 from scex_sumo.commands.options import Result, metric_option
+from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
     from scex_sumo.exact.tables import InfluenceTable
@@ -36,8 +38,9 @@ def explain_command(
     plots: Annotated[
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write explain.html.")
     ] = True,
-) -> None:
+) -> Answer:
     """Find the vehicles and models that make a scene critical."""
+    from scex_sumo.commands.answers import interval
     from scex_sumo.commands.console import output_console
     from scex_sumo.metrics.registry import COLLISION, COLUMNS, column_named
     from scex_sumo.reports.run_table import print_line
@@ -85,6 +88,25 @@ def explain_command(
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
     if page is not None:
         print(f"report: {page}")
+
+    def answer() -> dict[str, Any]:
+        return {"scene": run.info["seed_scene"]["name"], "futures": run.children} | {
+            "explanations": [
+                {
+                    "metric": e.metric,
+                    "question": e.question(e.metric),
+                    "defined": e.defined,
+                    "threshold": e.threshold,
+                    "p_critical": interval(e.p_critical),
+                    "effects": effect_rows(e, ids),
+                    "rules": condition_rows(replace(e, conditions=e.rules), ids, names),
+                    "worst": worst_of[e.metric],
+                }
+                for e in shown
+            ]
+        }
+
+    return answer
 
 
 def _write(path: Path, rows: list[dict[str, Any]]) -> None:

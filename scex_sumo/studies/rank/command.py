@@ -24,6 +24,7 @@ from scex_sumo.commands.options import (
     Thresholds,
     parse_thresholds,
 )
+from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
     from scex_sumo.studies.rank.rank import Ranking
@@ -57,7 +58,7 @@ def rank_command(
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
     ] = Path("out") / "ranking",
-) -> None:
+) -> Answer:
     """Rank the moments of a dataset: which are worth testing."""
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.studies.rank.rank import rank
@@ -98,6 +99,15 @@ def rank_command(
     print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} futures")
     print(f"result: {out / 'ranking.csv'}")
     print(f"look:   {out / 'ranking.html'}")
+    return lambda: {
+        "result": out / "ranking.csv",
+        "report": out / "ranking.html",
+        "notes": ranking.info["notes"],
+        "scenes": ranking.info["seeds"],
+        "futures": ranking.info["children_run"],
+        "shown": ranking.info["shown"],
+        "moments": ranking.table.to_pylist(),
+    }
 
 
 def _warn_failures(ranking: Ranking) -> None:
