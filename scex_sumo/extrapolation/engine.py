@@ -44,9 +44,6 @@ class RunOptions:
 
     Attributes:
         compared: compare a checked world with SUMO's.
-
-    Raises:
-        UsageError: fewer than one child in a batch.
     """
 
     batch: int | None = None
@@ -145,7 +142,6 @@ def _write_exact(job: Job, part: Part, options: RunOptions, workers: Workers) ->
 
 
 def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
-    """Raise a `UsageError` if SUMO is needed and the world has none."""
     by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
         what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
@@ -195,7 +191,6 @@ class _Stopwatch:
 
 
 def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
-    """Run all children, or as many as the band needs."""
     settings = job.settings
     if settings.until_band is None or settings.count is None:
         run(job)
@@ -220,7 +215,6 @@ def _without_test(job: Job) -> RunSettings:
 
 
 def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
-    """Return the progress of one of several equal parts."""
     if progress is None:
         return None
     return lambda done, total: progress(part * total + done, parts * total)

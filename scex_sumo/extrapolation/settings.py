@@ -106,7 +106,7 @@ class RunSettings:
             check_band(self.until_band)
             if self.count is None:
                 raise UsageError(
-                    "--until-band: all combinations leave nothing to estimate; give no --children all"
+                    "--until-band: not possible with --children all, which leaves nothing to estimate"
                 )
         if self.preset not in RUN_PRESETS:
             raise UsageError(f"--preset: unknown {self.preset!r}; known: {', '.join(RUN_PRESETS)}")
@@ -115,7 +115,6 @@ class RunSettings:
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     def _put_under_test(self) -> None:
-        """Put vehicles with an assigned model of the user under test."""
         assign, under_test = self.assign or {}, self.under_test or {}
         twice = sorted(set(under_test) & set(assign))
         if twice:
@@ -147,7 +146,7 @@ class RunSettings:
         states = children * vehicles * self.steps
         if states > MAX_STATES:
             raise UsageError(
-                f"{children:,} children x {vehicles:,} vehicles x {self.steps:,} steps are {states:,} "
+                f"{children:,} futures x {vehicles:,} vehicles x {self.steps:,} steps are {states:,} "
                 f"states, at most {MAX_STATES:,} are run; ask for fewer --children or --steps"
             )
 

@@ -153,7 +153,6 @@ def _run(
     workers: MomentWorkers,
     progress: Any,
 ) -> list[MomentRef]:
-    """Run the moments that have not run; return all moments."""
     refs: list[MomentRef] = []
     noise: dict[str, BoxNoise] = {}
     done = 0
