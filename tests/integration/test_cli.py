@@ -64,15 +64,18 @@ def test_a_run_leaves_the_result_that_the_readme_promises(result: Path) -> None:
 
 
 def test_the_summary_names_every_metric(tmp_path: Path) -> None:
-    done = scex("run", ROUNDABOUT, "--children", 3, "--no-plots", "-o", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    for word in ("distance", "traffic quality", "gap time", "PTTC", "WTTC", "1/TTC", "/3"):
-        assert word in done.stdout
+    out = tmp_path / "out"
+    main = ("collision", "severe injuries", "body gap", "1/TTC on path", "DRAC", "THW", "WTTC of outlines")
+    folded = ("PTTC on path", "PET [s]", "distance", "traffic quality", "gap time", "PTTC [s]", "/3")
+    for preset, words in (([], main), (["--preset", "both"], main + folded)):
+        done = scex("run", ROUNDABOUT, "--children", 3, "--no-plots", *preset, "-o", out)
+        assert done.returncode == 0, done.stderr
+        assert [word for word in main + folded if word in done.stdout] == list(words)
 
 
 def test_one_vehicle_is_run_and_its_metrics_of_pairs_are_shown_as_undefined(tmp_path: Path) -> None:
     out = tmp_path / "a single one"
-    done = scex("run", ROUNDABOUT, "--synthetic", 1, "--children", 2, "-o", out)
+    done = scex("run", ROUNDABOUT, "--synthetic", 1, "--children", 2, "--preset", "both", "-o", out)
     assert done.returncode == 0, done.stderr
     assert "1 vehicle, 2 futures" in done.stdout
     assert done.stdout.count(" 0/2") == 13
@@ -329,7 +332,7 @@ def test_a_terminal_without_unicode_gets_a_summary_too(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
     assert done.returncode == 0, done.stderr
-    assert "traffic quality" in done.stdout
+    assert "WTTC of outlines" in done.stdout
 
 
 def test_another_runs_result_is_kept(result: Path) -> None:
