@@ -38,7 +38,7 @@ def print_under_test(run: Run, console: Console, *, preset: str | None = None) -
     for line in (
         "only pairs that involve a vehicle under test; before: the same futures, as drawn; P: critical",
         "worse : better: futures that are more and less critical than before",
-        "p: probability of such a difference by chance (signed-rank test of values, McNemar's of shares, Holm)",
+        "p: chance of such a difference without an effect (signed-rank test; shares: McNemar; Holm)",
         "",
     ):
         print_line(line, console)

@@ -46,7 +46,9 @@ class ResultFolder(OutputFolder):
         parts = Parts(self.path)
         there = int((parts.children < children).sum())
         if there != children:
-            raise ResultError(f"{self.path}: {there} of {children} futures are finished; run the same command again to go on")
+            raise ResultError(
+                f"{self.path}: {there} of {children} futures are finished; run the same command again to go on"
+            )
         for first in range(0, children, size):
             yield parts.read(first, min(first + size, children), plans=plans)
 

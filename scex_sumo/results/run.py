@@ -188,7 +188,9 @@ class Run:
             with_own_collisions(run.table(UNDER_TEST), run.collisions, known) for run in (self, self.baseline)
         )
         if without["child"] != tested["child"]:
-            raise ResultError(f"{self.baseline.folder}: its futures are not those of {self.folder}; run again")
+            raise ResultError(
+                f"{self.baseline.folder}: its futures are not those of {self.folder}; run again"
+            )
         vehicles = {int(track): model for track, model in known.items()}
         limits, plain = self.thresholds | {COLLISION: 1.0}, self.baseline.intervals
         folded = bool(self.info.get("reflect", True))

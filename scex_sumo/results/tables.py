@@ -37,7 +37,9 @@ def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = No
         table = pq.ParquetFile(file.absolute()).read()  # a relative one may be a URI to Arrow
     missing = [column for column in columns if column not in table.column_names]
     if missing:
-        raise ResultError(f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again")
+        raise ResultError(
+            f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again"
+        )
     if rows not in (None, table.num_rows):
         raise ResultError(f"{file}: has {table.num_rows} rows, run.json says {rows}; run again")
     return table
@@ -97,7 +99,9 @@ class StateBlocks:
             missing = [name for name in _STATES if name not in self._parquet.schema_arrow.names]
             groups = [there.row_group(index).num_rows for index in range(there.num_row_groups)]
         if missing:
-            raise ResultError(f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again")
+            raise ResultError(
+                f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again"
+            )
         if there.num_rows != children * rows:
             wanted = children * rows
             raise ResultError(f"{file}: has {there.num_rows} rows, run.json says {wanted}; run again")

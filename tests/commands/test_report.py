@@ -83,9 +83,7 @@ def test_a_curve_that_no_run_writes_is_named(folder: Path, tmp_path: Path, value
     values[3] = value
     edited = table.set_column(table.column_names.index("cdf"), "cdf", pa.array(values))
     pq.write_table(edited, copy / "densities.parquet")
-    with pytest.raises(
-        ResultError, match=r"densities\.parquet: column cdf has impossible values; run again"
-    ):
+    with pytest.raises(ResultError, match=r"densities\.parquet: column cdf has impossible values; run again"):
         report_command(copy)
 
 
