@@ -47,7 +47,7 @@ class ResultFolder(OutputFolder):
         there = int((parts.children < children).sum())
         if there != children:
             raise ResultError(
-                f"{self.path}: {there} of {children} futures are finished; run the same command again to go on"
+                f"{self.path}: {there} of {children} futures are finished; run the same command again"
             )
         for first in range(0, children, size):
             yield parts.read(first, min(first + size, children), plans=plans)

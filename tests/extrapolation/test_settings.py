@@ -79,6 +79,6 @@ def test_the_command_line_has_the_same_defaults() -> None:
     shown = {name: p.default for name, p in inspect.signature(run_command).parameters.items()}
     settings = {field.name: field.default for field in dataclasses.fields(RunSettings)}
     same = [name for name, default in shown.items() if default is not None and name in settings]
-    kept = ["baseline", "keep_plans", "preset", "reflect", "replan", "seed", "steps", "world"]
+    kept = ["baseline", "keep_plans", "reflect", "replan", "seed", "steps", "world"]
     assert sorted(same) == kept
     assert all(shown[name] == settings[name] for name in same)
