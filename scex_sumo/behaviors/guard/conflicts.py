@@ -19,13 +19,16 @@ from scex_sumo.behaviors.guard.corridors import (
 )
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 
 MAX_PAIRS = 1024  # at a time: bounds the memory, and fits the processor's cache
 SAME_WAY = 0.5  # cosine above which one vehicle follows the other instead of waiting for it
 TOWARDS = -0.5  # cosine below which two vehicles approach each other head-on
 ORDER_DOUBT_M = 0.5
 AT_ONCE_M = 0.5
+SAFE_S, SAFE_STOP_S, SAFE_STEP_S = 1.5, 3.0, 0.25  # of others that go the same way, and of all others
+SAFE_M = 0.3  # margin between two boxes
+KEPT_SHARE = 0.8  # of a smaller present margin
 CROSSING_M = 0.5  # the crossing is where the offset is this near to the smallest one
 
 
@@ -44,6 +47,7 @@ class StopLines:
     enter: FloatArray  # (P,) when the other vehicle enters the corridor, s; 0 if it is inside
     until: FloatArray  # (P,) when the stop line ends, s
     firm: BoolArray  # (P,) True if the vehicle may brake harder than comfortably
+    safe: BoolArray  # (P,) both stay apart for a while if they keep velocity and heading
 
     def joined_by(self, rows: IntArray) -> StopLines:
         """Add a stop line without effect for each further vehicle."""
@@ -54,7 +58,7 @@ class StopLines:
         idle = np.zeros(len(further))
         values = {f.name: np.concatenate([getattr(self, f.name), idle])[order] for f in fields(self)}
         values["row"] = np.concatenate([self.row, further])[order]
-        values["firm"] = values["firm"].astype(np.bool_)
+        values |= {name: values[name].astype(np.bool_) for name in ("firm", "safe")}
         return StopLines(**values)
 
 
@@ -142,7 +146,42 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
         enter=meeting.enter[k],
         until=meeting.leave[k] + profile.time_margin,
         firm=in_front | (speed == 0) | meeting.stops[k],
+        safe=_stay_apart(view, i[k], j[k], np.where(speed > 0, SAFE_S, SAFE_STOP_S)),
     )
+
+
+def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> BoolArray:
+    """(P,) whether pairs stay apart for (P,) s if both keep velocity and heading, and the other its braking.
+
+    A small margin may shrink a little: recorded boxes side by side are near each other.
+    """
+    around, who, scene = view.around, view.who, view.history.scene
+    child, vehicle = who.child[i], who.vehicle[i]
+    one, two = view.history.now[child, vehicle], around.others.states[child, j]
+    braking = around.braking[child, j]
+    t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
+    braked = np.minimum(t, (np.maximum(two.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
+    ways = (
+        np.maximum(one.speed, 0.0)[:, None] * t,
+        np.maximum(two.speed, 0.0)[:, None] * braked - braking[:, None] / 2 * braked**2,
+    )
+    sizes = (scene.length[vehicle], scene.width[vehicle]), (around.others.length[j], around.others.width[j])
+    boxes = [
+        Rectangles.of(
+            States(
+                x=now.x[:, None] + way * np.cos(now.heading)[:, None],
+                y=now.y[:, None] + way * np.sin(now.heading)[:, None],
+                heading=np.repeat(now.heading[:, None], len(t), axis=1),
+                speed=way,
+            ),
+            length[:, None],
+            width[:, None],
+        )
+        for now, way, (length, width) in zip((one, two), ways, sizes, strict=True)
+    ]
+    distance = np.where(t <= time_s[:, None], rectangle_distance(*boxes), np.inf)
+    least: BoolArray = distance.min(axis=1) >= np.minimum(SAFE_M, KEPT_SHARE * distance[:, 0])
+    return least & (distance[:, 0] > 0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

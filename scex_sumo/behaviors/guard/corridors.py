@@ -284,6 +284,7 @@ class GuardProfile:
     Attributes:
         comfort_deceleration: ``b`` in m/s², normal braking of the vehicle and its leader.
         max_deceleration: braking limit in emergencies, m/s².
+        safe_deceleration: braking limit for a vehicle that is missed if both keep velocity and heading, m/s².
         yield_deceleration: braking limit for giving way to a vehicle that is not there yet, m/s².
         reaction_time: ``tau`` in s; the time between two plans.
         minimum_gap: bumper to bumper, m.
@@ -298,6 +299,7 @@ class GuardProfile:
 
     comfort_deceleration: float = 4.5
     max_deceleration: float = 9.0
+    safe_deceleration: float = 2.5
     yield_deceleration: float = 5.5
     reaction_time: float = 0.5
     minimum_gap: float = 1.0

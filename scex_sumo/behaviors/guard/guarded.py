@@ -10,12 +10,13 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.guard.conflicts import StopLines, find_stop_lines
+from scex_sumo.behaviors.guard.conflicts import SAFE_S, StopLines, find_stop_lines
 from scex_sumo.behaviors.guard.corridors import GuardProfile, PlannedWays, planned_paths
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 LAST_GAP_M = 0.2  # that hard braking aims for
+MORE_THAN_NEEDED = 1.5
 LEAP_MPS2 = 6.0  # a plan that gains speed faster than this, or more way in a step, leaps
 LEAP_M = 0.1
 MIN_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
@@ -112,9 +113,8 @@ def _timed(
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
     timed = np.empty((2, *planned.shape))
     for step, (speed_then, way_then) in enumerate(zip(planned, way, strict=True)):
-        bound, braking = _bounds(holds, profile, step, np.repeat(s, count), np.repeat(v, count), first)
-        wanted = np.minimum(speed_then, bound)
-        wanted = np.minimum(np.maximum(wanted, v - braking * STEP_S), v + gain[step] * STEP_S)
+        bound = _bounds(holds, profile, step, np.repeat(s, count), np.repeat(v, count), first)
+        wanted = np.minimum(np.minimum(speed_then, bound), v + gain[step] * STEP_S)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
         held |= (following < speed_then - MIN_CHANGE_MPS) | (moved < way_then - LEAP_M)
@@ -128,8 +128,8 @@ def _timed(
 
 def _bounds(
     holds: StopLines, profile: GuardProfile, step: int, s: FloatArray, v: FloatArray, first: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the speed limit after a step and the present braking limit of each vehicle with a stop line.
+) -> FloatArray:
+    """Return the speed limit after a step of each vehicle with a stop line, m/s; it can be reached by braking.
 
     Args:
         s: (P,) place of the vehicle, m along its plan.
@@ -144,8 +144,11 @@ def _bounds(
     b, tau = profile.comfort_deceleration, profile.reaction_time
     follow = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=tau)
     closing = np.where(v > leader, v**2 - leader**2, 0.0)
-    braking = np.where(holds.firm, closing, 0.0)
-    braking /= 2 * np.maximum(gap - LAST_GAP_M, LAST_GAP_M)
+    room = 2 * np.maximum(gap - LAST_GAP_M, LAST_GAP_M)
+    braking = np.where(holds.firm, closing / room, 0.0)
+    # At least so much reaches the leader's speed behind it if it goes on as it does.
+    needed = np.maximum(v - leader, 0.0) ** 2 / room + np.where(t < holds.stop_time, holds.deceleration, 0.0)
+    needed = np.where(leader > 0, np.minimum(needed, closing/room + 1.0*holds.deceleration), closing / room)
     bound = np.where(gap < 0, 0.0, follow)
     early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
     if len(early):
@@ -163,6 +166,9 @@ def _bounds(
         braking[early] = np.minimum(braking[early], profile.yield_deceleration)
         bound[early] = np.minimum(follow[early], wait)
     active = holds.until > t
-    lowest = np.minimum.reduceat(np.where(active, bound, np.inf), first)
-    hardest = np.maximum.reduceat(np.where(active, braking, 0.0), first)
-    return lowest, np.clip(hardest, b, profile.max_deceleration)
+    mild = min(profile.safe_deceleration, b)
+    needed = MORE_THAN_NEEDED * np.where(holds.firm, needed, np.minimum(needed, b))
+    limit = np.where(holds.safe & (t < SAFE_S / 2), mild, np.clip(needed, mild, profile.max_deceleration))
+    allowed = np.where(active, np.maximum(bound, v - limit * STEP_S), np.inf)
+    lowest: FloatArray = np.minimum.reduceat(allowed, first)
+    return lowest
