@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
+from functools import partial
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -16,10 +17,17 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 LAST_GAP_M = 0.2  # that hard braking aims for
-MORE_THAN_NEEDED = 1.5
+MORE_THAN_NEEDED = 1.5  # braking limit, times the least braking that is enough
 LEAP_MPS2 = 6.0  # a plan that gains speed faster than this, or more way in a step, leaps
 LEAP_M = 0.1
 MIN_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
+
+Bounds: TypeAlias = Callable[[StopLines, IntArray, int, FloatArray, FloatArray], FloatArray]
+"""Highest speed (n,) m/s after a step of each vehicle with stop lines, which braking can reach.
+
+Arguments are the stop lines, the first (n,) of each vehicle, the step, and of each line's vehicle its place (P,),
+m along its plan, and its speed (P,), m/s.
+"""
 
 
 def safe_speed(
@@ -73,11 +81,18 @@ class Guarded:
 
 def slowed(plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile) -> Plan:
     """Re-time a plan (n, H) along its way so that vehicles can always stop; other rows stay the same."""
+    return retimed(plan, history, road, who, profile, partial(_bounds, profile=profile))
+
+
+def retimed(
+    plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile, bounds: Bounds
+) -> Plan:
+    """Re-time a plan (n, H) along its way under the bounds of its stop lines; other rows stay the same."""
     paths = planned_paths(plan, history, who, profile)
     holds = find_stop_lines(paths, history, road, who, profile).joined_by(_leaping(paths))
     if not len(holds.row):
         return plan
-    speed, arc, changed = _timed(paths, holds, profile)
+    speed, arc, changed = _timed(paths, holds, profile, bounds)
     rows = np.flatnonzero(changed)
     if not len(rows):
         return plan
@@ -98,7 +113,7 @@ def _leaping(paths: PlannedWays) -> IntArray:
 
 
 def _timed(
-    paths: PlannedWays, holds: StopLines, profile: GuardProfile
+    paths: PlannedWays, holds: StopLines, profile: GuardProfile, bounds: Bounds
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """(n, H) speeds and arc lengths under all bounds, and (n,) which vehicles are slowed."""
     speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
@@ -113,7 +128,7 @@ def _timed(
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
     timed = np.empty((2, *planned.shape))
     for step, (speed_then, way_then) in enumerate(zip(planned, way, strict=True)):
-        bound = _bounds(holds, profile, step, np.repeat(s, count), np.repeat(v, count), first)
+        bound = bounds(holds, first, step, np.repeat(s, count), np.repeat(v, count))
         wanted = np.minimum(np.minimum(speed_then, bound), v + gain[step] * STEP_S)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
@@ -127,48 +142,57 @@ def _timed(
 
 
 def _bounds(
-    holds: StopLines, profile: GuardProfile, step: int, s: FloatArray, v: FloatArray, first: IntArray
+    holds: StopLines, first: IntArray, step: int, s: FloatArray, v: FloatArray, *, profile: GuardProfile
 ) -> FloatArray:
-    """Return the speed limit after a step of each vehicle with a stop line, m/s; it can be reached by braking.
-
-    Args:
-        s: (P,) place of the vehicle, m along its plan.
-        v: (P,) its speed, m/s.
-        first: index of each vehicle's first stop line.
-    """
+    """Return the highest speed after a step of each vehicle with a stop line, m/s; see `Bounds`."""
     t = step * STEP_S
-    gone = np.minimum(t, holds.stop_time)
-    position = holds.position + holds.speed * gone - 0.5 * holds.deceleration * gone**2
-    leader = np.maximum(holds.speed - holds.deceleration * gone, 0.0)
+    position, leader = _lines(holds, t)
     gap = position - s
-    b, tau = profile.comfort_deceleration, profile.reaction_time
-    follow = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=tau)
-    closing = np.where(v > leader, v**2 - leader**2, 0.0)
-    room = 2 * np.maximum(gap - LAST_GAP_M, LAST_GAP_M)
-    braking = np.where(holds.firm, closing / room, 0.0)
-    # At least so much reaches the leader's speed behind it if it goes on as it does.
-    needed = np.maximum(v - leader, 0.0) ** 2 / room + np.where(t < holds.stop_time, holds.deceleration, 0.0)
-    needed = np.where(leader > 0, np.minimum(needed, closing/room + 1.0*holds.deceleration), closing / room)
-    bound = np.where(gap < 0, 0.0, follow)
+    safe = partial(safe_speed, deceleration=profile.comfort_deceleration, reaction_time=profile.reaction_time)
+    bound = np.where(gap < 0, 0.0, safe(gap - profile.minimum_gap, leader))
     early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
     if len(early):
         # A vehicle that will follow one that is not there yet must not reach the place before it.
-        entry = holds.position[early] + holds.speed[early] * holds.enter[early]
-        ahead, left = entry - s[early], np.maximum(holds.enter[early] - t, STEP_S)
-        wait = safe_speed(
-            ahead - profile.minimum_gap, np.zeros_like(ahead), deceleration=b, reaction_time=tau
-        )
-        wait = np.maximum(wait, np.maximum(ahead, 0.0) / left)
-        # It is enough to stop before the place, or to arrive no sooner than the other one.
-        stop = v[early] ** 2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M))
-        late = 2 * np.maximum(v[early] - np.maximum(ahead, 0.0) / left, 0.0) / left
-        braking[early] = np.where(holds.firm[early], np.minimum(stop, late), 0.0)
-        braking[early] = np.minimum(braking[early], profile.yield_deceleration)
-        bound[early] = np.minimum(follow[early], wait)
-    active = holds.until > t
-    mild = min(profile.safe_deceleration, b)
-    needed = MORE_THAN_NEEDED * np.where(holds.firm, needed, np.minimum(needed, b))
-    limit = np.where(holds.safe & (t < SAFE_S / 2), mild, np.clip(needed, mild, profile.max_deceleration))
-    allowed = np.where(active, np.maximum(bound, v - limit * STEP_S), np.inf)
+        ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early]
+        wait = safe(ahead - profile.minimum_gap, np.zeros_like(ahead))
+        wait = np.maximum(wait, np.maximum(ahead, 0.0) / np.maximum(holds.enter[early] - t, STEP_S))
+        bound[early] = np.minimum(bound[early], wait)
+    mild = min(profile.safe_deceleration, profile.comfort_deceleration)
+    most = np.where(holds.firm, profile.max_deceleration, profile.comfort_deceleration)
+    most[early] = np.minimum(most[early], profile.yield_deceleration)
+    limit = np.clip(MORE_THAN_NEEDED * needed_braking(holds, t, s, v), mild, most)
+    limit = np.where(holds.safe & (t < SAFE_S / 2), mild, limit)
+    allowed = np.where(holds.until > t, np.maximum(bound, v - limit * STEP_S), np.inf)
     lowest: FloatArray = np.minimum.reduceat(allowed, first)
     return lowest
+
+
+def needed_braking(holds: StopLines, t: float, s: FloatArray, v: FloatArray) -> FloatArray:
+    """(P,) constant deceleration with which vehicles just stay behind their stop lines, m/s².
+
+    Args:
+        t: time since the plan began, s.
+        s: (P,) place of the vehicle, m along its plan.
+        v: (P,) its speed, m/s.
+    """
+    position, leader = _lines(holds, t)
+    room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)
+    needed = np.maximum(v - leader, 0.0) ** 2 / room
+    brakes = np.flatnonzero((holds.deceleration > 0) & (leader > 0))
+    to_stop = leader[brakes] ** 2 / holds.deceleration[brakes]
+    needed[brakes] = np.maximum(needed[brakes], v[brakes] ** 2 / (room[brakes] + to_stop))
+    early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
+    ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early]
+    # It is enough to stop before the place, or to arrive no sooner than the other one.
+    stop = v[early] ** 2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M))
+    left = np.maximum(holds.enter[early] - t, STEP_S)
+    late = 2 * np.maximum(v[early] - np.maximum(ahead, 0.0) / left, 0.0) / left
+    needed[early] = np.minimum(stop, late)
+    return needed
+
+
+def _lines(holds: StopLines, t: float) -> tuple[FloatArray, FloatArray]:
+    """Return positions (P,) m and speeds (P,) m/s of stop lines at a time."""
+    gone = np.minimum(t, holds.stop_time)
+    position: FloatArray = holds.position + holds.speed * gone - 0.5 * holds.deceleration * gone**2
+    return position, np.maximum(holds.speed - holds.deceleration * gone, 0.0)
