@@ -95,7 +95,11 @@ def cases(data: Path, part: Part, most: int) -> Iterator[Case]:
             continue
         loaded = load_recording(recording)
         moments = recording_moments(loaded, every_s=STEP_S)
-        moments = [m for m in (moments if ngsim else split_moments(moments, Split())[part]) if m.complete and m.vehicles > 1]
+        moments = [
+            m
+            for m in (moments if ngsim else split_moments(moments, Split())[part])
+            if m.complete and m.vehicles > 1
+        ]
         if moments:
             chosen.setdefault(site_of(recording.name), []).extend((loaded, m.time_s) for m in moments[5::10])
     for site in SITES:
@@ -209,7 +213,10 @@ def row_of(found: list[Figures]) -> dict[str, float]:
         "cover": float(np.mean(list(cover.values()))),
         "least": min(cover.values()),
         "worst": min(cover, key=lambda name: cover[name]),
-        "P(coll)": 100 * float(np.mean([f.driven[:, -1].mean() for f, a in zip(found, apart, strict=True) if a] or [np.nan])),
+        "P(coll)": 100
+        * float(
+            np.mean([f.driven[:, -1].mean() for f, a in zip(found, apart, strict=True) if a] or [np.nan])
+        ),
         "error": float(motion[:, 0].mean() / motion[:, 1].mean()) if len(motion) else np.nan,
         "along": float(motion[:, 2].mean()) if len(motion) else np.nan,
         "starts": float(start[:, 0].mean()) if len(start) else np.nan,
@@ -250,7 +257,9 @@ def braking(f: Figures) -> tuple[np.ndarray, np.ndarray]:
     assert scene.future is not None and scene.future_valid is not None
     known = np.cumprod(scene.future_valid[:, :STEPS], axis=1).astype(bool)[:, OVER_STEPS - 1 :]
     real = np.concatenate([scene.now.speed[:, None], scene.future.speed[:, :STEPS]], axis=1)
-    drive = np.concatenate([np.broadcast_to(scene.now.speed, f.states.x[:, :1].shape), f.states.speed], axis=1)
+    drive = np.concatenate(
+        [np.broadcast_to(scene.now.speed, f.states.x[:, :1].shape), f.states.speed], axis=1
+    )
     limit = -HARD_MPS2 * OVER_STEPS * STEP_S
     hard_real = (real[:, OVER_STEPS:] - real[:, :-OVER_STEPS]) < limit
     hard = (drive[:, OVER_STEPS:] - drive[:, :-OVER_STEPS]) < limit
@@ -260,7 +269,9 @@ def braking(f: Figures) -> tuple[np.ndarray, np.ndarray]:
 def table(rows: dict[str, dict[str, float]]) -> str:
     lines = [f"{'site':12}" + "".join(f"{name:>9}" for name in COLUMNS) + "  worst value"]
     for site, row in rows.items():
-        cells = "".join(f"{row[name]:9.3f}" if isinstance(row[name], float) else f"{row[name]:9}" for name in COLUMNS)
+        cells = "".join(
+            f"{row[name]:9.3f}" if isinstance(row[name], float) else f"{row[name]:9}" for name in COLUMNS
+        )
         lines.append(f"{site:12}{cells}  {row['worst']}")
     return "\n".join(lines)
 

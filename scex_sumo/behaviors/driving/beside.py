@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.scene import STEP_S, SceneHistory, States, VehicleIndex
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 
-NEAR_M = 25.0  # between centres of vehicles that can be beside each other within a plan
+NEAR_M = 25.0  # between centres of vehicles whose boxes can touch within a plan
 MARGIN_M = 0.4  # between two boxes
 AHEAD_M = 1.0  # boxes this far ahead or behind count as beside
 ALONG = 0.5  # sine of the angle to the path; at larger angles a vehicle crosses it
@@ -128,3 +130,15 @@ def reached(room: FloatArray) -> FloatArray:
     reach = ASIDE_SPEED * STEP_S * np.arange(room.shape[1])
     reachable: FloatArray = np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach
     return reachable
+
+
+@owner_cache
+def box_distances(scene: SeedScene) -> FloatArray:
+    """(V, V) distance of the vehicles' boxes in a seed scene, m; inf if the centres are 25 m apart."""
+    now, length, width = scene.now, scene.length, scene.width
+    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
+    i, j = np.nonzero(np.hypot(dx, dy) < NEAR_M)
+    one, two = (Rectangles.of(now[side], length[side], width[side]) for side in (i, j))
+    distance = np.full(dx.shape, np.inf)
+    distance[i, j] = rectangle_distance(one, two)
+    return distance

@@ -12,6 +12,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene
@@ -47,7 +48,12 @@ def estimated_scene(scene: SeedScene) -> SeedScene:
     turned = steady * (raw - raw[:, -1:] + (1 - steady) * slope[:, None] * _TIME)
     speed = past.speed.copy()
     speed[:, -1] = np.where(stands, speed[:, -1], _present_speed(speed))
-    return replace(scene, history=replace(past, heading=wrap(heading[:, None] + turned), speed=speed))
+    turned = wrap(heading[:, None] + turned)
+    made = replace(scene, history=replace(past, heading=turned, speed=speed))
+    # A correction shall not make long vehicles touch that were recorded apart.
+    touch = ((box_distances(made) <= 0) & (box_distances(scene) > 0)).any(axis=1)
+    turned[touch] = past.heading[touch]
+    return made
 
 
 def estimated_history(history: SceneHistory) -> SceneHistory:

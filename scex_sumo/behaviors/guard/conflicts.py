@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.guard.corridors import (
     SAMPLE_S,
     SAMPLES,
@@ -19,7 +19,7 @@ from scex_sumo.behaviors.guard.corridors import (
 )
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import STEP_S, SceneHistory, States, VehicleIndex
 
 MAX_PAIRS = 1024  # at a time: bounds the memory, and fits the processor's cache
 SAME_WAY = 0.5  # cosine above which one vehicle follows the other instead of waiting for it
@@ -279,18 +279,3 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     margin = np.where(beside | (cos < TOWARDS), profile.alongside_margin, profile.margin)
     inside = (body <= margin + swing) & (low <= paths.corner_arc[i, -1])
     return _Blocked(inside=inside, s=s, offset=offset, cos=cos, low=low, high=high)
-
-
-FAR_M = 25.0  # boxes may touch only if the centres are nearer
-
-
-@owner_cache
-def box_distances(scene: SeedScene) -> FloatArray:
-    """(V, V) distance of the vehicles' boxes in a seed scene, m; inf if the centres are 25 m apart."""
-    now, length, width = scene.now, scene.length, scene.width
-    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
-    i, j = np.nonzero(np.hypot(dx, dy) < FAR_M)
-    one, two = (Rectangles.of(now[side], length[side], width[side]) for side in (i, j))
-    distance = np.full(dx.shape, np.inf)
-    distance[i, j] = rectangle_distance(one, two)
-    return distance

@@ -14,13 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
+from scex_sumo.behaviors.driving.seed_state import estimated_history
+from scex_sumo.behaviors.models.attention import attention_of, kept_clear, respond
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, desired_speed, desired_speeds
 from scex_sumo.behaviors.models.likely_lanes import change_shares, change_to, lanes_beside
 from scex_sumo.behaviors.models.likely_observations import (
@@ -69,15 +71,17 @@ class LikelyProfile:
 
     Attributes:
         spread: factor on the variation between drivers; 1 as recorded, 0 the expected driver.
+        inattention: factor on the time that drivers look away; 1 as observed, 0 never.
         path: as in `IdmProfile`, or ``fitted``: drawn per child and vehicle, by how well each path fits the
             vehicle's motion.
     """
 
     spread: float = 1.0
+    inattention: float = 1.0
     path: PathChoice | str = "fitted"
 
     def __post_init__(self) -> None:
-        check_positive(self, "spread", zero=True)
+        check_positive(self, "spread", "inattention", zero=True)
         if self.spread > MAX_SPREAD:
             raise UsageError(f"spread: got {self.spread!r}; give a number up to {MAX_SPREAD}")
         if self.path != "fitted":
@@ -109,14 +113,20 @@ class LikelyDriver:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`. All draws follow from `SceneHistory.route_draw`."""
+        history = estimated_history(history)
         paths, row = self._paths(history, road, who)
         drivers = self._drivers(history, road, who, paths, row)
         now = history.now[who.child, who.vehicle]
         s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
         leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
         waits = self._waits(history, who, leaders)
-        accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits, self.population.habit_s)
-        return drive(history, who, paths, row, accelerate, aside=drivers.aside)
+        attention = attention_of(history, who, self.profile.inattention, min(self.profile.spread, 1.0))
+        accelerate = _acceleration(
+            history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
+        )
+        aside = kept_clear(drivers.aside, history, who, paths, row, s, attention.aware)
+        made = drive(history, who, paths, row, accelerate, aside=aside)
+        return respond(made, history, road, who, attention)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
@@ -232,8 +242,9 @@ def _acceleration(
     drivers: Drivers,
     waits: FloatArray,
     habit_s: float,
+    aware: BoolArray,
 ) -> Accelerate:
-    """Return the acceleration of drawn drivers for `drive`."""
+    """Return the acceleration of drawn drivers for `drive`; `aware` (n, H) of their leaders."""
     wished = desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)
     curves = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
     first, last = row * paths.samples, paths.samples - 1
@@ -245,6 +256,7 @@ def _acceleration(
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
     crawl = np.minimum(motion[0] * drivers.crawl, STANDING_MPS)
+    no_gap = np.full_like(away, np.inf)
 
     def at(s: FloatArray) -> IntArray:
         return first + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
@@ -257,6 +269,8 @@ def _acceleration(
         gap = away + leaders.speed * (step * STEP_S) - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]
         demanded = demanded_acceleration(profile, v, desired, gap, leaders.speed, curve)
+        alone = demanded_acceleration(profile, v, desired, no_gap, leaders.speed, curve)
+        demanded = np.where(aware[:, min(step, PLAN_STEPS - 1)], demanded, np.minimum(alone, 0.0))
         more = np.where(waits > 0, 0.0, drivers.additional @ node_shares(time_s))
         more = np.where(more > 0, more * clipped(1 + demanded / RELIEF_MPS2, 0.0, 1.0), more)
         demanded = demanded + drivers.habit * np.exp(-time_s / habit_s)
