@@ -61,7 +61,14 @@ class _Boxes:
 
 
 def offsets_beside(
-    history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray
+    history: SceneHistory,
+    who: VehicleIndex,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    way: FloatArray,
+    *,
+    margin: float = MARGIN_M,
 ) -> tuple[FloatArray, FloatArray]:
     """(n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
@@ -72,6 +79,7 @@ def offsets_beside(
         row: (n,) path of each vehicle.
         s: (n,) arc length of its centre now, m.
         way: (n, H + 1) further way now and after each step, m.
+        margin: between two boxes, m.
     """
     (i, j), everybody = _near(history, who), everyone(history)
     own, other = (
@@ -87,7 +95,7 @@ def offsets_beside(
     beside = (np.abs(ahead[:, 0]) < along) | (apart > own.across + other.across)
     beside &= np.abs(other.sine) < ALONG
     counts = beside[:, None] & (np.abs(ahead) < along[:, None] + AHEAD_M)
-    free = apart[:, None] - _taken(own, other, side, everybody.width[j], t) - MARGIN_M
+    free = apart[:, None] - _taken(own, other, side, everybody.width[j], t) - margin
     room = reached(np.where(counts, np.maximum(free / 2, -ASIDE_M), np.inf))
     room *= np.where(room < 0, 1 - np.exp(-t / ASIDE_S), 1.0)
     least, most = np.full(way.shape, -np.inf), np.full(way.shape, np.inf)

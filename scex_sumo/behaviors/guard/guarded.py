@@ -167,13 +167,16 @@ def _bounds(
     return lowest
 
 
-def needed_braking(holds: StopLines, t: float, s: FloatArray, v: FloatArray) -> FloatArray:
+def needed_braking(
+    holds: StopLines, t: float, s: FloatArray, v: FloatArray, entry_gap_m: float = LAST_GAP_M
+) -> FloatArray:
     """(P,) constant deceleration with which vehicles just stay behind their stop lines, m/s².
 
     Args:
         t: time since the plan began, s.
         s: (P,) place of the vehicle, m along its plan.
         v: (P,) its speed, m/s.
+        entry_gap_m: kept to a vehicle that is not there yet when it arrives.
     """
     position, leader = _lines(holds, t)
     room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)
@@ -182,9 +185,9 @@ def needed_braking(holds: StopLines, t: float, s: FloatArray, v: FloatArray) -> 
     to_stop = leader[brakes] ** 2 / holds.deceleration[brakes]
     needed[brakes] = np.maximum(needed[brakes], v[brakes] ** 2 / (room[brakes] + to_stop))
     early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
-    ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early]
+    ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early] - entry_gap_m
     # It is enough to stop before the place, or to arrive no sooner than the other one.
-    stop = v[early] ** 2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M))
+    stop = v[early] ** 2 / (2 * np.maximum(ahead, LAST_GAP_M))
     left = np.maximum(holds.enter[early] - t, STEP_S)
     late = 2 * np.maximum(v[early] - np.maximum(ahead, 0.0) / left, 0.0) / left
     needed[early] = np.minimum(stop, late)

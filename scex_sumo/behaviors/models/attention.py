@@ -14,6 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.beside import offsets_beside
+from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.guard.conflicts import StopLines
 from scex_sumo.behaviors.guard.corridors import GuardProfile
@@ -30,11 +31,15 @@ GLANCE_S, GLANCE_SPREAD = 0.7, 0.48
 EVERY_S = 3.9  # one glance begins in each such interval: 20 % of the time are glances
 # Response to common but unexpected signals, such as brake lights: 1.25 s; to expected ones 0.7 s (Green 2000).
 REACTION_S, REACTION_SPREAD = 0.9, 0.3
-ONSET_MPS2, ONSET_SPREAD = 1.0, 0.4  # needed braking from which drivers respond: ours
+ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond: ours
+SAFE_ONSET = 2.0  # factor on that for vehicles that are missed if both keep velocity and heading
 MORE_THAN_NEEDED = 1.2
+BESIDE_M = 0.2  # between boxes beside each other
+ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
 GENTLE_MPS2 = 2.0  # for vehicles that are missed if both keep velocity and heading
-CALM_MPS2 = -1.0  # a driver that brakes harder looks ahead
+CALM_MPS2 = 0.3  # a driver whose leader asks for more looks ahead: Tijerina et al. 2004, ours the figure
+MIN_GAP_M = 0.5
 _GLANCE, _MANNER = 100_000, 99_999  # salts of draws, beyond those of all steps
 PROFILE = GuardProfile(
     comfort_deceleration=4.0,
@@ -54,8 +59,12 @@ class Attention:
     onset: FloatArray  # (n,) needed braking from which it responds, m/s²
 
 
-def attention_of(history: SceneHistory, who: VehicleIndex, factor: float, spread: float) -> Attention:
+def attention_of(
+    history: SceneHistory, who: VehicleIndex, leaders: Leaders, factor: float, spread: float
+) -> Attention:
     """Draw the attention of drivers; it follows from `SceneHistory.route_draw` and the time alone.
+
+    A driver that was closing in on its leader a second ago does not look away.
 
     Args:
         factor: on the share of time of glances.
@@ -65,13 +74,19 @@ def attention_of(history: SceneHistory, who: VehicleIndex, factor: float, spread
     manner = normal_quantiles(uniforms(draw, 2, _MANNER))
     reaction = REACTION_S * np.exp(REACTION_SPREAD * spread * manner[:, 0])
     seen = STEP_S * np.arange(history.step, history.step + PLAN_STEPS) - reaction[:, None]
-    aware = ~looks_away(draw, seen, factor)
+    aware = ~looks_away(draw, seen, factor) | (_closed_in(history, who, leaders) > CALM_MPS2)[:, None]
+    return Attention(aware=aware, onset=ONSET_MPS2 * np.exp(ONSET_SPREAD * spread * manner[:, 1]))
+
+
+def _closed_in(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> FloatArray:
+    """(n,) braking that the leader asked for a second ago, m/s²; a pedestrian's or cyclist's speed is kept."""
     speed = history.states.speed[who.child, who.vehicle]
-    steps = 1 if history.step else 5
-    braking = (speed[:, -1] - speed[:, -1 - steps]) / (steps * STEP_S) < CALM_MPS2
-    return Attention(
-        aware=aware | braking[:, None], onset=ONSET_MPS2 * np.exp(ONSET_SPREAD * spread * manner[:, 1])
-    )
+    vehicle = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
+    before = np.repeat(leaders.speed[:, None], speed.shape[1], axis=1)
+    before[vehicle] = history.states.speed[who.child[vehicle], leaders.index[vehicle]]
+    gap = leaders.gap + STEP_S * (speed[:, 1:] - before[:, 1:]).sum(axis=1)
+    closing = np.maximum(speed[:, 0] - before[:, 0], 0.0)
+    return np.asarray(closing**2 / (2 * np.maximum(gap, MIN_GAP_M)))
 
 
 def looks_away(draw: FloatArray, time_s: FloatArray, factor: float = 1.0) -> BoolArray:
@@ -107,10 +122,12 @@ def _bounds(
 ) -> FloatArray:
     """Return the highest speed after a step of each vehicle with a stop line, m/s; see `Bounds`."""
     t = step * STEP_S
-    needed = needed_braking(holds, t, s, v)
-    most = np.where(holds.safe, GENTLE_MPS2, np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration))
+    needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
+    most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
+    most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
     braking = np.minimum(MORE_THAN_NEEDED * needed, most)
-    acts = (needed > attention.onset[holds.row]) & attention.aware[holds.row, step] & (holds.until > t)
+    onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
+    acts = (needed > onset) & attention.aware[holds.row, step] & (holds.until > t)
     lowest: FloatArray = np.minimum.reduceat(np.where(acts, v - braking * STEP_S, np.inf), first)
     return lowest
 
@@ -122,13 +139,12 @@ def kept_clear(
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
-    aware: BoolArray,
 ) -> FloatArray:
-    """Return wanted offsets (n, H + 1) within the room to boxes beside, for drivers that are aware."""
+    """Return wanted offsets (n, H + 1) within the room to boxes beside."""
     time = STEP_S * np.arange(aside.shape[1])
     way = np.maximum(history.now[who.child, who.vehicle].speed, 0.0)[:, None] * time
-    least, most = offsets_beside(history, who, paths, row, s, way)
+    least, most = offsets_beside(history, who, paths, row, s, way, margin=BESIDE_M)
     narrow = least > most
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2
     least, most = np.where(narrow, middle, least), np.where(narrow, middle, most)
-    return np.where(aware[:, :1], np.clip(aside, least, most), aside)
+    return np.clip(aside, least, most)

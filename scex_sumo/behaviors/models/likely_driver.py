@@ -23,7 +23,7 @@ from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chose
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
 from scex_sumo.behaviors.driving.seed_state import estimated_history
 from scex_sumo.behaviors.models.attention import attention_of, kept_clear, respond
-from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, desired_speed, desired_speeds
+from scex_sumo.behaviors.models.idm import CALIBRATED, HABIT_STEPS, IdmParameters, desired_speed, desired_speeds
 from scex_sumo.behaviors.models.likely_lanes import change_shares, change_to, lanes_beside
 from scex_sumo.behaviors.models.likely_observations import (
     STANDING_MPS,
@@ -40,6 +40,7 @@ from scex_sumo.behaviors.models.likely_observations import (
 from scex_sumo.behaviors.models.population import (
     MAX_ASIDE_M,
     MAX_CHANGE_M,
+    FAR_M,
     node_shares,
     population,
     spread_of,
@@ -61,6 +62,7 @@ BRAKING_MPS2 = (0.5, 8.0)  # bounds
 ROOM_SHARE = 0.8  # of the room to vehicles beside, the largest random offset
 MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
+TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
 _DRIVER, _PATH, _START = 0, 7, 10  # salts of draws; each plan has its own start
 
@@ -98,6 +100,8 @@ class Drivers:
     aside: FloatArray  # (n, 31) wanted offset from the path now and after each step, m, left positive
     crawl: FloatArray  # (n,) factor on the speed of a standing vehicle
     leader: IntArray  # (n,) column of the leader in the seed scene
+    gap: FloatArray  # (n,) to that leader in the seed scene, m
+    opening: FloatArray  # (n,) its speed in the seed scene beyond that of the vehicle, m/s
     slack: FloatArray  # (n,) addition to the gap to that leader, m, see `PathObservations`
     habit: FloatArray  # (n,) acceleration shown in the seed scene beyond that of the model, m/s²
 
@@ -120,11 +124,11 @@ class LikelyDriver:
         s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
         leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
         waits = self._waits(history, who, leaders)
-        attention = attention_of(history, who, self.profile.inattention, min(self.profile.spread, 1.0))
+        attention = attention_of(history, who, leaders, self.profile.inattention, min(self.profile.spread, 1.0))
         accelerate = _acceleration(
             history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
         )
-        aside = kept_clear(drivers.aside, history, who, paths, row, s, attention.aware)
+        aside = kept_clear(drivers.aside, history, who, paths, row, s)
         made = drive(history, who, paths, row, accelerate, aside=aside)
         return respond(made, history, road, who, attention)
 
@@ -163,6 +167,8 @@ class LikelyDriver:
             aside=way_across(observed.across[row], side, time_s),
             crawl=1 + np.minimum(spread, 1.0) * (2 * drawn[:, 10] - 1),
             leader=observed.leader[row],
+            gap=observed.gap[row] - observed.slack[row],
+            opening=observed.leader_speed[row] - speed,
             slack=observed.slack[row],
             habit=_habit(history, who, observed, row, headway, braking),
         )
@@ -226,6 +232,15 @@ def _habit(
     return np.where(speed < STANDING_MPS, 0.0, habit)
 
 
+def _leader_acceleration(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> FloatArray:
+    """(n,) present acceleration of leaders, m/s²; 0 for pedestrians and cyclists."""
+    result, steps = np.zeros(len(who)), 3 if history.step else HABIT_STEPS
+    k = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
+    speed = history.states.speed[who.child[k], leaders.index[k]]
+    result[k] = (speed[:, -1] - speed[:, -1 - steps]) / (steps * STEP_S)
+    return result
+
+
 def effective_headway(speed: FloatArray, leaders: Leaders, drivers: Drivers) -> FloatArray:
     """(n,) drawn time headway, s; behind a new leader at most the present one."""
     there = (leaders.gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0)
@@ -257,6 +272,11 @@ def _acceleration(
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
     crawl = np.minimum(motion[0] * drivers.crawl, STANDING_MPS)
     no_gap = np.full_like(away, np.inf)
+    # Nobody follows at such a headway: it is a trailer, or a box is too long.
+    tow, there = np.minimum(drivers.gap, 1e3), np.minimum(leaders.gap, 1e3)
+    towed = (leaders.index == drivers.leader) & (tow < TOWED_S * motion[0]) & (motion[0] > TOWED_MPS)
+    towed &= np.abs(drivers.opening) < TOWED_OPENING_MPS
+    pulled = _leader_acceleration(history, who, leaders)
 
     def at(s: FloatArray) -> IntArray:
         return first + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
@@ -267,15 +287,19 @@ def _acceleration(
         # The motion of a standing vehicle is no habit.
         desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *motion, time_s))
         gap = away + leaders.speed * (step * STEP_S) - travelled
+        gap_to_tow = there + (leaders.speed + pulled * step * STEP_S / 2) * step * STEP_S - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]
         demanded = demanded_acceleration(profile, v, desired, gap, leaders.speed, curve)
         alone = demanded_acceleration(profile, v, desired, no_gap, leaders.speed, curve)
-        demanded = np.where(aware[:, min(step, PLAN_STEPS - 1)], demanded, np.minimum(alone, 0.0))
+        sees = aware[:, step]
+        demanded = np.where(sees, demanded, alone)
         more = np.where(waits > 0, 0.0, drivers.additional @ node_shares(time_s))
         more = np.where(more > 0, more * clipped(1 + demanded / RELIEF_MPS2, 0.0, 1.0), more)
         demanded = demanded + drivers.habit * np.exp(-time_s / habit_s)
         still = clipped((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
         still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
-        return np.where(waits > step * STEP_S, still, clipped(demanded + more, HARDEST_MPS2, STRONGEST_MPS2))
+        a = clipped(demanded + more, HARDEST_MPS2, np.where(sees | (v < leaders.speed) | (gap > FAR_M), STRONGEST_MPS2, 0.0))
+        a = np.where(towed, pulled + 2 * (leaders.speed + pulled * step * STEP_S - v) + gap_to_tow - tow, a)
+        return np.where(waits > step * STEP_S, still, a)
 
     return accelerate
