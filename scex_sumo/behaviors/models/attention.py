@@ -32,9 +32,11 @@ EVERY_S = 3.9  # one glance begins in each such interval: 20 % of the time are g
 # Response to common but unexpected signals, such as brake lights: 1.25 s; to expected ones 0.7 s (Green 2000).
 REACTION_S, REACTION_SPREAD = 0.9, 0.3
 ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond: ours
+# From the corner of the eye, drivers notice a leader that looms, but late (Lamble, Laakso, Summala 1999).
+LOOMING_MPS2 = 3.0
 SAFE_ONSET = 2.0  # factor on that for vehicles that are missed if both keep velocity and heading
 MORE_THAN_NEEDED = 1.2
-BESIDE_M = 0.2  # between boxes beside each other
+BESIDE_M = 0.3  # between boxes beside each other
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
 GENTLE_MPS2 = 2.0  # for vehicles that are missed if both keep velocity and heading
@@ -127,7 +129,8 @@ def _bounds(
     most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
     braking = np.minimum(MORE_THAN_NEEDED * needed, most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
-    acts = (needed > onset) & attention.aware[holds.row, step] & (holds.until > t)
+    onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
+    acts = (needed > onset) & (holds.until > t)
     lowest: FloatArray = np.minimum.reduceat(np.where(acts, v - braking * STEP_S, np.inf), first)
     return lowest
 

@@ -23,24 +23,32 @@ from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chose
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
 from scex_sumo.behaviors.driving.seed_state import estimated_history
 from scex_sumo.behaviors.models.attention import attention_of, kept_clear, respond
-from scex_sumo.behaviors.models.idm import CALIBRATED, HABIT_STEPS, IdmParameters, desired_speed, desired_speeds
+from scex_sumo.behaviors.models.idm import (
+    CALIBRATED,
+    HABIT_STEPS,
+    IdmParameters,
+    desired_speed,
+    desired_speeds,
+)
 from scex_sumo.behaviors.models.likely_lanes import change_shares, change_to, lanes_beside
 from scex_sumo.behaviors.models.likely_observations import (
     STANDING_MPS,
     PathObservations,
+    behind_a_wave,
     demanded_acceleration,
     last_second,
     leaders_of,
     observations_of,
     path_edges,
-    queue_place,
+    queue_leaders,
     room_beside,
     side_shown,
+    start_features,
 )
 from scex_sumo.behaviors.models.population import (
+    FAR_M,
     MAX_ASIDE_M,
     MAX_CHANGE_M,
-    FAR_M,
     node_shares,
     population,
     spread_of,
@@ -123,8 +131,10 @@ class LikelyDriver:
         now = history.now[who.child, who.vehicle]
         s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
         leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
-        waits = self._waits(history, who, leaders)
-        attention = attention_of(history, who, leaders, self.profile.inattention, min(self.profile.spread, 1.0))
+        waits = self._waits(history, who, paths, leaders)
+        attention = attention_of(
+            history, who, leaders, self.profile.inattention, min(self.profile.spread, 1.0)
+        )
         accelerate = _acceleration(
             history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
         )
@@ -199,7 +209,9 @@ class LikelyDriver:
         to = np.clip(to, -MAX_CHANGE_M, MAX_CHANGE_M)
         return np.where(wills < share[:, 0], to[:, 0], np.where(wills > 1 - share[:, 1], to[:, 1], keeps))
 
-    def _waits(self, history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> FloatArray:
+    def _waits(
+        self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, leaders: Leaders
+    ) -> FloatArray:
         """(n,) time for which each vehicle stands from now on, s; 0 for moving vehicles."""
         speed = history.states.speed[who.child, who.vehicle]
         before = speed[:, -2] if history.step else speed[:, -1]
@@ -207,7 +219,9 @@ class LikelyDriver:
         draw = uniforms(history.route_draw[who.child, who.vehicle], 1, _START + history.step)[:, 0]
         if self.profile.spread == 0:
             draw = np.full_like(draw, 0.5)
-        rate = np.asarray(self.population.start_rate)[queue_place(leaders.gap, leaders.speed)]
+        queue = queue_leaders(history.scene, paths)
+        wave = behind_a_wave(history.now.speed, leaders, who.child, queue)
+        rate = np.exp(start_features(speed[:, -1], leaders.gap, leaders.speed, wave) @ self.population.start)
         # Waiting has no memory: draws of successive plans give one exponential time in all.
         return np.where(stands, -np.log(draw) / np.maximum(rate, 1e-9), 0.0)
 
@@ -298,7 +312,11 @@ def _acceleration(
         demanded = demanded + drivers.habit * np.exp(-time_s / habit_s)
         still = clipped((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
         still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
-        a = clipped(demanded + more, HARDEST_MPS2, np.where(sees | (v < leaders.speed) | (gap > FAR_M), STRONGEST_MPS2, 0.0))
+        a = clipped(
+            demanded + more,
+            HARDEST_MPS2,
+            np.where(sees | (v < leaders.speed) | (gap > FAR_M), STRONGEST_MPS2, 0.0),
+        )
         a = np.where(towed, pulled + 2 * (leaders.speed + pulled * step * STEP_S - v) + gap_to_tow - tow, a)
         return np.where(waits > step * STEP_S, still, a)
 

@@ -42,10 +42,41 @@ EXTRA_BRAKING_MPS2 = 1.6  # limit beyond the necessary braking for a leader; set
 MIN_ROOM_M = 0.1
 
 
-def queue_place(gap_m: FloatArray, leader_speed_mps: FloatArray) -> IntArray:
-    """(n,) 0 behind a standing leader, 1 behind a moving one, 2 without a near leader."""
-    near = gap_m < QUEUE_M
-    return np.where(near, np.where(np.abs(leader_speed_mps) < STANDING_MPS, 0, 1), 2)
+def start_features(
+    speed_mps: FloatArray, gap_m: FloatArray, leader_speed_mps: FloatArray, wave: BoolArray
+) -> FloatArray:
+    """(n, 5) features of the rate at which standing vehicles start.
+
+    1; speed at which the vehicle creeps as a share of `STANDING_MPS`; near leader moves off; no near leader;
+    near leader stands behind a moving one.
+
+    Args:
+        wave: (n,) whether the leader's leader moves.
+    """
+    near, moves = gap_m < QUEUE_M, leader_speed_mps > STANDING_MPS
+    creep = np.clip(speed_mps / STANDING_MPS, 0.0, 1.0)
+    return np.column_stack([np.ones_like(gap_m), creep, near & moves, ~near, near & ~moves & wave])
+
+
+@owner_cache
+def queue_leaders(scene: SeedScene, paths: SeedPaths) -> IntArray:
+    """(V,) near leader on each vehicle's straight path; -1 without one, or if it is no vehicle."""
+    observed, row = observations_of(scene, paths), paths.first + paths.straight
+    leader = observed.leader[row]
+    return np.where((observed.gap[row] < QUEUE_M) & (leader < scene.vehicles), leader, -1)
+
+
+def behind_a_wave(speed_mps: FloatArray, leaders: Leaders, child: IntArray, queue: IntArray) -> BoolArray:
+    """(n,) whether the leader's leader moves.
+
+    Args:
+        speed_mps: (C, V) present speeds.
+        child: (n,) of each driver.
+        queue: (V,) as `queue_leaders`.
+    """
+    first = np.where((leaders.index >= 0) & (leaders.index < len(queue)), leaders.index, 0)
+    second = np.where(leaders.index == first, queue[first], -1)
+    return (second >= 0) & (speed_mps[child, np.maximum(second, 0)] > STANDING_MPS)
 
 
 def leaders_of(

@@ -43,8 +43,7 @@ class Population:
     headway: tuple[float, float]  # mean and standard deviation of the logarithm of the time headway in s
     braking: tuple[float, float]  # likewise of the deceleration towards a leader, in m/s²
     habit_s: float  # time constant of the shown acceleration beyond that of the model, s
-    # 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone
-    start_rate: tuple[float, float, float]
+    start: FloatArray  # (5,) weights of `start_features` for the logarithm of the rate of starting in 1/s
     # (3,) weights of ``PathObservations.across`` for the offset after `ASIDE_S`: 1, s, s²
     keeps_side: FloatArray
     side_m: float  # scale of the deviation from that, m
@@ -97,13 +96,12 @@ def population() -> Population:
         "change",
         "change_to",
         "path",
+        "start",
     )
-    standing, moving, alone = given["start_rate"]
     return Population(
         **{name: np.array(given[name]) for name in arrays},
         headway=(given["headway"][0], given["headway"][1]),
         braking=(given["braking"][0], given["braking"][1]),
-        start_rate=(standing, moving, alone),
         habit_s=given["habit_s"],
         side_m=given["side_m"],
         change_m=given["change_m"],
