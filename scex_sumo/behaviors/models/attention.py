@@ -50,6 +50,7 @@ PROFILE = GuardProfile(
     margin=0.15,
     alongside_margin=0.05,
     time_margin=0.3,
+    touching=1e-3,
 )
 
 
@@ -126,7 +127,7 @@ def _bounds(
     t = step * STEP_S
     needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
-    most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
+    most = np.where(holds.position < s, GENTLE_MPS2, most)  # it is beside
     braking = np.minimum(MORE_THAN_NEEDED * needed, most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
     onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))

@@ -8,6 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
@@ -38,6 +39,7 @@ QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 COUPLED_M = 2.0  # least gap assumed between a vehicle and a leader at the same speed
 COUPLED_MPS = (3.0, 5.0)  # at least this speed, and at most this difference
 MAX_SLACK_M = 4.0
+TRACKED_TWICE_M, APART_M = 1.0, 1000.0  # overlap of two boxes along the way, and the slack for it
 EXTRA_BRAKING_MPS2 = 1.6  # limit beyond the necessary braking for a leader; set by CRPS
 MIN_ROOM_M = 0.1
 
@@ -229,6 +231,7 @@ def observations_of(scene: SeedScene, paths: SeedPaths) -> PathObservations:
     opening = leaders.speed - speed
     coupled = (speed > COUPLED_MPS[0]) & (np.abs(opening) < COUPLED_MPS[1])
     slack = np.where(coupled, np.clip(COUPLED_M - leaders.gap, 0.0, MAX_SLACK_M), 0.0)
+    slack[_overlaps(scene, vehicle, leaders)] = APART_M
     gap = leaders.gap + slack
     following = idm_acceleration(CALIBRATED, speed, free, gap, leaders.speed)
     near = leaders.gap < FAR_M
@@ -260,6 +263,13 @@ def observations_of(scene: SeedScene, paths: SeedPaths) -> PathObservations:
         features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
         unsure=np.column_stack([scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]),
     )
+
+
+def _overlaps(scene: SeedScene, vehicle: IntArray, leaders: Leaders) -> BoolArray:
+    """(P,) whether the leader is in the vehicle's place, as a vehicle that was tracked twice."""
+    known = (leaders.index >= 0) & (leaders.index < scene.vehicles) & (leaders.gap < -TRACKED_TWICE_M)
+    at = np.where(known, leaders.index, 0)
+    return np.asarray(known & (box_distances(scene)[vehicle, at] <= 0))
 
 
 def _across(scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray) -> FloatArray:
