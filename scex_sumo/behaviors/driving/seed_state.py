@@ -49,11 +49,11 @@ def estimated_scene(scene: SeedScene) -> SeedScene:
     speed = past.speed.copy()
     speed[:, -1] = np.where(stands, speed[:, -1], _present_speed(speed))
     turned = wrap(heading[:, None] + turned)
-    made = replace(scene, history=replace(past, heading=turned, speed=speed))
+    corrected = replace(scene, history=replace(past, heading=turned, speed=speed))
     # A correction shall not make long vehicles touch that were recorded apart.
-    touch = ((box_distances(made) <= 0) & (box_distances(scene) > 0)).any(axis=1)
-    turned[touch] = past.heading[touch]
-    return made
+    touch = ((box_distances(corrected) <= 0) & (box_distances(scene) > 0)).any(axis=1)
+    turned = np.where(touch[:, None], past.heading, turned)
+    return replace(scene, history=replace(past, heading=turned, speed=speed))
 
 
 def estimated_history(history: SceneHistory) -> SceneHistory:

@@ -39,7 +39,7 @@ MORE_THAN_NEEDED = 1.2
 BESIDE_M = 0.3  # between boxes beside each other
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
-GENTLE_MPS2 = 2.0  # for vehicles that are missed if both keep velocity and heading
+GENTLE_MPS2, DEEP_M = 2.0, 2.0  # for vehicles whose rear is so far behind the driver's front: steering does more
 CALM_MPS2 = 0.3  # a driver whose leader asks for more looks ahead: Tijerina et al. 2004, ours the figure
 MIN_GAP_M = 0.5
 _GLANCE, _MANNER = 100_000, 99_999  # salts of draws, beyond those of all steps
@@ -127,7 +127,7 @@ def _bounds(
     t = step * STEP_S
     needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
-    most = np.where(holds.position < s, GENTLE_MPS2, most)  # it is beside
+    most = np.where(holds.position < s - DEEP_M, GENTLE_MPS2, most)
     braking = np.minimum(MORE_THAN_NEEDED * needed, most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
     onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
