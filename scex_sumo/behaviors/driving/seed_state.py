@@ -41,7 +41,8 @@ def estimated_scene(scene: SeedScene) -> SeedScene:
     mean, slope = _line(raw)
     steady = 1 / (1 + (_scatter(raw) / STEADY_RAD) ** 2)
     boxes = mean - steady * slope * _TIME.mean()
-    heading = boxes + _course_error(scene, boxes, slope)
+    line = mean[:, None] + slope[:, None] * (_TIME - _TIME.mean())
+    heading = boxes + _course_error(scene, boxes, line, slope)
     stands = past.speed.max(axis=1) < STANDING_MPS
     heading = np.where(stands, np.median(raw, axis=1), heading)
     steady = np.where(stands, 0.0, steady)[:, None]
@@ -66,15 +67,16 @@ def estimated_history(history: SceneHistory) -> SceneHistory:
     return replace(history, scene=scene, states=states)
 
 
-def _course_error(scene: SeedScene, heading: FloatArray, slope: FloatArray) -> FloatArray:
+def _course_error(scene: SeedScene, heading: FloatArray, line: FloatArray, slope: FloatArray) -> FloatArray:
     """(V,) correction of headings, rad, by the course of the rear axle, which does not slip.
 
     Args:
         heading: (V,) by the boxes, rad.
+        line: (V, 11) straight line through the headings, rad: jitter would shift the axle.
         slope: (V,) yaw rate, rad/s.
     """
     past = scene.history
-    x, y = rear_axle(past, scene.length[:, None])
+    x, y = rear_axle(replace(past, heading=line), scene.length[:, None])
     speed = past.speed[:, -1]
     noise = np.hypot(_scatter(x), _scatter(y)) / np.sqrt(2)
     # Of a clean recording the last half second is best, else the whole one.

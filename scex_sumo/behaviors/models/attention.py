@@ -39,7 +39,10 @@ MORE_THAN_NEEDED = 1.2
 BESIDE_M = 0.3  # between boxes beside each other
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
-GENTLE_MPS2, DEEP_M = 2.0, 2.0  # for vehicles whose rear is so far behind the driver's front: steering does more
+GENTLE_MPS2, DEEP_M = (
+    2.0,
+    2.0,
+)  # for vehicles whose rear is so far behind the driver's front: steering does more
 CALM_MPS2 = 0.3  # a driver whose leader asks for more looks ahead: Tijerina et al. 2004, ours the figure
 MIN_GAP_M = 0.5
 _GLANCE, _MANNER = 100_000, 99_999  # salts of draws, beyond those of all steps

@@ -40,7 +40,7 @@ COUPLED_M = 2.0  # least gap assumed between a vehicle and a leader at the same 
 COUPLED_MPS = (3.0, 5.0)  # at least this speed, and at most this difference
 MAX_SLACK_M = 4.0
 TRACKED_TWICE_M, APART_M = 1.0, 1000.0  # overlap of two boxes along the way, and the slack for it
-EXTRA_BRAKING_MPS2 = 1.6  # limit beyond the necessary braking for a leader; set by CRPS
+EXTRA_BRAKING_MPS2 = 0.8  # limit beyond the necessary braking for a leader; set by CRPS
 MIN_ROOM_M = 0.1
 
 
