@@ -55,8 +55,8 @@ HARD_MPS2, OVER_STEPS = 3.0, 5
 STANDING_MPS, STARTED_M = 0.5, 1.0
 SETTINGS = RunSettings(children=1, preset="both")
 SITES = ("MONA-East", "MONA-Merge", "MONA-West", "k729", "k733", "Lanker", "Peach")
-COLUMNS = ("vehicles", "brier", "cv", "base", "cover", "least", "P(coll)", "error", "along", "starts", "n", "bias",
-           "stands", "brake", "rec")  # fmt: skip
+COLUMNS = ("vehicles", "brier", "cv", "base", "cover", "least", "P(coll)", "error", "along", "starts", "n",
+           "bias", "stands", "brake", "rec")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

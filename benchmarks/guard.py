@@ -10,8 +10,8 @@ moments of the recordings of TAF-BW and MONA in a part of the time split (``--da
 - speed: mean speed against the same model without guard;
 - braking: vehicles that at any step brake harder than 6 m/s².
 
-``--replayed`` counts instead how often the default guard brakes people harder than 3 m/s² who drive as recorded,
-in the half second after each moment; those whose recording brakes so hard or leaps are left out.
+``--replayed`` counts instead how often the default guard brakes a replayed vehicle harder than 3 m/s² in the
+half second after a moment. Vehicles whose recording brakes so hard or leaps are left out.
 
 ``--cost`` measures the guard's processor time per vehicle and plan instead: 11 vehicles, 64 children that
 have come apart by some 0.3 m, best of 20.

@@ -23,10 +23,10 @@ LEAP_M = 0.1
 MIN_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
 
 Bounds: TypeAlias = Callable[[StopLines, IntArray, int, FloatArray, FloatArray], FloatArray]
-"""Highest speed (n,) m/s after a step of each vehicle with stop lines, which braking can reach.
+"""Return the highest speed (n,) after a step of each vehicle with stop lines, m/s, which braking can reach.
 
-Arguments are the stop lines, the first (n,) of each vehicle, the step, and of each line's vehicle its place (P,),
-m along its plan, and its speed (P,), m/s.
+Arguments: the stop lines; the first line (n,) of each vehicle; the step; place (P,), m along its plan, and
+speed (P,), m/s, of each line's vehicle.
 """
 
 

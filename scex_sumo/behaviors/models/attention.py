@@ -1,7 +1,8 @@
 """Attention: glances away from the road, reaction times, and braking for conflicts as people do.
 
-A driver acts on what it saw one reaction time ago. While it looked away, it kept its speed and place. Otherwise it
-brakes for a conflict as soon as that needs noticeable braking, only as hard as needed, and yields sideways.
+A driver acts on what it saw one reaction time ago. If it looked away then, it follows no leader and brakes late.
+Otherwise it brakes for a conflict as soon as that needs noticeable braking, and as hard as needed. It keeps
+clear of boxes beside it.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 from scex_sumo.statistics.normal import normal_quantiles
 
-# Drivers look at the road for about 80 % of the time of everyday driving (Morando, Victor, Dozza 2020); durations
-# of glances are lognormal (Taoka 1990). Median and spread are ours: 3 % last longer than 1.7 s, the tail of which
-# precedes crashes (Liang, Lee, Horrey 2014).
+# In everyday driving, drivers look at the road for about 80 % of the time (Morando, Victor, Dozza 2020).
+# Durations of glances are lognormal (Taoka 1990). Median and spread are our choice: 3 % last longer than 1.7 s,
+# the tail that precedes crashes (Liang, Lee, Horrey 2014).
 GLANCE_S, GLANCE_SPREAD = 0.7, 0.48
 EVERY_S = 3.9  # one glance begins in each such interval: 20 % of the time are glances
-# Response to common but unexpected signals, such as brake lights: 1.25 s; to expected ones 0.7 s (Green 2000).
+# Response to brake lights: 0.7 s where they are expected, 1.25 s where not (Green 2000).
 REACTION_S, REACTION_SPREAD = 0.9, 0.3
-ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond: ours
+ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond; our choice
 # From the corner of the eye, drivers notice a leader that looms, but late (Lamble, Laakso, Summala 1999).
 LOOMING_MPS2 = 3.0
 SAFE_ONSET = 2.0  # factor on that for vehicles that are missed if both keep velocity and heading
@@ -39,11 +40,9 @@ MORE_THAN_NEEDED = 1.2
 BESIDE_M = 0.3  # between boxes beside each other
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
-GENTLE_MPS2, DEEP_M = (
-    2.0,
-    2.0,
-)  # for vehicles whose rear is so far behind the driver's front: steering does more
-CALM_MPS2 = 0.3  # a driver whose leader asks for more looks ahead: Tijerina et al. 2004, ours the figure
+GENTLE_MPS2, DEEP_M = 2.0, 2.0  # for vehicles with their rear so far behind the driver's front
+# A driver whose leader asks for more looks ahead (Tijerina et al. 2004); the figure is our choice.
+CALM_MPS2 = 0.3
 MIN_GAP_M = 0.5
 _GLANCE, _MANNER = 100_000, 99_999  # salts of draws, beyond those of all steps
 PROFILE = GuardProfile(
@@ -85,7 +84,7 @@ def attention_of(
 
 
 def _closed_in(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> FloatArray:
-    """(n,) braking that the leader asked for a second ago, m/s²; a pedestrian's or cyclist's speed is kept."""
+    """(n,) braking that the leader asked for a second ago, m/s²."""
     speed = history.states.speed[who.child, who.vehicle]
     vehicle = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
     before = np.repeat(leaders.speed[:, None], speed.shape[1], axis=1)

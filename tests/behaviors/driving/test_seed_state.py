@@ -1,4 +1,4 @@
-"""Seed state: headings and speeds of the seed moment without the jitter of their boxes, from the past alone."""
+"""Seed state: headings and speeds of the seed moment, from the past alone and without jitter."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from scex_sumo.behaviors.driving.seed_state import estimated_history, estimated_scene
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, seed_at

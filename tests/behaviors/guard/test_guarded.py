@@ -44,7 +44,10 @@ NORTH = np.pi / 2
 def hard_braking(scene: SeedScene, profile: GuardProfile) -> tuple[int, int]:
     """Replayed vehicles that a guard brakes harder than 3 m/s² in half a second, and all that do not leap."""
     assert scene.road is not None and scene.future_valid is not None
-    history, vehicle = SceneHistory.of_scene(scene), np.flatnonzero(scene.future_valid[:, :30].all(axis=1))
+    history, vehicle = (
+        SceneHistory.of_scene(scene),
+        np.flatnonzero(scene.future_valid[:, :30].all(axis=1)),
+    )
     who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     model, now = Replay(ReplayProfile()), scene.now.speed[vehicle]
     raw, made = (one.plan(history, scene.road, who, []) for one in (model, Guarded(model, profile)))
@@ -370,14 +373,10 @@ def test_a_truck_beside_a_merging_lane_brakes_gently_while_both_miss_each_other(
 def test_recorded_people_do_not_trigger_hard_braking(data: Path) -> None:
     # Vehicles whose recording does not leap, each for the half second after a moment.
     seconds = triggered = 0.0
-    for recording in find_recordings([data / "ngsim"]):
-        if not any(name in recording.name for name in ("Lanker-2_10", "Peach")):
-            continue
-        loaded = load_recording(recording)
-        for moment in recording_moments(loaded, every_s=1.0)[1:-4]:
-            scene = seed_at(loaded, moment.time_s, min_history=10)
-            hard, count = hard_braking(scene, PROFILE)
-            triggered += hard / 2
-            seconds += count / 2
+    loaded = load_recording(find_recordings([data / "mona" / "MONA-West"])[0])
+    for moment in recording_moments(loaded, every_s=12.0)[1:-1]:
+        hard, count = hard_braking(seed_at(loaded, moment.time_s, min_history=10), PROFILE)
+        triggered += hard / 2
+        seconds += count / 2
     assert seconds > 100
-    assert triggered <= 0.005 * seconds  # all shared data: benchmarks/guard.py --replayed
+    assert triggered <= 0.003 * seconds  # all shared data: benchmarks/guard.py --replayed
