@@ -1,8 +1,8 @@
 """Attention: glances away from the road, reaction times, and braking for conflicts as people do.
 
-A driver acts on what it saw one reaction time ago. If it looked away then, it follows no leader and brakes late.
-Otherwise it brakes for a conflict as soon as that needs noticeable braking, and as hard as needed. It keeps
-clear of boxes beside it.
+A driver acts on what it saw one reaction time ago. If it looked away then, it follows no leader and brakes
+late. Otherwise it brakes for a conflict as soon as that needs noticeable braking, and as hard as needed. It
+keeps clear of boxes beside it.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 from scex_sumo.statistics.normal import normal_quantiles
 
 # In everyday driving, drivers look at the road for about 80 % of the time (Morando, Victor, Dozza 2020).
-# Durations of glances are lognormal (Taoka 1990). Median and spread are our choice: 3 % last longer than 1.7 s,
-# the tail that precedes crashes (Liang, Lee, Horrey 2014).
+# Durations of glances are lognormal (Taoka 1990). Median and spread are our choice: 3 % last longer than
+# 1.7 s, the tail that precedes crashes (Liang, Lee, Horrey 2014).
 GLANCE_S, GLANCE_SPREAD = 0.7, 0.48
 EVERY_S = 3.9  # one glance begins in each such interval: 20 % of the time are glances
 # Response to brake lights: 0.7 s where they are expected, 1.25 s where not (Green 2000).
@@ -129,7 +129,10 @@ def _bounds(
     t = step * STEP_S
     needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
-    most = np.where(holds.position < s - DEEP_M, GENTLE_MPS2, most)
+    later = np.maximum(holds.enter - t, 0.0)
+    beside = holds.position + holds.speed * (t + later) < s + v * later - DEEP_M
+    # One that comes beside or behind gets no room by braking.
+    most = np.where(beside, np.where(later > 0, 0.0, GENTLE_MPS2), most)
     braking = np.minimum(MORE_THAN_NEEDED * needed, most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
     onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
