@@ -1,6 +1,6 @@
 """Hundreds of futures of one moment of traffic, and how critical it can become.
 
-The public names are loaded when they are first used, so that importing the package costs nothing.
+The public names are loaded when they are first used, so that the import costs nothing.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 
 def start() -> None:
-    """Run the command line; Ctrl-C while it is being loaded is no error either."""
+    """Run the command line; Ctrl-C while it is being loaded is no error."""
     try:
         from scex_sumo.cli import main
     except KeyboardInterrupt:

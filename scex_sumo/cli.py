@@ -1,4 +1,4 @@
-"""Command line: registry of commands, and one line and an exit status for each error."""
+"""Command line: registry of commands; one line and an exit status for each error."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ COMMANDS = Registry(
         "models": "scex_sumo.commands.models:models_command",
     },
 )
-"""A command is a function with Typer options; ``EXAMPLE`` in its module is shown at the end of its help."""
+"""A command is a function with Typer options; ``EXAMPLE`` in its module ends its help."""
 
 
 def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
@@ -68,7 +68,7 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
     for name in names:
         try:
             _add(app, name)
-        except UsageError as error:  # a command of another package; the others can still be listed
+        except UsageError as error:  # a broken command of another package
             tell(f"warning: command {name} is left out: {error}")
     return app
 
@@ -81,18 +81,18 @@ def _add(app: typer.Typer, name: str) -> None:
 
 def main() -> None:
     """Run the command line; errors become one line and an exit status."""
-    # NumPy's products are small here; its threads, one for each core, cost more to start than they save.
+    # NumPy's products are small: threads cost more than they save.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # A scheduler's SIGTERM does the same as Ctrl-C: finished children stay, workers end.
+    # SIGTERM does the same as Ctrl-C: finished children stay, workers end.
     signal.signal(signal.SIGTERM, _stop)
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored, as by nohup
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not ignored, as by nohup
         signal.signal(signal.SIGINT, _stop)
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed, as some schedulers leave it
+        if getattr(sys, name) is None:  # closed by some schedulers
             setattr(sys, name, io.StringIO())
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without – gets ? for it
+            stream.reconfigure(errors="replace")  # ? for – on some terminals
     print_safely()
     try:
         status = command_line(sys.argv[1:])(sys.argv[1:] or ["--help"], standalone_mode=False)
@@ -105,10 +105,10 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         raise SystemExit(1) from None
-    except OSError as error:  # of the machine, not of the program: a full disk, a file taken away
-        _fail(f"error: {error.filename or 'a file'}: {error.strerror or error}; see to it and try again", 1)
+    except OSError as error:  # a full disk, a removed file
+        _fail(f"error: {error.filename or 'a file'}: {error.strerror or error}; correct it and try again", 1)
     except Exception as error:
-        if _stopped:  # during the import of a library, which raised an error of its own
+        if _stopped:  # a library that was being imported raised its own error
             _fail("interrupted", 130)
         if _is_out_of_memory(error):
             _fail(
@@ -128,11 +128,11 @@ def _stop(number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-_stopped: list[int] = []  # signals that asked the process to stop
+_stopped: list[int] = []
 
 
 def _is_out_of_memory(error: Exception) -> bool:
-    """Return whether memory ran out, in Python or in a library that says so in words only."""
+    """Return whether memory ran out, in Python or in a library with its own words."""
     words = ("bad_alloc", "not enough memory", "Cannot allocate memory", "failed to map segment")
     return isinstance(error, MemoryError) or any(word in str(error) for word in words)
 

@@ -18,19 +18,17 @@ class Lane:
     """One lanelet, in driving direction.
 
     Attributes:
-        centreline: (P, 2) m.
-        left_bound: (L, 2) m.
-        right_bound: (R, 2) m.
+        centreline: (P, 2) m; so the bounds.
         width_m: mean distance of the bounds.
         kind: ``vehicle`` (cars may drive here), ``bus``, ``bicycle``, ``pedestrian`` or ``other``.
-        subtype: Lanelet2's, e.g. ``road``, or an empty string; ``road`` if an unknown one counts so.
-        location: ``urban``, ``nonurban`` or an empty string.
-        successors: lanes that a vehicle enters at the end (vehicle routing graph).
+        subtype: Lanelet2's, e.g. ``road``, or empty.
+        location: ``urban``, ``nonurban`` or empty.
+        successors: lanes that a vehicle enters at the end.
         left: lane for a lane change to the left, or None.
         adjacent_left: neighbour in the same direction, lane change allowed or not.
-        conflicts: vehicle lanes whose area overlaps this one's (Lanelet2's conflicting).
-        reverse_of: the lanelet that this lane drives in the opposite direction; then ``lane_id`` is no id of
-            the map. None for all other lanes.
+        conflicts: vehicle lanes whose area overlaps this one's.
+        reverse_of: the lanelet that this lane drives in the opposite direction, else None; then ``lane_id``
+            is no id of the map.
 
     Example:
         >>> lane = scene.road.lanes[min(scene.road.vehicle_lanes)]
@@ -65,10 +63,9 @@ class Regulation:
         kind: ``right_of_way``, ``all_way_stop``, ``traffic_light``, ``stop`` or ``yield``.
         lanes: lanes that refer to it.
         yielding: lanes that must give way; all lanes for ``all_way_stop``.
-        priority: lanes that have the right of way.
-        stop_lines: (S, 2) polylines.
+        stop_lines: (S, 2) polylines, m.
         lights: ids of the traffic light linestrings.
-        signs: types of its signs, e.g. ``de205``, ``usR1-1``.
+        signs: types, e.g. ``de205``, ``usR1-1``.
     """
 
     element_id: int
@@ -86,8 +83,8 @@ class Marking:
     """A line on or beside the road, for drawing.
 
     Attributes:
-        kind: Lanelet2 type, e.g. ``line_thin``, ``curbstone``, ``stop_line``, ``pedestrian_marking``.
-        subtype: e.g. ``dashed``, ``solid``, or an empty string.
+        kind: Lanelet2 type, e.g. ``line_thin``, ``curbstone``, ``stop_line``.
+        subtype: e.g. ``dashed``, ``solid``, or empty.
         points: (P, 2) m.
     """
 
@@ -99,7 +96,7 @@ class Marking:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Area:
-    """A closed region: crosswalk, walkway, island, keep-out, parking, for drawing."""
+    """A closed region for drawing: crosswalk, walkway, island, keep-out, parking."""
 
     area_id: int
     kind: str
@@ -114,7 +111,7 @@ class MapLoss:
         kind: ``lanelets``, ``lights`` or ``lane changes``.
         why: e.g. ``not driven, subtype main_road``.
         elements: ids; a lane change is two lanelets with a word between.
-        of: number of such elements in the map; 0 if it is not known.
+        of: number of such elements in the map; 0 if unknown.
     """
 
     kind: str
@@ -129,7 +126,7 @@ class MapLoss:
 
     @property
     def note(self) -> str:
-        """Sentence for the terminal and the page; a warning where the loss is large."""
+        """Sentence for the terminal and the page; a warning for a large loss."""
         return f"warning: {self}" if self.large else str(self)
 
     def __str__(self) -> str:
@@ -143,7 +140,7 @@ class Georeference:
     """Position of a road on Earth.
 
     Attributes:
-        projection: as PROJ string, e.g. ``+proj=utm +zone=32 ...``.
+        projection: PROJ string, e.g. ``+proj=utm +zone=32 ...``.
         east_m: easting of x = 0.
         north_m: northing of y = 0.
     """
@@ -160,13 +157,11 @@ class Road:
     Attributes:
         name: stem of the map's file name.
         lanes: every usable lanelet of every kind, by id.
-        regulations: right of way, stops, lights.
         origin: (latitude, longitude) of the projection.
         georeference: the projection, if it is known and the origin is a real place.
         notes: repairs and omissions with ids, one short sentence each.
-        losses: elements of the map that the road leaves out.
-        net: SUMO net of the road, used as it is; None for maps of other formats.
-        sumo_lanes: the lanes are SUMO's, not those of a map; their curves may be too tight for the limits.
+        net: SUMO net of the road, used unchanged; None for maps of other formats.
+        sumo_lanes: the lanes are SUMO's; their curves may be too tight for the limits.
         file: of the map; None if there is none.
 
     Example:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 STEP_S = 0.1
-HISTORY_STEPS = 10  # steps back; a history has one more state, the present one
-LOGGED_HISTORY = 10  # frames of an INTERACTION case up to and including the seed scene
+HISTORY_STEPS = 10  # a history has one more state, the present one
+LOGGED_HISTORY = 10  # frames up to and including the seed scene
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,15 +118,13 @@ class SeedScene:
         name: valid in file names, e.g. ``k733_2020-09-15_000_t60.0``.
         location: name of the map or site.
         time_s: on the recording's clock.
-        track_ids: (V,).
         types: (V,) lower case, e.g. ``car``, ``truck``.
-        length: (V,) m.
-        width: (V,) m.
+        length: (V,) m; so ``width``.
         history: (V, 11) oldest first; the last column is the moment itself.
         recorded_steps: (V,) recorded ones of the 10 previous steps; constant velocity gives the others.
         future: (V, F) recorded states from the next step on; None if there are none.
         future_valid: (V, F) False after a vehicle has left the recording.
-        notes: repairs and omissions of the reader, one short sentence each.
+        notes: repairs and omissions, one short sentence each.
         source: origin of the data, for ``run.json``.
         road: the map, if the scene was read together with one.
 

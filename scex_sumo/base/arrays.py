@@ -31,14 +31,11 @@ def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def least_of(group: IntArray, *keys: FloatArray | IntArray) -> IntArray:
-    """Find the least entry of each group that has any; the first one of several that are equal.
+    """Return the index (k,) of the least entry of each group that has any; the first of equal ones.
 
     Args:
         group: (n,) number of each entry's group.
         keys: (n,) values of the entries, the most important ones first.
-
-    Returns:
-        (k,) index of the entry, by group.
     """
     index, count = np.arange(group.size), int(group.max(initial=-1)) + 1
     for key in keys:

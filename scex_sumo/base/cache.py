@@ -1,4 +1,4 @@
-"""Cache: on the disk between runs, and in memory for as long as a road, scene or history lives."""
+"""Cache: on the disk between runs, and in memory while a road, scene or history lives."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Made = TypeVar("Made")
 Owner = TypeVar("Owner")
 P = ParamSpec("P")
 
-MAX_OWNERS = 16  # of a class, in memory; the least recently used one is dropped first
+MAX_OWNERS = 16  # of a class, in memory
 
 _DIGEST = 32  # bytes of a SHA-256
 
@@ -33,8 +33,8 @@ def cached_bytes(kind: str, made_of: bytes, make: Callable[[], bytes], *, max_fi
     """Return the cached result of ``make``, or call it and cache the result on the disk.
 
     Args:
-        made_of: everything that the result depends on, but for our own code and NumPy, which are added.
-        max_files: how many results of this kind are cached; the least recently used one is removed first.
+        made_of: everything that the result depends on, except our own code and NumPy.
+        max_files: of this kind; the least recently used one is removed first.
     """
     file = cache_folder() / kind / hashlib.sha256(code_key() + made_of).hexdigest()
     with contextlib.suppress(OSError):  # not there
@@ -52,18 +52,12 @@ def cached_bytes(kind: str, made_of: bytes, make: Callable[[], bytes], *, max_fi
 
 
 def cached_object(kind: str, made_of: bytes, make: Callable[[], Made], parts: tuple[type, ...]) -> Made:
-    """Return the result of ``make`` by way of the cache, as `cached_bytes`.
-
-    Args:
-        made_of: as of `cached_bytes`.
-        make: makes the object: dataclasses of arrays, texts, numbers and containers of these.
-    """
+    """Return the cached result of ``make``: dataclasses ``parts`` of arrays, texts and numbers."""
     classes = {part.__name__: part for part in parts}
     packed = cached_bytes(kind, made_of, lambda: _packed(make(), classes))
     try:
         made: Made = _unpacked(packed, classes)
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
-        # not written by us
         return make()
     return made
 
@@ -96,7 +90,6 @@ def _packed(value: Any, classes: dict[str, type]) -> bytes:
 
 
 def _unpacked(packed: bytes, classes: dict[str, type]) -> Any:
-    """Return the object of `_packed`; raises an error of Python's for any other content."""
     head, _, content = packed.partition(b"\n")
     at = 0
 
@@ -129,27 +122,24 @@ def _unpacked(packed: bytes, classes: dict[str, type]) -> Any:
 
 @cache
 def code_key() -> bytes:
-    """Return the state of our own modules and NumPy: the part of cache keys that changes with the code."""
-    state, folders = [], [str(Path(__file__).parents[1])]
-    for folder in folders:
-        for entry in os.scandir(folder):
-            if entry.name.endswith(".py"):
-                at = entry.stat()
-                state.append((entry.name, at.st_size, at.st_mtime_ns))
-            elif entry.is_dir() and entry.name != "__pycache__":
-                folders.append(entry.path)
-    return repr((np.__version__, sorted(state))).encode()
+    """Return the SHA-256 of our own modules and NumPy's version, for cache keys; read once in a process."""
+    digest = hashlib.sha256(np.__version__.encode())
+    for folder, _, names in sorted(os.walk(Path(__file__).parents[1])):
+        for name in sorted(name for name in names if name.endswith(".py")):
+            source = Path(folder, name).read_bytes()
+            digest.update(f"\n{name} {len(source)}\n".encode() + source)
+    return digest.digest()
 
 
 _by_owner: dict[type, WeakKeyDictionary[Any, dict[Any, Any]]] = {}
-_owner_lock = Lock()  # a ranking reads recordings ahead in a thread
+_owner_lock = Lock()  # `rank` reads recordings in a thread
 
 
 def owner_cache(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concatenate[Owner, P], Made]:
-    """Decorate a function of an owner: its results are kept in memory for as long as the owner lives.
+    """Decorate a function of an owner: its results are kept in memory while the owner lives.
 
-    Owners are told apart by identity, and further arguments must be hashable. A result is shared, so that
-    nobody may change it, and must not refer to its owner, or neither would ever be freed.
+    Further arguments must be hashable. A result is shared: nobody may change it, and it must not refer to its
+    owner.
     """
 
     @wraps(make)
@@ -165,7 +155,7 @@ def owner_cache(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concate
 
 
 def _results_of(owner: Any) -> dict[Any, Any]:
-    """Return the results of an owner, which becomes the most recently used one of its class."""
+    """Return the results of an owner, now the most recently used one of its class."""
     with _owner_lock:
         owners = _by_owner.setdefault(type(owner), WeakKeyDictionary())
         results = owners.pop(owner, {})

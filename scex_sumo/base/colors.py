@@ -1,7 +1,4 @@
-"""One colour per behaviour model, the same in sumo-gui, plots and pages; after Okabe and Ito.
-
-Apart for the colour-blind, on light and dark ground.
-"""
+"""One colour per behaviour model in sumo-gui, plots and pages, for the colour-blind; after Okabe and Ito."""
 
 from __future__ import annotations
 
@@ -23,10 +20,10 @@ _OTHERS: tuple[Rgb, ...] = ((91, 98, 194), (140, 109, 70), (127, 174, 46), (208,
 
 
 def model_colors(names: Sequence[str]) -> tuple[Rgb, ...]:
-    """A colour for each model of a run, 0 to 255; the first of a name has the name's, whatever it is given.
+    """Return a colour for each model of a run, 0 to 255.
 
     Args:
-        names: the models as the user wrote them, ``name[:parameter=value]...``.
+        names: as the user wrote them, ``name[:parameter=value]...``; the first of a name gets its own colour.
     """
     colors: dict[str, Rgb] = {}
     others = 0

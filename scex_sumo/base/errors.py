@@ -34,7 +34,7 @@ class UsageError(ScexError):
 
 
 class SimulationError(ScexError):
-    """SUMO refused or lost something that it should have simulated."""
+    """SUMO refused or lost something that it should simulate."""
 
 
 class ResultError(ScexError):
@@ -42,7 +42,7 @@ class ResultError(ScexError):
 
 
 class MissingExtraError(ScexError):
-    """An optional dependency that the request needs and that is not installed."""
+    """An optional dependency that is needed and not installed."""
 
 
 def reason_of(error: BaseException) -> str:
@@ -59,13 +59,13 @@ def listed(names: Iterable[object]) -> str:
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """The three known names that are nearest to a misspelt one, for an error message; nearest first."""
+    """Return the three known names that are nearest to a misspelt one, nearest first."""
     words = {word.lower(): word for word in names}
     return ", ".join(words[w] for w in difflib.get_close_matches(name.lower(), words, n=3, cutoff=0.0))
 
 
 def one_line(message: object) -> str:
-    """Return a message without line breaks; very long words are cut short, but for paths."""
+    """Return a message without line breaks; very long words except paths are cut."""
     return (
         " ".join(re.sub(r"([^/]{60})[^/]{200,}", r"\1…", word) for word in str(message).split())
         or "no message"

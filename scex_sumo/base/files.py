@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, locks of folders, temporary folders, the cache folder."""
+"""Files written whole or not at all, locks of folders, temporary folders, the cache folder."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def writing(path: Path) -> Iterator[None]:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary file beside ``path``, which replaces ``path`` if the block succeeds.
 
-    Its content reaches the disk before its name does. After a power loss, ``path`` is whole or unchanged.
+    Its content reaches the disk before its name does.
 
     Raises:
         ResultError: the file cannot be written.
     """
-    # Arrow takes a relative path with a colon for a URI.
+    # Arrow reads a relative path with a colon as a URI.
     temporary = path.absolute().with_name(f".{path.name}{_WRITING}")
     try:
         yield temporary
@@ -67,13 +67,13 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scex-sumo"
 
 
-_locked: dict[Path, int] = {}  # open descriptors; the system releases the locks when the process ends
+_locked: dict[Path, int] = {}  # open descriptors
 
 
 def lock(folder: Path) -> None:
     """Lock a folder against other processes until `unlock`, or until this process ends.
 
-    A folder that this process has locked stays locked, so that a run that failed can be repeated.
+    This process may lock it again.
 
     Raises:
         ResultError: another process has locked it.
@@ -91,14 +91,14 @@ def lock(folder: Path) -> None:
 
 
 def unlock(folder: Path) -> None:
-    """Unlock a folder; a folder that is not locked stays as it is."""
+    """Unlock a folder, locked or not."""
     descriptor = _locked.pop(folder.resolve(), None)
     if descriptor is not None:
         os.close(descriptor)
 
 
 def _lock_descriptor(descriptor: int) -> None:
-    """Lock an open folder, where the file system has locks; raises BlockingIOError if it is locked."""
+    """Lock an open folder if the file system has locks; raise BlockingIOError if it is locked."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -115,8 +115,7 @@ _OWNER = re.compile(rb"scex-sumo process (\d+)\n")
 class TemporaryFolder(tempfile.TemporaryDirectory[str]):
     """Temporary folder that a later process removes if this process is killed.
 
-    The process locks the folder and writes a marker file with its number into it. Nothing but a folder with
-    such a marker is ever removed.
+    It is locked and has a marker file with the process number. Only folders with such a marker are removed.
     """
 
     def __init__(self) -> None:
@@ -134,14 +133,13 @@ class TemporaryFolder(tempfile.TemporaryDirectory[str]):
 
 
 def _remove_abandoned() -> None:
-    """Remove the temporary folders of this user's processes that were killed."""
     for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         with contextlib.suppress(OSError):  # not ours to read, or gone meanwhile
             if not _is_abandoned(folder):
                 continue
             descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
-                # In another container process numbers differ, so that only the lock tells.
+                # Process numbers of another container differ: only the lock is sure.
                 _lock_descriptor(descriptor)
                 shutil.rmtree(folder, ignore_errors=True)
             finally:
@@ -149,7 +147,6 @@ def _remove_abandoned() -> None:
 
 
 def _is_abandoned(folder: Path) -> bool:
-    """Return whether a folder of this user has our marker and its process has ended."""
     marker = folder / _MARKER
     if folder.is_symlink() or marker.is_symlink() or not marker.is_file():
         return False

@@ -24,12 +24,12 @@ def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException]
         reason: describes an error that the module raises.
 
     Raises:
-        UsageError: there is no such module or name, or importing it fails.
+        UsageError: the import fails, or the name is missing.
     """
     name, _, attribute = path.partition(":")
     here = str(Path.cwd())
     if here not in sys.path:
-        # The path of a console script has the script's folder, not the current one.
+        # A console script has its own folder in the path instead.
         sys.path.append(here)
     try:
         module = importlib.import_module(name)
@@ -39,7 +39,7 @@ def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException]
         raise UsageError(
             f"{path}: no module {error.name} in {here} or among the installed packages{hint}"
         ) from None
-    except Exception as error:  # whatever a user's module does when it is imported
+    except Exception as error:
         raise UsageError(f"{path}: importing {name} {reason(error)}") from error
     if not attribute:
         return module

@@ -1,4 +1,4 @@
-"""Programs and files of SUMO in the eclipse-sumo wheel, whatever is on the user's PATH."""
+"""Programs and files of SUMO in the eclipse-sumo wheel."""
 
 from __future__ import annotations
 
@@ -17,11 +17,7 @@ def sumo_home() -> Path:
 
 
 def program(name: str) -> str:
-    """Return the path of one of SUMO's programs: ``sumo``, ``sumo-gui``, ``netconvert``, ...
-
-    Raises:
-        SimulationError: the wheel does not have it.
-    """
+    """Return the path of a program of SUMO, e.g. ``netconvert``; `SimulationError` if it is missing."""
     path = sumo_home() / "bin" / (f"{name}.exe" if sys.platform == "win32" else name)
     if not path.is_file():
         raise SimulationError(f"{path}: SUMO's program {name} is missing; reinstall eclipse-sumo")

@@ -1,4 +1,4 @@
-"""SUMO's car-following models: their names, and the parameters that a driver may be given."""
+"""SUMO's car-following models: their names and parameters."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 from scex_sumo.base.errors import UsageError
 
 SUMO_MODELS = ("Krauss", "KraussPS", "IDM", "IDMM", "EIDM", "ACC", "CACC", "W99")
-"""SUMO's car-following models with reproducible results; those of W99 depend on the tile."""
+"""Models with reproducible results; those of W99 depend on the tile."""
 
 RANDOM_MODELS = frozenset({"W99"})  # its randomness cannot be switched off
 
-# SUMO draws random numbers per lane, so that a driver with these would depend on its tile.
+# SUMO draws random numbers per lane: a driver with these depends on its tile.
 RANDOM_PARAMETERS = (
     "sigma",
     "sigmaleader",
@@ -36,7 +36,7 @@ def check_driver(model: str, parameters: Mapping[str, str]) -> None:
     """Check a SUMO model's name and parameters.
 
     Raises:
-        UsageError: unknown model or parameter, or one that would make the driver depend on its tile.
+        UsageError: unknown model or parameter, or one that makes the driver depend on its tile.
     """
     if model not in SUMO_MODELS:
         raise UsageError(f"unknown SUMO model {model!r}; known: {', '.join(SUMO_MODELS)}")

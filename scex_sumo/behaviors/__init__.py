@@ -1,4 +1,1 @@
-"""Behaviour models: who drives how.
-
-May import roads, geometry, scene and all below; not world, results or metrics.
-"""
+"""Behaviour models, which plan the motion of vehicles."""

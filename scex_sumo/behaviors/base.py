@@ -16,16 +16,16 @@ PLAN_STEPS = 30
 MIN_PARAMETER, MAX_PARAMETER = 1e-6, 1e6  # beyond them sums and squares could overflow
 MAX_PATHS = 1000  # of one vehicle
 Sight: TypeAlias = Literal["itself", "everyone"]
-"""What a plan depends on besides seed scene, map and step: the vehicle's own states, or all vehicles'.
+"""States that a plan depends on: the vehicle's own, or those of all vehicles.
 
-A model's attribute ``sight`` says it. None, or no attribute, means that the model also draws random numbers.
+A model has it as attribute ``sight``. None or no attribute: plans also depend on random numbers.
 """
 BY_ITSELF = "had no plan of its own"  # reason of a fallback if the model gives none
 
 
 @runtime_checkable
 class Behavior(Protocol):
-    """A behaviour model: pure, batched over vehicles and children.
+    """Behaviour model: pure, batched over vehicles and children.
 
     Example:
         >>> isinstance(scex.parse_models, scex.Behavior)  # has it a method `plan`?
@@ -37,19 +37,18 @@ class Behavior(Protocol):
     ) -> Plan:
         """Plan at least 30 steps for the n vehicles in ``who``.
 
-        The plan depends on the arguments alone, and changes none of them. It is called once per model and
-        replan, for all its vehicles in all children of the batch.
+        It is called once per replan, for all children of the batch, and changes none of its arguments.
 
         Args:
-            history: states now and 10 steps back, as read from SUMO.
-            rng: (C,) one generator per child of the batch. Draw for a vehicle from its own child's generator
-                only, so that the result does not depend on the batch.
+            history: states now and 10 steps back.
+            rng: (C,) one generator per child. Draw for a vehicle from its own child's generator only, so
+                that the result does not depend on the batch.
         """
         ...
 
 
 def check_positive(parameters: Any, *names: str, zero: bool = False) -> None:
-    """Raise a `UsageError` unless the named attributes are positive numbers (or zero, if allowed)."""
+    """Raise a `UsageError` unless the named attributes are positive (or zero, if allowed)."""
     for name in names:
         value = getattr(parameters, name)
         number = isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,4 +1,4 @@
-"""Registry of behaviour models: names, defaults, parsing, building, and registration of users' models."""
+"""Registry of behaviour models: names, defaults, parsing, building, users' models."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 SUMO = "sumo"
-# The paper has learned models too; the default has none, so that results do not change with new weights.
+# Without learned models, so that new weights do not change default results.
 PAPER_MODELS = ",".join((DEFAULT_MODELS, *LEARNED))
 LIKELY_MODELS = "likely_driver"
 SETS: Mapping[str, str] = {"likely": LIKELY_MODELS, "rules": DEFAULT_MODELS, "paper": PAPER_MODELS}
@@ -68,29 +68,20 @@ class ModelInfo:
     summary: str
 
 
-# Class, default profile and summary of each built-in model.
-# The parameters of the standard and the risky driver are those of Zipfl, Schütt, Zöllner 2024. The paper does
-# not state a_max: 1.5 and 3.0 m/s² are our choice.
+# Class, default profile and summary of each built-in model. Parameters of the standard and the risky
+# driver: Zipfl, Schütt, Zöllner 2024, except max_acceleration, which the paper does not state.
 _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], Any, str]] = {
     "standard_driver": (
         IdmDriver,
         IdmProfile(
-            comfort_deceleration=3.0,
-            time_headway=3.1,
-            minimum_gap=9.0,
-            max_acceleration=1.5,
-            clearance=5.0,
+            comfort_deceleration=3.0, time_headway=3.1, minimum_gap=9.0, max_acceleration=1.5, clearance=5.0
         ),
         "Intelligent Driver Model, the paper's standard profile",
     ),
     "risky_driver": (
         IdmDriver,
         IdmProfile(
-            comfort_deceleration=8.0,
-            time_headway=2.1,
-            minimum_gap=5.0,
-            max_acceleration=3.0,
-            clearance=5.0,
+            comfort_deceleration=8.0, time_headway=2.1, minimum_gap=5.0, max_acceleration=3.0, clearance=5.0
         ),
         "Intelligent Driver Model, the paper's risky profile: close and fast",
     ),
@@ -102,7 +93,7 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], Any, str]] = {
     "likely_driver": (
         LikelyDriver,
         LikelyProfile(),
-        "a driver drawn for every vehicle and child, as people were recorded",
+        "a driver drawn for every vehicle and future, as people were recorded",
     ),
     "constant_velocity": (
         ConstantVelocity,
@@ -141,7 +132,7 @@ _GUARDS: Mapping[str, GuardProfile] = {
         touching=0.3,
     )
 }
-# An exception of these models is a bug of this package. All other models may fall back.
+# An exception of these models is a bug of this package; all other models may fall back.
 RULE_BASED = frozenset(_MODELS) - frozenset(LEARNED)
 EXTENSIONS = Registry(group="scex_sumo.behaviors", kind="behavior")
 _BUILT_IN = {*_MODELS, SUMO, *FILES, *SETS}
@@ -149,11 +140,10 @@ _registered: dict[str, UserModel] = {}
 
 
 def behavior(name: str) -> Callable[[T], T]:
-    """Register a behaviour model under a name: ``@behavior("my_driver")`` on a class.
+    """Register a behaviour model: ``@behavior("my_driver")`` on a class with ``plan`` or ``plan_one``.
 
-    The class has ``plan`` (see `Behavior`) or ``plan_one`` (see `SingleVehicleBehavior`). The keyword
-    arguments of its constructor are the model's parameters. A function of a vehicle's ``history`` becomes a
-    `Predictor`.
+    See `Behavior` and `SingleVehicleBehavior`. Keyword arguments of the constructor are the parameters. A
+    function of a vehicle's ``history`` becomes a `Predictor`.
 
     Raises:
         UsageError: the name is taken or cannot be written on a command line.
@@ -183,10 +173,10 @@ def behavior(name: str) -> Callable[[T], T]:
 
 
 def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
-    """Register a function that predicts trajectories as a behaviour model: ``@predictor("my_driver")``.
+    """Register a function that predicts trajectories: ``@predictor("my_driver")``.
 
     Args:
-        name: None does not register it; the model is then named by its import path.
+        name: None gives it no name except its import path.
         batched: as in `Predictor`.
         surroundings: fields of `Surroundings`; they become parameters of the model.
 
@@ -212,12 +202,12 @@ def predictor(name: str | None = None, *, batched: bool = False, **surroundings:
 
 
 def may_fail(spec: ModelSpec) -> bool:
-    """Return whether a model's plans may be unusable: a learned model or a user's model."""
+    """Return whether a model is learned or a user's, so that plans may be unusable."""
     return spec.name not in RULE_BASED and not _is_sumo(spec)
 
 
 def is_own(spec: ModelSpec) -> bool:
-    """Return whether a model is the user's: registered, by import path, from a file, or of a package."""
+    """Return whether a model is the user's."""
     return spec.name not in _MODELS and not _is_sumo(spec)
 
 
@@ -231,7 +221,7 @@ def known_names() -> list[str]:
 
 
 def known_models() -> list[ModelInfo]:
-    """Return all models with their parameters and summaries."""
+    """Return all models."""
     infos = []
     for name, (_, defaults, summary) in _MODELS.items():
         parameters = parameter_texts({**dataclasses.asdict(defaults), GUARD: False})
@@ -253,7 +243,7 @@ def known_models() -> list[ModelInfo]:
 def parse_models(text: str) -> list[ModelSpec]:
     """Read ``name[:parameter=value]...[@weight]``, several separated by commas.
 
-    A name may be an import path, ``package.module:Class``, or one of `SETS`, which stands for its models.
+    A name may be an import path, ``package.module:Class``, or a set: ``likely``, ``rules``, ``paper``.
 
     Raises:
         UsageError: a model or parameter is unknown, a weight or value is invalid, or a model is given twice.
@@ -307,7 +297,6 @@ def _weight(text: str, weight: str) -> float:
 
 
 def _check(spec: ModelSpec) -> None:
-    """Raise a `UsageError` for an unknown name, parameter or value."""
     spec, _ = _without_guard(spec)
     if _is_sumo(spec):
         check_driver(*_sumo_arguments(spec))
@@ -331,7 +320,7 @@ def build(spec: ModelSpec) -> Behavior:
     Raises:
         UsageError: see `parse_models`.
         MissingExtraError: the model needs a package that is not installed.
-        InputError: a learned driver whose weights cannot be used.
+        InputError: weights of a learned driver cannot be used.
     """
     _check(spec)
     plain, guard = _without_guard(spec)
@@ -339,7 +328,6 @@ def build(spec: ModelSpec) -> Behavior:
 
 
 def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
-    """Return the spec without ``guard``, and its value; SUMO's drivers have no guard."""
     if GUARD not in spec.parameters or _is_sumo(spec):
         return spec, False
     others = {key: value for key, value in spec.parameters.items() if key != GUARD}
@@ -350,7 +338,6 @@ def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
 
 
 def _build(spec: ModelSpec) -> Behavior:
-    """Make the model of a checked spec without its guard."""
     if _is_sumo(spec):
         path = parameter_value(spec, "path", "straight", spec.parameters.get("path", "straight"))
         return SumoDriver(*_sumo_arguments(spec), path=path)
@@ -375,13 +362,11 @@ def _build(spec: ModelSpec) -> Behavior:
 
 
 def _sumo_arguments(spec: ModelSpec) -> tuple[str, dict[str, str]]:
-    """Return SUMO's name of a model, and its parameters as text."""
     given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
     return spec.name.partition(":")[2], given
 
 
 def _user_names() -> list[str]:
-    """Return the names of models from files, of registered ones, and of those of other packages."""
     return [*FILES, *sorted({*_registered, *EXTENSIONS.paths} - _BUILT_IN)]
 
 

@@ -1,4 +1,4 @@
-"""Model specification: a model's name, parameters and weight as the user gives them, and their checks."""
+"""Model specification: a model's name, parameters and weight, and their checks."""
 
 from __future__ import annotations
 
@@ -21,14 +21,12 @@ class ModelSpec:
     """A requested behaviour model.
 
     Attributes:
-        name: e.g. ``standard_driver``, ``sumo:EIDM`` or ``package.module:Driver``.
-        parameters: values that differ from the defaults; text if they come from the command line.
-        weight: relative share of the vehicles that get this model.
+        parameters: values other than the defaults; text if they come from the command line.
     """
 
-    name: str
+    name: str  # e.g. ``standard_driver``, ``sumo:EIDM`` or ``package.module:Driver``.
     parameters: dict[str, Any] = field(default_factory=dict)
-    weight: float = 1.0
+    weight: float = 1.0  # relative share of the vehicles
 
     def __post_init__(self) -> None:
         if not (self.weight == 0 or MIN_PARAMETER <= self.weight <= MAX_PARAMETER):
@@ -41,7 +39,7 @@ class ModelSpec:
 
 
 def profile_of(spec: ModelSpec, defaults: Any) -> Any:
-    """Return the profile of a built-in model: its defaults with the given values."""
+    """Return a built-in model's profile with the given values."""
     values = _typed_parameters(spec, vars(defaults))
     try:
         return dataclasses.replace(defaults, **values)
@@ -50,7 +48,7 @@ def profile_of(spec: ModelSpec, defaults: Any) -> Any:
 
 
 def user_arguments(spec: ModelSpec, model: UserModel) -> dict[str, Any]:
-    """Return the arguments with which a user's model is made.
+    """Return the arguments that make a user's model.
 
     Raises:
         UsageError: a parameter is unknown, or one without a default is missing.
@@ -75,7 +73,7 @@ def _typed_parameters(spec: ModelSpec, defaults: Mapping[str, Any]) -> dict[str,
 
 
 def parameter_value(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
-    """Convert text from the command line to the type of the default; return other values as they are."""
+    """Convert text to the type of the default; return other values unchanged."""
     if not isinstance(value, str):
         return value
     words = ["straight", "random", *(["likeliest"] if spec.name in LEARNED else [])]
@@ -102,7 +100,7 @@ def _number(spec: ModelSpec, key: str, value: str, kind: Callable[[str], Any], w
 
 
 def parameter_texts(parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    """Format parameters as ``name=default``, or as the name alone if there is no default."""
+    """Format parameters as ``name=default``; without a default, the name alone."""
     words = {True: "true", False: "false"}  # as on the command line
     written = {k: words[v] if isinstance(v, bool) else v for k, v in parameters.items()}
     return tuple(key if value is EMPTY else f"{key}={value}" for key, value in written.items())

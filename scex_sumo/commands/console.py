@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Tick = Callable[[int, int], None]
 
-# Control characters but tab and line feed, and those that turn the direction of text.
+# Control characters except tab and line feed, and those that turn the direction of text.
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
@@ -26,7 +26,7 @@ def printable(text: str) -> str:
 
 
 class PrintableStream:
-    """Standard stream that writes printable text only; for all else it is the stream itself."""
+    """Standard stream that writes printable text only."""
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
@@ -45,15 +45,15 @@ class PrintableStream:
 
 
 def print_safely() -> None:
-    """Escape control characters in all that is printed from now on: names in files are data."""
+    """Escape control characters in all that is printed from now on."""
     sys.stdout, sys.stderr = (cast(TextIO, PrintableStream(s)) for s in (sys.stdout, sys.stderr))
 
 
 def output_console(*, width: int | None = None, error: bool = False) -> Console:
-    """Return a console for tables, whose text is made printable before it gets its colours.
+    """Return a console for tables with printable text.
 
     Args:
-        width: in characters where the output is no terminal.
+        width: in characters, if the output is no terminal.
     """
     from rich.console import Console
     from rich.segment import Segment
@@ -88,7 +88,7 @@ def tell(words: str) -> None:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Tick | None]:
-    """Yield a function of (done, total) that moves a progress bar; None where there is no terminal."""
+    """Yield a function of (done, total) that moves a progress bar; None without a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -110,5 +110,5 @@ def resumable(what: str, out: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        print(f"interrupted; finished {what} are kept in {out}, the same command goes on", file=sys.stderr)
+        print(f"interrupted; {out} keeps finished {what}; run the same command to go on", file=sys.stderr)
         raise SystemExit(130) from None

@@ -81,7 +81,6 @@ def _size(loaded: LoadedRecording) -> str:
 
 
 def _time_of(loaded: LoadedRecording, case: str | None) -> float:
-    """Return the moment of a case, s."""
     from scex_sumo.converters.datasets.recordings import recording_moments
 
     times = {moment.case: moment.time_s for moment in recording_moments(loaded, every_s=EVERY_S)}

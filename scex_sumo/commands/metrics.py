@@ -69,7 +69,7 @@ def metrics_command(
     options: dict[str, Any] = {"level": level, "preset": preset, "parameters": parameters, "metrics": names}
     with as_written(source) if source.is_dir() else nullcontext():
         table = recording_table(tracks, history=history, plans=plans, outcomes=source.is_dir(), **options)
-    # The preset changes the meaning of every number, so the file names it.
+    # The preset changes the meaning of every number.
     table = table.replace_schema_metadata({"preset": preset, "level": level})
     if out is None:
         _write_csv(table, sys.stdout.buffer)
@@ -80,7 +80,7 @@ def metrics_command(
 
 
 def _of_run(folder: Path) -> tuple[str, tuple[str, ...] | None]:
-    """Return the preset and the metrics that a run evaluated; ``paper`` and None without ``run.json``."""
+    """Return the preset and the metrics that a run evaluated."""
     from scex_sumo.extrapolation.settings import RUN_PRESETS
     from scex_sumo.metrics.registry import METRICS, known_metrics
     from scex_sumo.results.run import open_run
@@ -90,7 +90,7 @@ def _of_run(folder: Path) -> tuple[str, tuple[str, ...] | None]:
     info = open_run(folder).info
     preset = str(info.get("preset", "paper"))
     names = [d["name"] for d in info.get("metrics", ())]
-    # A file names no code to be run: functions of the user's own are evaluated if the user names them.
+    # A file names no code to run: the user must name own functions.
     unknown = [name for name in names if name not in known_metrics()]
     if unknown:
         raise UsageError(

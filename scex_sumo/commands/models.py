@@ -17,4 +17,4 @@ def models_command() -> None:
         table.add_row(model.name, ", ".join(model.parameters), model.summary)
     output_console().print(table)
     for name, models in SETS.items():
-        output_console().print(f"{name} stands for {models.replace(',', ', ')}")  # blanks allow line breaks
+        output_console().print(f"{name} stands for {models.replace(',', ', ')}")

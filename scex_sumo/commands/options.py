@@ -1,7 +1,4 @@
-"""Options that several commands share, the meaning of their texts, and the completion of values in a shell.
-
-The completion imports what knows the names when Tab is pressed, not when the program starts.
-"""
+"""Options that several commands share, their meaning, and the completion of values in a shell."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ def complete_metrics(incomplete: str) -> list[str]:
 
 
 def complete_results(incomplete: str) -> list[str]:
-    """Complete a result folder, also one inside of a folder that begins as typed."""
+    """Complete a result folder, also one in a folder that begins as typed."""
     typed, slash, begin = incomplete.rpartition("/")
     within = Path(typed + slash)
     results = [file for depth in ("*", "*/*") for file in within.glob(f"{depth}/run.json")]
@@ -123,7 +120,7 @@ def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
 
 
 def two_tracks(text: str) -> tuple[int, int]:
-    """Return ``A,B`` of ``--encounter`` as two track ids; a `UsageError` if it is something else."""
+    """Return ``A,B`` of ``--encounter`` as two track ids; a `UsageError` for another text."""
     first, _, second = text.partition(",")
     if not (first.strip().isdigit() and second.strip().isdigit()):
         raise UsageError(f"--encounter {text}: give the ids of two vehicles, e.g. --encounter 11,7")

@@ -59,7 +59,7 @@ def run_command(
         str | None,
         Option(metavar="N|all", help="Number of futures: 385; at most 10000 with --until-band."),
     ] = None,
-    steps: Annotated[int, Option(help="Steps of 0.1 s per child.")] = 30,
+    steps: Annotated[int, Option(help="Steps of 0.1 s per future.")] = 30,
     replan: Annotated[int, Option(help="Steps that a plan is followed.")] = 5,
     models: Models = None,
     assign: Annotated[
@@ -67,11 +67,11 @@ def run_command(
     ] = None,
     under_test: Annotated[
         list[str] | None,
-        Option(metavar="TRACK=MODEL", help="A driving function under test, told apart; repeatable."),
+        Option(metavar="TRACK=MODEL", help="A driving function under test, measured apart; repeatable."),
     ] = None,
-    baseline: Annotated[bool, Option(help="Run the children without the models under test, too.")] = True,
+    baseline: Annotated[bool, Option(help="Run the futures without the models under test, too.")] = True,
     reference: Annotated[
-        str, Option(metavar="MIX|none", help="Human-like models, run after the others.")
+        str, Option(metavar="MIX|none", help="Human-like reference, run after the stress test.")
     ] = "likely",
     design: Annotated[
         str | None, Option(metavar="NAME", help="How assignments are drawn: balanced (default) or random.")
@@ -82,12 +82,12 @@ def run_command(
     preset: Preset = "both",
     metrics: Metrics = None,
     threshold: Thresholds = None,
-    reflect: Annotated[bool, Option(help="Tell atoms apart and reflect densities at 0.")] = True,
+    reflect: Annotated[bool, Option(help="Separate shared values and reflect densities at 0.")] = True,
     seed: Seed = 0,
     workers: Processes = 1,
-    batch: Annotated[int | None, Option(help="Children side by side in one SUMO; else chosen.")] = None,
+    batch: Annotated[int | None, Option(help="Futures side by side in one SUMO; else chosen.")] = None,
     gui: Annotated[
-        bool, Option("--gui", help="Show the run live in sumo-gui, then its worst child.")
+        bool, Option("--gui", help="Show the run live in sumo-gui, then its worst future.")
     ] = False,
     plots: Annotated[
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write report.html.")
@@ -100,11 +100,12 @@ def run_command(
         ),
     ] = "sumo",
     cache: Cache = True,
+    exact: Annotated[bool, Option(help="Some more futures, for exact probabilities.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
-    """Let one moment of traffic run on many times, and judge it."""
+    """Simulate futures of one moment of traffic, and measure how critical they become."""
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.extrapolation.engine import RunOptions, run_scene
     from scex_sumo.extrapolation.reference import add_reference, drop_reference
@@ -133,7 +134,7 @@ def run_command(
         keep_plans=keep_plans,
     )
     if reference != NO_REFERENCE:
-        parse_models(reference)  # tells now what is wrong with it
+        parse_models(reference)  # an error now, not after the run
     command = ["scex-sumo", *sys.argv[1:]]
     with Workers(1 if gui else min(workers, settings.count or workers)) as pool:  # start while we read
         scene = seed_scene(
@@ -147,8 +148,10 @@ def run_command(
             cache=cache,
         )
         folder = out if out is not None else Path("out") / scene.name
-        with progress_bar(scene.name) as tick, resumable("children", folder):
-            options = RunOptions(batch=batch, gui=gui, cache=cache, progress=tick, command=command)
+        with progress_bar(scene.name) as tick, resumable("futures", folder):
+            options = RunOptions(
+                batch=batch, gui=gui, cache=cache, exact=exact, progress=tick, command=command
+            )
             result = run_scene(
                 scene,
                 settings,
@@ -161,8 +164,8 @@ def run_command(
         if reference == NO_REFERENCE:
             drop_reference(result)
         else:
-            with progress_bar("reference") as tick, resumable("children", folder):
-                options = RunOptions(cache=cache, progress=tick, command=command)
+            with progress_bar("reference") as tick, resumable("futures", folder):
+                options = RunOptions(cache=cache, exact=exact, progress=tick, command=command)
                 add_reference(result, scene, reference, settings, workers=pool, options=options)
         _tell(result)
         print(f"result: {folder}")
@@ -180,7 +183,6 @@ def run_command(
 
 
 def _tell(run: Run) -> None:
-    """Print the summary."""
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.run_table import print_summary
 
@@ -205,21 +207,16 @@ def _worst_option(run: Run) -> dict[str, Any]:
 
 
 def _print_band(band: dict[str, Any]) -> None:
-    """Print the widest band after a run with ``--until-band``."""
     left_out = f"; defined too rarely to count: {', '.join(band['left_out'])}" if band["left_out"] else ""
     short = "" if band["width"] <= band["asked"] else f", not the +-{band['asked']:g} asked for"
     print(
         f"widest 95 % band: +-{band['width']:.3f} ({band['metric'] or 'no metric'}) "
-        f"after {band['children']} children{short}{left_out}"
+        f"after {band['children']} futures{short}{left_out}"
     )
 
 
 def parse_assign(entries: Sequence[str], option: str = "--assign") -> dict[int, str]:
-    """Parse ``TRACK=MODEL`` entries of an option.
-
-    Raises:
-        UsageError: an entry has another form, or names a vehicle again.
-    """
+    """Parse ``TRACK=MODEL`` entries of an option, each vehicle once."""
     result: dict[int, str] = {}
     for entry in entries:
         track, equals, model = entry.partition("=")
@@ -232,11 +229,7 @@ def parse_assign(entries: Sequence[str], option: str = "--assign") -> dict[int, 
 
 
 def parse_under_test(entries: Sequence[str]) -> dict[int, str | None]:
-    """Parse ``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn.
-
-    Raises:
-        UsageError: an entry has another form, or names a vehicle again.
-    """
+    """Parse ``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn."""
     alone = [entry for entry in entries if entry.strip().isdigit()]
     models = parse_assign([entry for entry in entries if entry not in alone], "--under-test")
     for entry in alone:

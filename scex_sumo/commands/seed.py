@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,22 +59,21 @@ def seed_scene(
             f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; "
             f"{beside_lanes(map_path, tracks, scene.road)}"
         )
-    _warn_off_road(scene, off)
-    return scene
+    if not off:
+        return scene
+    note = _off_road_note(scene, off)
+    warn([note])
+    return replace(scene, notes=(*scene.notes, note))
 
 
 def _brief(note: str) -> str:
-    """Return the first finding of a long note; ``run.json`` and the report have the rest."""
+    """Return the first finding of a long note; ``run.json`` has the rest."""
     first, *others = note.split("; ")
     return f"{first}; {len(others)} more in run.json" if others and len(note) > _LONG else note
 
 
 def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Path | None:
-    """Return the tracks, given as ``--tracks``, ``--fcd`` or ``--state``.
-
-    Raises:
-        UsageError: several of these are given.
-    """
+    """Return the tracks of ``--tracks``, ``--fcd`` or ``--state``; a `UsageError` for several of them."""
     given = {"--tracks": tracks, "--fcd": fcd, "--state": state}
     named = [name for name, path in given.items() if path is not None]
     if len(named) > 1:
@@ -81,11 +81,8 @@ def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Pat
     return given[named[0]] if named else None
 
 
-def _warn_off_road(scene: SeedScene, off: list[int]) -> None:
-    """Tell which vehicles are on no mapped lane; if they are many, the map's origin may be wrong."""
-    if not off:
-        return
+def _off_road_note(scene: SeedScene, off: list[int]) -> str:
     shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
-    many = 2 * len(off) >= scene.vehicles
-    found = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane and will drive straight ({shown})"
-    warn([f"warning: {found}; check the origin" if many else found])
+    remedy = "; check the origin" if 2 * len(off) >= scene.vehicles else ""
+    count = f"{len(off)} of {scene.vehicles} vehicles"
+    return f"warning: {count} are on no mapped lane and will drive straight ({shown}){remedy}"

@@ -20,15 +20,15 @@ EXAMPLE = "out/k733 --critical wttc"
 
 def view_command(
     folder: Result,
-    child: Annotated[int | None, Option(metavar="N", help="Show this child.")] = None,
+    child: Annotated[int | None, Option(metavar="N", help="Show this future.")] = None,
     grid: Annotated[
-        int | None, Option(metavar="N", help="Show the N most different children, or the most --critical.")
+        int | None, Option(metavar="N", help="Show the N most different futures, or the most --critical.")
     ] = None,
     critical: Annotated[
-        str | None, metric_option("Show the child most critical by this metric, at its worst step.")
+        str | None, metric_option("Show the most critical future by this metric, at its worst step.")
     ] = None,
     encounter: Annotated[
-        str | None, Option(metavar="A,B", help="Show two vehicles in a typical child where they meet.")
+        str | None, Option(metavar="A,B", help="Show two vehicles in a typical future in which they meet.")
     ] = None,
     write_only: Annotated[
         bool, Option("--write-only", help="Write the files, print the path, open nothing.")
@@ -58,16 +58,12 @@ def view_command(
 
 
 def _show(file: Path) -> None:
-    """Open a file in sumo-gui until its window is closed.
-
-    Raises:
-        ScexError: there is no display, or sumo-gui fails.
-    """
+    """Open a file in sumo-gui until its window is closed; `ScexError` without a display."""
+    # A bare file name, because SUMO splits the paths of a configuration at commas.
+    by_hand = f"cd {shlex.quote(str(file.parent))} && sumo-gui -c {shlex.quote(file.name)}"
     if not os.environ.get("DISPLAY") and sys.platform.startswith("linux"):
-        raise ScexError(
-            f"no display to open sumo-gui on; on a machine that has one: sumo-gui -c {shlex.quote(str(file))}"
-        )
-    command = [program("sumo-gui"), "-c", file.name]  # SUMO splits paths at commas
+        raise ScexError(f"no display for sumo-gui; on a machine with a display: {by_hand}")
+    command = [program("sumo-gui"), "-c", file.name]
     status = subprocess.run(command, check=False, env=environment(), cwd=file.parent).returncode
     if status != 0:
-        raise ScexError(f"sumo-gui ended with status {status}; try it by hand: sumo-gui -c {file}")
+        raise ScexError(f"sumo-gui ended with status {status}; try it by hand: {by_hand}")

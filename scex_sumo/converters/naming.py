@@ -1,4 +1,4 @@
-"""Files by name and content: packed ones opened, found beside others, and named."""
+"""Names and content of files, packed ones too."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _BEGINNING = 2**16  # bytes; SUMO writes its configuration first
 
 
 def open_binary(path: Path) -> BinaryIO:
-    """Open a file to read bytes; a gzip file is unpacked, whatever its name, up to a limit.
+    """Open a file to read bytes; gzip is unpacked, whatever the name.
 
-    Reading beyond `MAX_UNPACKED_MB`, or what the environment variable of that name says, is an `InputError`.
+    Reading beyond `MAX_UNPACKED_MB`, or the environment variable ``SCEX_MAX_UNPACKED_MB``, is an
+    `InputError`.
     """
     with path.open("rb") as file:
         packed = file.read(2) == b"\x1f\x8b"
@@ -104,10 +105,7 @@ def unpacked_name(path: str | Path) -> str:
 
 
 def map_name(map_path: str | Path) -> str:
-    """Name of a map: its file's name without the ending.
-
-    Bytes that are not UTF-8 become ``-``, because other programs open files of that name.
-    """
+    """Return the name of a map file without the ending; bytes that are not UTF-8 become ``-``."""
     name = re.sub("[\udc80-\udcff]", "-", unpacked_name(map_path))
     return Path(name).stem.removesuffix(".net")
 

@@ -1,7 +1,6 @@
-"""Registries of map formats and of datasets: each format is asked whether a file is its own.
+"""Registries of map formats, datasets and signal recordings.
 
-Wings and other packages add formats by entry points. An entry is a module, or any object, that has the
-functions of `MapFormat` or `Dataset` by their names; the functions with a default may be missing.
+An entry is a module or object with the functions of `MapFormat`, `Dataset` or `SignalFormat`.
 """
 
 from __future__ import annotations
@@ -30,8 +29,9 @@ DATASETS = Registry(
     kind="dataset",
     builtin={"interaction": "scex_sumo.converters.datasets.interaction:INTERACTION"},
 )
+SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
 
-_Format = TypeVar("_Format", "MapFormat", "Dataset")
+_Format = TypeVar("_Format", "MapFormat", "Dataset", "SignalFormat")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,6 +116,20 @@ class Dataset:
     repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SignalFormat:
+    """Format of recorded signal phases: which files it recognises, and how it reads them.
+
+    Attributes:
+        is_mine: whether a file is such a recording.
+        read: ``read(layout, origin, path)`` with a `NetLayout` and the latitude and longitude of (0, 0) gives
+            a `Programme` (None if it controls no link of the net), and notes.
+    """
+
+    is_mine: Callable[[Path], bool]
+    read: Callable[..., tuple[Any, list[str]]]
+
+
 def map_format(path: Path) -> MapFormat:
     """The format of a map; Lanelet2 for what no other format recognises."""
     formats: tuple[MapFormat, ...] = _entries(MapFormat)
@@ -145,6 +159,19 @@ def dataset_of(path: Path) -> Dataset:
     return next(entry for entry in datasets if entry.is_mine(path))
 
 
+def signal_format(path: Path) -> SignalFormat:
+    """The format of recorded signal phases.
+
+    Raises:
+        MapError: no format recognises the file.
+    """
+    formats: tuple[SignalFormat, ...] = _entries(SignalFormat)
+    for entry in formats:
+        if entry.is_mine(path):
+            return entry
+    raise MapError(f"{path}: not a recording of signal phases; known formats: {', '.join(SIGNALS.paths)}")
+
+
 def place_name(map_path: Path) -> str:
     """Name of the place of a map, as its format has it."""
     return map_format(map_path).name(map_path)
@@ -156,7 +183,7 @@ def _entries(kind: type[_Format]) -> tuple[_Format, ...]:
 
     A format that cannot be imported is left out with a warning on standard error.
     """
-    registry = MAPS if kind is MapFormat else DATASETS
+    registry = {MapFormat: MAPS, Dataset: DATASETS, SignalFormat: SIGNALS}[kind]
     paths = registry.paths
     order = sorted(paths, key=lambda name: (name in registry.builtin, paths[name].startswith("scex_sumo.")))
     entries = []
@@ -169,11 +196,6 @@ def _entries(kind: type[_Format]) -> tuple[_Format, ...]:
 
 
 def _checked(kind: type[_Format], said: str, entry: Any) -> _Format:
-    """The functions of an entry.
-
-    Raises:
-        UsageError: one that has no default is missing.
-    """
     for part in fields(kind):
         if part.default is MISSING and not hasattr(entry, part.name):
             raise UsageError(f"{said}: {entry!r} has no function {part.name}")

@@ -1,7 +1,6 @@
-"""Blocks of scenes: flat rows of tracks as arrays of (case, step, vehicle).
+"""Blocks of scenes: rows of tracks as arrays of (case, step, vehicle).
 
-Short cases are stacked. A long recording is cut into windows, each with the history that derived values need
-and the track that is still to be driven.
+Short cases are stacked. Long recordings are cut into windows with the history and future of metrics.
 """
 
 from __future__ import annotations
@@ -21,18 +20,18 @@ from scex_sumo.scene import States
 
 WINDOW_STEPS = 64
 STACKED_STEPS = 200  # longer cases are cut into windows
-SILENT_STEPS = 600  # limit for gaps without any vehicle; no metric looks further
+SILENT_STEPS = 600  # limit of gaps without vehicles
 STACKED_VALUES = 1 << 20  # largest (case, step, vehicle, vehicle) of stacked cases
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Block:
-    """Scenes of some cases, with case indices, track ids and time stamps.
+    """Scenes of C cases.
 
     Attributes:
         case: (C,) index of the case.
         track_id: (C, V); meaningless where a case has fewer vehicles.
-        timestamp_ms: (C, T) history included; 0 in steps without any vehicle.
+        timestamp_ms: (C, T) history included; 0 in steps without vehicles.
         planned: stored plans, or the tracks driven from each step on.
     """
 
@@ -45,12 +44,7 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Timed:
-    """Rows, sorted by case, track, time, with step and acceleration.
-
-    Attributes:
-        step: (N,) number of the step within the case.
-        acceleration: (N,) m/s², from the rows' own time stamps.
-    """
+    """Rows by case, track and time, with (N,) step numbers and accelerations in m/s²."""
 
     rows: TrackRows
     step: IntArray
@@ -59,11 +53,11 @@ class _Timed:
 
 
 def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = None) -> Iterator[Block]:
-    """Yield the motor vehicles of a recording or of a file of cases in blocks ready for evaluation.
+    """Yield the motor vehicles of a recording or of a file of cases in blocks.
 
     Args:
-        history: steps at the start of each case that are not evaluated.
-        plans: of the vehicles; None uses the tracks driven.
+        history: steps at the start of each case without evaluation.
+        plans: None uses the tracks driven.
     """
     if len(table.vehicles) == 0:
         return
@@ -74,14 +68,14 @@ def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = N
     longest = STACKED_STEPS
     short, sizes = [], []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        # Children are never cut: a run evaluates them whole, and a window would end their tracks early.
+        # Children stay whole, as in a run.
         if plans is not None or timed.step[start:end].max() < STACKED_STEPS:
             longest = max(longest, int(timed.step[start:end].max()) + 1)
             short.append((start, end))
             sizes.append(len(np.unique(timed.rows.track[start:end])))
         else:
             yield from _windows(timed, start, end, history)
-    # Cases of similar size in one stack waste little memory.
+    # Cases of similar size waste little memory.
     order = np.argsort(np.array(sizes, dtype=np.int64), kind="stable")
     while order.size:
         largest = sizes[order[-1]]
@@ -92,13 +86,13 @@ def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = N
 
 
 def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
-    """Number the steps of every case. Stamps may jitter; steps without any vehicle count too."""
+    """Number the steps of each case. Stamps may jitter; steps without vehicles count."""
     scene = np.stack([rows.case.astype(np.float64), rows.timestamp_ms], axis=1)
     scenes, which = np.unique(scene, axis=0, return_inverse=True)
     which = which.reshape(-1)
     new_case = np.diff(scenes[:, 0], prepend=-1) != 0
     ahead = np.rint(np.diff(scenes[:, 1], prepend=0) / (1000 * step_s))
-    # Summed step by step, so that rounded stamps do not drift off the grid.
+    # Step by step: rounded stamps must not drift off the grid.
     count = np.cumsum(np.where(new_case, 0, np.clip(ahead, 1, SILENT_STEPS)))
     start = count[np.flatnonzero(new_case)][np.cumsum(new_case) - 1]
     follows = np.diff(rows.track, prepend=-1) == 0
@@ -110,7 +104,6 @@ def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
 
 
 def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Block:
-    """Stack whole cases."""
     index = np.concatenate([np.arange(a, b) for a, b in ranges])
     child = np.repeat(np.arange(len(ranges)), [b - a for a, b in ranges])
     first_track = timed.rows.track[[a for a, _ in ranges]]
@@ -128,7 +121,6 @@ def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Bloc
 
 
 def _with_plans(block: Block, plans: StoredPlans, names: NDArray[np.str_]) -> Block:
-    """Replace the planned paths by the plans of the children."""
     tracks = block.tracks
     assert tracks.present is not None
     there: BoolArray = np.any(tracks.present, axis=1)
@@ -136,7 +128,6 @@ def _with_plans(block: Block, plans: StoredPlans, names: NDArray[np.str_]) -> Bl
 
 
 def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Block]:
-    """Cut one long case into windows of some seconds."""
     step, track = timed.step[start:end], timed.rows.track[start:end]
     back = round(WINDOW_S / timed.step_s)
     seen = np.unique(step)
@@ -169,7 +160,7 @@ def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Bloc
 def _fill(
     timed: _Timed, index: IntArray, child: IntArray, step: IntArray, vehicle: IntArray, children: int
 ) -> tuple[SceneTracks, IntArray, IntArray]:
-    """Return rows as (C, T, V) tracks, with the (C, V) track ids and the (C, T) time stamps."""
+    """Return rows as (C, T, V) tracks, with (C, V) track ids and (C, T) time stamps."""
     rows = timed.rows
     shape = (children, int(step.max()) + 1, int(vehicle.max()) + 1)
     at = (child, step, vehicle)
@@ -182,7 +173,7 @@ def _fill(
     present = np.zeros(shape, dtype=bool)
     present[at] = True
     per_track = (child, vehicle)
-    # Rows are in ascending time: written backwards, a track's first size stays.
+    # Backwards: a track's first size stays.
     backwards = np.arange(len(index))[::-1]
     length, width = np.ones((2, children, shape[2]))
     types = np.full((children, shape[2]), "", dtype=f"U{max(map(len, rows.types), default=1)}")
@@ -206,7 +197,6 @@ def _fill(
 
 
 def _with_first(tracks: SceneTracks, first: int, until: int) -> SceneTracks:
-    """Select the steps before ``until``, evaluated from ``first`` on."""
     assert tracks.present is not None and tracks.acceleration is not None
     return replace(
         tracks,

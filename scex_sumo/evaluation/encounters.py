@@ -1,4 +1,4 @@
-"""Encounters over all children: probability, time, place and models of each pair of vehicles."""
+"""Encounters over all children: probability, time, place and models of each pair."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.exact.tables import InfluenceTable
 from scex_sumo.metrics.collisions import KINDS
 from scex_sumo.metrics.encounters import (
     CRITICAL_DRAC,
@@ -47,6 +48,7 @@ SCHEMA: Final = pa.schema(
         ("met", pa.float64()),
         ("kind", pa.string()),
         ("relative_speed", pa.float64()),
+        ("expected_mais3", pa.float64()),
         *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
         ("child", pa.int64()),
         ("time_s", pa.float64()),
@@ -56,10 +58,12 @@ SCHEMA: Final = pa.schema(
         ("models", _MODELS),
     ]
 )
-"""One row a pair; ``met`` is the share of children in which the pair has an encounter."""
+"""One row a pair; ``met`` is the share of children in which the pair has an encounter, ``expected_mais3`` the
+mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all children."""
 
 _GAPS = (0.05, 0.5, 0.95)
 _MOSTLY = 0.5
+_WAYS = 2  # cut sets that a line tells
 
 
 def encounters_table(
@@ -68,21 +72,21 @@ def encounters_table(
     track_ids: IntArray,
     models: NDArray[np.str_],
     intervals: DesignIntervals,
+    collisions: pa.Table | None = None,
     road: Road | None = None,
 ) -> pa.Table:
-    """Tabulate the pairs of vehicles that have an encounter in some child, the most critical first.
+    """Tabulate the pairs of vehicles with an encounter, the most critical first.
 
     Args:
         track_ids: (V,).
-        models: (C, V) model of each vehicle.
-        intervals: of the design that chose the models.
+        models: (C, V).
+        collisions: of the children, for their severity.
         road: names the places; None leaves them null.
 
     Returns:
-        Columns as ``SCHEMA``: ``track_id`` hits or follows ``other_id`` if one of them does. Sorted by
-        P(collision), P(critical), 5th percentile of the least gap. ``time_s``, ``x``, ``y`` belong to
-        ``child``: the median in time of those that collide (else are critical, else meet). Gaps above 10 m
-        are null.
+        Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
+        ``track_id`` hits or follows ``other_id``. ``time_s``, ``x``, ``y`` belong to ``child``: the median in
+        time of those that collide (else are critical, else meet). Gaps above 10 m are null.
     """
     vehicles = len(track_ids)
     pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
@@ -96,10 +100,12 @@ def encounters_table(
     }
     order = np.argsort(which, kind="stable")
     ends = np.searchsorted(which[order], np.arange(len(pairs) + 1))
+    injured = _injured(collisions, len(models))
     rows = []
     for index in range(len(pairs)):
         mine = order[ends[index] : ends[index + 1]]
         row = _row(encounters, mine, answers, track_ids, models)
+        row["expected_mais3"] = injured.get(frozenset((row["track_id"], row["other_id"])), 0.0)
         for name in QUESTIONS:
             share = shares[name][index]
             row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
@@ -111,13 +117,23 @@ def encounters_table(
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
 
+def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int], float]:
+    """Return the expected severe injuries of each pair of track ids that collides, per child."""
+    found: dict[frozenset[int], float] = {}
+    for hit in [] if collisions is None else collisions.to_pylist():
+        pair = frozenset((hit["track_id"], hit["other_id"]))
+        risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
+        found[pair] = found.get(pair, 0.0) + risk / children
+    return found
+
+
 def answers_of(encounters: Encounters) -> dict[str, BoolArray]:
-    """Return (N,) whether each encounter is critical, by question."""
+    """Return (N,) whether each encounter is critical, by question; a collision is so in each."""
     answers: dict[str, BoolArray] = {
         "collision": encounters.collided,
-        "ttc": encounters.ttc < CRITICAL_TTC_S,
-        "pet": encounters.pet < CRITICAL_PET_S,
-        "drac": encounters.drac > CRITICAL_DRAC,
+        "ttc": (encounters.ttc < CRITICAL_TTC_S) | encounters.collided,
+        "pet": (encounters.pet < CRITICAL_PET_S) | encounters.collided,
+        "drac": (encounters.drac > CRITICAL_DRAC) | encounters.collided,
     }
     return {**answers, "critical": np.any(list(answers.values()), axis=0)}
 
@@ -141,7 +157,6 @@ def _row(
     track_ids: IntArray,
     models: NDArray[np.str_],
 ) -> dict[str, Any]:
-    """Make the row of one pair from its encounters ``mine``."""
     first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
     worst = next(
         (part for name in ("collision", "critical") if (part := mine[answers[name][mine]]).size), mine
@@ -175,9 +190,9 @@ def _row(
 
 
 def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
-    """Count children and hits of every combination of the pair's models.
+    """Count children and hits by combination of the pair's models.
 
-    ``probability`` is that of a hit given the models, ``lift`` is it over the probability in all children.
+    ``probability``: of a hit given the models; ``lift``: relative to all children.
     """
     struck = np.zeros(len(own), dtype=bool)
     struck[hit] = True
@@ -201,10 +216,18 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
     ]
 
 
-def in_words(row: Mapping[str, Any]) -> str:
-    """Put a row into words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``."""
+def in_words(row: Mapping[str, Any], table: InfluenceTable | None = None) -> str:
+    """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
+
+    With the influence ``table`` of its collision it says exactly when the two collide.
+    """
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
+    if row["collision"] > 0 and table is not None:
+        ways = table.in_words()
+        more = f", or in {len(ways) - _WAYS} more ways" if len(ways) > _WAYS else ""
+        share = f"{100 * table.probability():.4g} %"
+        return f"{head}collides in {share}, exactly if {'; or '.join(ways[:_WAYS])}{more}"
     if row["collision"] > 0:
         text = f"collides in {_percent(row, 'collision')}"
     elif row["critical"] > 0:
@@ -212,12 +235,10 @@ def in_words(row: Mapping[str, Any]) -> str:
         name = max(names, key=lambda n: float(row[n]))
         text = f"{names[name]} in {_percent(row, name)}"
     elif row["gap_p05"] is None:
-        return head + "never within 10 m in 95 % of the children"
+        return head + "never within 10 m in 95 % of the futures"
     else:
         usual = "more than 10" if row["gap_p50"] is None else f"{row['gap_p50']:.1f}"
-        return (
-            head + f"{row['gap_p05']:.1f} m apart or less in 5 % of the children, {usual} m in half of them"
-        )
+        return head + f"{row['gap_p05']:.1f} m apart or less in 5 % of the futures, {usual} m in half of them"
     if not row["models"]:
         return head + text
     most = row["models"][0]

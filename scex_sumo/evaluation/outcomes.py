@@ -1,4 +1,4 @@
-"""Outcomes of children as tables: collisions, and encounters in the parts of a run."""
+"""Outcomes of children as tables: collisions, and encounters of batches."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.evaluation.severity import Severity
 from scex_sumo.metrics.collisions import KINDS, SIDES, Collisions
 from scex_sumo.metrics.encounters import Encounters
 
@@ -24,20 +25,22 @@ COLLISIONS_SCHEMA: Final = pa.schema(
         ("side", pa.string()),
         ("other_side", pa.string()),
         *((name, pa.float64()) for name in ("relative_speed", "overlap", "x", "y")),
+        *((name, pa.float64()) for name in ("delta_v", "delta_v_other", "p_mais3", "p_mais3_other")),
+        ("fault", pa.string()),
     ]
 )
-"""``step`` is the first one after the impact at ``time_s``; both count from the seed moment."""
+"""``step`` is the first one after the impact at ``time_s``; both count from the seed moment. The last
+five are those of `Severity`; ``p_mais3`` is null for types that the curve does not cover."""
 
 _SMALL = {"first": np.int32, "second": np.int32, "kind": np.int8, "towards": np.int8}
 
 
-def collisions_table(hits: Collisions, *, children: IntArray, track_ids: IntArray, first: int) -> pa.Table:
-    """Tabulate the collisions of C children, sorted by child, time and pair.
+def collisions_table(
+    hits: Collisions, severity: Severity, *, children: IntArray, track_ids: IntArray, first: int
+) -> pa.Table:
+    """Tabulate the collisions of C children with numbers (C,), by child, time and pair.
 
-    Args:
-        hits: ``track_id`` of the table hits ``other_id`` in a rear-end collision.
-        children: (C,) numbers.
-        track_ids: (V,).
+    In a rear-end collision ``track_id`` hits ``other_id``.
     """
     kinds, sides = np.array(KINDS), np.array(SIDES)
     columns = {
@@ -53,25 +56,30 @@ def collisions_table(hits: Collisions, *, children: IntArray, track_ids: IntArra
         "overlap": hits.overlap,
         "x": hits.x,
         "y": hits.y,
+        "delta_v": severity.delta_v,
+        "delta_v_other": severity.delta_v_other,
+        "p_mais3": pa.array(severity.p_mais3, from_pandas=True),
+        "p_mais3_other": pa.array(severity.p_mais3_other, from_pandas=True),
+        "fault": pa.array(severity.faults(), pa.string()),
     }
     return pa.table({name: pa.array(values) for name, values in columns.items()}, schema=COLLISIONS_SCHEMA)
 
 
 def collided(table: pa.Table, children: IntArray) -> BoolArray:
-    """Return (C,) whether each of some children has a collision in the table."""
+    """Return (C,) whether children have a collision in the table."""
     hit: BoolArray = np.isin(children, np.asarray(table["child"]))
     return hit
 
 
 def encounter_rows(encounters: Encounters, children: IntArray) -> pa.Table:
-    """Tabulate the encounters of a batch in small types; ``child`` is the child's number."""
+    """Tabulate the encounters of a batch in small types, with the child's number."""
     columns = {f.name: getattr(encounters, f.name) for f in fields(encounters)}
     columns["child"] = np.asarray(children, dtype=np.int64)[encounters.child]
     return pa.table({name: values.astype(_SMALL.get(name, values.dtype)) for name, values in columns.items()})
 
 
 def encounters_of_rows(table: pa.Table) -> Encounters:
-    """Read the encounters from a table of `encounter_rows`."""
+    """Return the encounters of a table of `encounter_rows`."""
     columns: dict[str, Any] = {f.name: np.asarray(table[f.name]) for f in fields(Encounters)}
     return Encounters(**columns | {name: columns[name].astype(np.int64) for name in _SMALL})
 
@@ -81,11 +89,7 @@ def after_collision(
 ) -> BoolArray:
     """Return (N,) whether two vehicles had collided by a step; False for single vehicles.
 
-    Args:
-        child: (N,).
-        step: (N,) on the step axis of the tracks.
-        vehicle: (N,).
-        other: (N,) the second vehicle.
+    ``step`` (N,) is on the step axis of the tracks.
     """
     if other is None or len(hits) == 0:
         return np.zeros(len(child), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Stored plans of every vehicle of every child, ``plans.parquet``: written and read exactly."""
+"""Stored plans of all vehicles of all children, ``plans.parquet``."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ PLANS = "plans.parquet"
 
 
 def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table | None:
-    """Tabulate plans every ``replan`` steps, ordered by child, vehicle, step; None if the part has none.
+    """Tabulate plans by child, vehicle, step; None if the part has none.
 
     Returns:
-        child, track_id, step (at which the plan was made, from the seed scene), x and y (lists of H centres
-        in m; the first is one step after that).
+        child, track_id, step of the plan from the seed scene, x and y: lists of H centres in m, the first one
+        a step later.
     """
     if part.plan_x is None or part.plan_y is None:
         return None
@@ -55,8 +55,8 @@ class StoredPlans:
         path: the file, for messages.
         children: (C,) numbers, ascending.
         track_ids: (V,).
-        made_at: (R,) steps from the seed scene to each plan, ascending.
-        x: (C, V, R, H) m; column 0 is the step after the plan was made.
+        made_at: (R,) steps from the seed scene, ascending.
+        x: (C, V, R, H) m; column 0 is one step after the plan.
     """
 
     path: Path
@@ -69,15 +69,12 @@ class StoredPlans:
     def paths(
         self, cases: NDArray[np.str_], track_ids: IntArray, there: BoolArray, steps: int
     ) -> PlannedPaths:
-        """Return the planned paths of some children, vehicles in any order.
+        """Return the planned paths of children ``cases`` (C,) and vehicles (C, V) in any order.
 
-        Args:
-            cases: (C,) numbers of the children, as in the tracks.
-            track_ids: (C, V).
-            there: (C, V) False where a child has fewer vehicles.
+        ``there`` (C, V) is False where a child has fewer vehicles.
 
         Raises:
-            ResultError: a vehicle has no plan in the file.
+            ResultError: a vehicle has no plan.
         """
         child, known_child = _find(self.children.astype(str), cases)
         vehicle, known_vehicle = _find(self.track_ids, track_ids)
@@ -98,7 +95,7 @@ class StoredPlans:
 
 
 def _find(known: NDArray[Any], wanted: NDArray[Any]) -> tuple[IntArray, BoolArray]:
-    """Find the place of each wanted value among the known ones, and whether it is there."""
+    """Return the index of each wanted value among the known ones, and whether it is there."""
     order = np.argsort(known)
     place = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
     return place, known[place] == wanted
@@ -108,7 +105,7 @@ def read_plans(folder: Path) -> StoredPlans | None:
     """Read the plans of a result folder; None if it has none.
 
     Raises:
-        ResultError: the file cannot be read, or ``scex-sumo run`` did not write it so.
+        ResultError: the file is unreadable or not one of ``scex-sumo run``.
     """
     path = folder / PLANS
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""Sources of tracks to evaluate: recordings, files of cases, result folders."""
+"""Track sources to evaluate: recordings, files of cases, result folders."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ MAX_SIZE_M = 1e4
 
 
 def read_source(source: Path, *, repair: bool = True) -> tuple[TrackTable, int]:
-    """Read tracks from a recording, a Parquet file or a result folder; with the steps of history.
+    """Read tracks and their number of history steps from a recording, a Parquet file or a result folder.
 
-    Recordings are repaired as in a run; the table's ``notes`` list the defects. Others are taken as they are.
+    Only recordings are repaired; the table's ``notes`` list the defects.
 
     Raises:
         ScexError: there are no tracks, or they cannot be read.
@@ -47,10 +47,10 @@ def read_source(source: Path, *, repair: bool = True) -> tuple[TrackTable, int]:
 
 
 def read_parquet(path: Path) -> TrackTable:
-    """Read tracks with INTERACTION columns from Parquet, as in result folders.
+    """Read tracks with INTERACTION columns from Parquet.
 
     Raises:
-        TrackError: the file, a column or a value cannot be used, or a track has two rows at one time.
+        TrackError: the file, a column or a value is unusable, or a track has two rows at one time.
     """
     try:
         table = pq.read_table(path.absolute())

@@ -1,4 +1,4 @@
-"""Metric values as Arrow tables: per pair, per scene, per case or child, and the origin of the extrema."""
+"""Metric values as Arrow tables: per pair, scene, case or child, and the origin of extrema."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scex_sumo.evaluation.blocks import Block, blocks
 from scex_sumo.evaluation.outcomes import after_collision
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PAPER, MetricParameters
-from scex_sumo.metrics.collisions import Collisions, find_collisions
+from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate, evaluate_pairs
 from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.metric import Metric
@@ -36,17 +36,17 @@ def recording_table(
     plans: StoredPlans | None = None,
     outcomes: bool = False,
 ) -> pa.Table:
-    """Evaluate metrics of the motor vehicles of a recording or of child scenarios.
+    """Evaluate metrics of the motor vehicles of a recording or of children.
 
     Args:
         level: ``pair``: case_id, timestamp_ms, metric, track_id, other_id, value, one row per ordered pair
             where defined (TTC in s); ``scene``: case_id, timestamp_ms, metric, value (TTC as 1/s);
             ``scenario``: case_id and two columns per metric; ``worst``: columns as ``pair``, one row per case
             and metric.
-        metrics: names, import paths or metrics; the paper's six by default.
-        history: steps at the start of each case that are not evaluated.
-        plans: of the vehicles, if the cases are children; None uses the tracks driven.
-        outcomes: add collision (``scenario``) or after_collision (``pair`` and ``worst``) for children.
+        metrics: names, import paths or metrics; default: the paper's six.
+        history: steps at the start of each case without evaluation.
+        plans: of children; None uses the tracks driven.
+        outcomes: add collision (``scenario``) or after_collision (``pair``, ``worst``).
 
     Raises:
         UsageError: an unknown level, preset or metric.
@@ -71,7 +71,7 @@ def recording_table(
 
 
 def case_ids(table: TrackTable) -> pa.Array:
-    """Return the ids of the cases, as whole numbers if possible; 1 for a recording without cases."""
+    """Return case ids, as whole numbers if possible; 1 for a recording without cases."""
     if not table.has_cases:
         return pa.array([1], pa.int64())
     try:
@@ -91,7 +91,7 @@ def worst_table(
     timestamp_ms: IntArray,
     hits: Collisions | None = None,
 ) -> pa.Table:
-    """Tabulate the origin of every child's and metric's extremum: ``worst.parquet`` of a result folder.
+    """Tabulate the origin of each child's extrema: ``worst.parquet``.
 
     Args:
         child: (C,) numbers.
@@ -130,8 +130,7 @@ def _other_ids(ids: IntArray | None, count: int) -> pa.Array:
 def _pair_rows(
     block: Block, metrics: Sequence[Metric], options: dict[str, Any], *, outcomes: bool
 ) -> list[pa.Table]:
-    """Return one table per metric, with the case's index in the column ``case``."""
-    hits = find_collisions(block.tracks) if outcomes else None
+    hits = find_collisions(block.tracks, limit_m2=CONTACT_M2) if outcomes else None
     values = evaluate_pairs(block.tracks, block.planned, **options)
     tables = []
     for metric in metrics:
@@ -154,7 +153,6 @@ def _pair_rows(
 
 
 def _sorted_pairs(tables: Sequence[pa.Table], names: pa.Array, metrics: int) -> pa.Table:
-    """Sort rows by case, time, metric (in the order of the columns), track and other."""
     if not tables:
         types = {"case": pa.int64(), "timestamp_ms": pa.int64(), "metric": pa.string()}
         types |= {"track_id": pa.int64(), "other_id": pa.int64(), "value": pa.float64()}
@@ -211,8 +209,7 @@ class _Cases:
         self.origin = np.zeros((count, size, 3), dtype=np.int64)
 
     def add(self, block: Block, values: ScenarioValues) -> None:
-        """Add the values of a block."""
-        hits = find_collisions(block.tracks) if self.outcomes else None
+        hits = find_collisions(block.tracks, limit_m2=CONTACT_M2) if self.outcomes else None
         if hits is not None:
             self.collided[block.case[np.unique(hits.child)]] = True
         for column, metric in enumerate(self.metrics):
@@ -239,7 +236,6 @@ class _Cases:
         )
 
     def scenarios(self, names: pa.Array) -> pa.Table:
-        """Return case_id and two columns per metric, null where undefined."""
         columns: dict[str, Any] = {"case_id": names}
         for column, metric in enumerate(self.metrics):
             undefined = self.scenes[:, column] == 0
@@ -252,7 +248,6 @@ class _Cases:
         return pa.table(columns | ({"collision": pa.array(self.collided)} if self.outcomes else {}))
 
     def origins(self, names: pa.Array) -> pa.Table:
-        """Return case_id, metric, timestamp_ms, track_id, other_id, value, with outcomes after_collision."""
         case, column = np.nonzero(self.scenes > 0)
         metric_names = pa.array([metric.name for metric in self.metrics], pa.string())
         stamp, track, other = self.origin[case, column].T

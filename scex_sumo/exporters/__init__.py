@@ -1,4 +1,1 @@
-"""Exporters: children of a run and their road in the formats of other simulators.
-
-May import results, views, pictures, behaviors, world, converters and all below; not extrapolation.
-"""
+"""Exporters: children and their road in the formats of other simulators."""

@@ -26,13 +26,13 @@ def _complete_formats(incomplete: str) -> list[str]:
 
 def export_command(
     folder: Result,
-    child: Annotated[int | None, Option(metavar="N", help="This future.")] = None,
-    critical: Annotated[str | None, metric_option("The children most critical by this metric.")] = None,
+    child: Annotated[int | None, Option(metavar="N", help="Number of a future.")] = None,
+    critical: Annotated[str | None, metric_option("The futures most critical by this metric.")] = None,
     encounter: Annotated[
-        str | None, Option(metavar="A,B", help="The children in which these two vehicles come closest.")
+        str | None, Option(metavar="A,B", help="The futures in which these two vehicles come closest.")
     ] = None,
-    every: Annotated[bool, Option("--all", help="All children.")] = False,
-    top: Annotated[int, Option(metavar="K", help="How many, of --critical or --encounter.")] = 1,
+    every: Annotated[bool, Option("--all", help="All futures.")] = False,
+    top: Annotated[int, Option(metavar="K", help="Number of futures of --critical or --encounter.")] = 1,
     to: Annotated[
         str,
         Option(
@@ -42,10 +42,10 @@ def export_command(
         ),
     ] = "interaction",
     ego: Annotated[
-        int | None, Option(metavar="TRACK", help="Whose task it is to plan, in a format with planning tasks.")
+        int | None, Option(metavar="TRACK", help="Vehicle with the planning task, for commonroad.")
     ] = None,
     map_path: Annotated[
-        Path | None, Option("--map", metavar="MAP", help="The run's map; else where it was.")
+        Path | None, Option("--map", metavar="MAP", help="Map of the run; default: its path in run.json.")
     ] = None,
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="PATH", help="File or folder to write.")
@@ -76,7 +76,7 @@ def export_command(
         )
         request.ego_index()
     try:
-        # An error of another package's exporter is no error of the folder.
+        # Another package's errors are no errors of the folder.
         with as_written(folder) if to in EXPORTERS.builtin else nullcontext():
             files = write(request)
     except OSError as error:

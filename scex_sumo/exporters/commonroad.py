@@ -1,6 +1,6 @@
-"""CommonRoad 2020a: the road as lanelets with signs and lights, vehicles as obstacles, a planning problem.
+"""CommonRoad 2020a scenario: lanelets, vehicles as obstacles, a planning problem.
 
-The XML is written without commonroad-io, whose interface changes with its releases; tests read it with it.
+The XML is written without commonroad-io, whose interface changes; tests read it with it.
 """
 
 from __future__ import annotations
@@ -18,16 +18,15 @@ from scex_sumo.exporters.commonroad_road import add, number_text, road_elements
 from scex_sumo.exporters.request import Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
-_GOAL_M = (8.0, 4.0)  # length and width of the goal around the ego's last place
-_GOAL_STEPS = 5  # the goal counts from so many steps before the end on
-_TYPES = {"van": "car", "tram": "train"}  # CommonRoad's words, where they differ from ours
+_GOAL_M = (8.0, 4.0)  # length and width around the ego's last place
+_GOAL_STEPS = 5  # before the end
+_TYPES = {"van": "car", "tram": "train"}  # where CommonRoad differs
 
 
 def write_commonroad(request: Request) -> list[Path]:
-    """Write a scenario for each child; an ego also gets the task to drive from its seed state to its end.
+    """Write a scenario for each child; an ego also gets a planning problem from its seed state to its end.
 
-    Without an ego time step 0 is the first logged frame. With one, it is the seed scene: the file has no past
-    and no obstacle for the ego.
+    Time step 0 is the first logged frame; with an ego, it is the seed scene, and the ego is no obstacle.
     """
     ego, files = request.ego_index(), []
     for child in request.children:
@@ -46,7 +45,7 @@ def write_commonroad(request: Request) -> list[Path]:
 
 
 def _benchmark(road: str, child: int) -> str:
-    """Return CommonRoad's name of a scenario; ZAM stands for no country, the child is the configuration."""
+    """Return CommonRoad's name of a scenario; ZAM is no country, the child is the configuration."""
     letters = "".join(c for c in road.title() if c.isalnum())
     return f"ZAM_{letters}-1_{child + 1}_T-1"
 
@@ -60,7 +59,7 @@ def _root(name: str, source: str) -> ET.Element:
         affiliation="",
         source=source,
         benchmarkID=name,
-        date="2020-01-01",  # fixed: the same export has the same bytes
+        date="2020-01-01",  # fixed, for reproducible bytes
     )
     location = add(root, "location")
     for tag, value in (("geoNameId", "-999"), ("gpsLatitude", "999"), ("gpsLongitude", "999")):
@@ -113,7 +112,6 @@ def _state(element: ET.Element, row: FloatArray, step: int) -> None:
 
 
 def _task(request: Request, child: int, ego: int, number: int) -> ET.Element:
-    """Return the task to drive from the ego's seed state to its last place, in the same time."""
     states = request.run.states(child)[ego]
     steps = states.shape[0] - LOGGED_HISTORY
     now, end = states[LOGGED_HISTORY - 1], states[-1]

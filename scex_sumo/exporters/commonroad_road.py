@@ -1,9 +1,10 @@
-"""Road network of a CommonRoad scenario: lanelets, signs and lights, and the XML helpers of the format."""
+"""Road network of a CommonRoad scenario: lanelets, signs, lights, intersections."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -14,11 +15,13 @@ from scex_sumo.road import Lane, Regulation, Road
 
 _TYPES = {"vehicle": "urban", "bus": "busLane", "bicycle": "bicycleLane", "other": "border"}
 _USERS = {"bicycle": "bicycle", "pedestrian": "pedestrian", "bus": "bus"}
-_SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's numbers, which are CommonRoad's for no country
+_ORDER = ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft")
+_STRAIGHT_RAD = np.pi / 6
+_SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's, CommonRoad's default
 
 
 def add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
-    """Append an element with a text, and return it."""
+    """Append an element, and return it."""
     child = ET.SubElement(parent, tag)
     child.text = text
     return child
@@ -32,41 +35,36 @@ def number_text(value: float) -> str:
 
 @dataclass(kw_only=True, eq=False)
 class _Signals:
-    """Signs, lights and stop lines: their elements, and the references of each lane."""
-
     elements: list[ET.Element] = field(default_factory=list)
     of_lane: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
     stop_lines: dict[int, tuple[FloatArray, str, int]] = field(default_factory=dict)
 
     def refer(self, lanes: list[int], tag: str, number: int) -> None:
-        """Add a reference to a sign or light to lanes."""
         for i in lanes:
             self.of_lane.setdefault(i, []).append((tag, number))
 
 
 def lanelet_numbers(road: Road, taken: Collection[int] = ()) -> dict[int, int]:
-    """Return lanelet ids by lane: the map's own if all are positive, else new ones above those taken."""
+    """Return lanelet ids by lane: the map's own if all are positive, else new ones above ``taken``."""
     lanes = [i for i, lane in road.lanes.items() if lane.reverse_of is None]
     first = 0 if all(i > 0 for i in lanes) else max([0, *taken]) + 1
     return {i: first + k if first else i for k, i in enumerate(lanes)}
 
 
 def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Element], set[int]]:
-    """Return the lanelets, signs and lights of a road, and all their ids.
-
-    Args:
-        taken: ids of obstacles, which no new lanelet id repeats.
-    """
+    """Return the elements of a road, and all their ids; ``taken`` are ids of obstacles."""
     numbers = lanelet_numbers(road, taken)
     signals = _signals(road, numbers)
     both_ways = {lane.reverse_of for lane in road.lanes.values()} - {None}
     lanelets = [_lanelet(road.lanes[i], numbers, signals, both=i in both_ways) for i in numbers]
-    used = {int(element.get("id", "0")) for element in signals.elements}
-    return [*lanelets, *signals.elements], used | set(numbers.values())
+    signs = {int(element.get("id", "0")) for element in signals.elements}
+    crossings = _intersections(road, numbers, max([*numbers.values(), *signs, *taken]) + 1)
+    elements = [*lanelets, *signals.elements, *crossings]
+    return elements, {int(part.get("id", "0")) for e in elements for part in (e, *e.iter("incoming"))}
 
 
 def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two borders with equally many points, which include all of their own."""
+    """Return two borders with equally many points, all of their own included."""
     if len(left) == len(right):
         return left, right
     arcs = [arc_lengths(line) for line in (left, right)]
@@ -106,6 +104,48 @@ def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
     lights = [element for element in signals.elements if element.tag == "trafficLight"]
     signals.elements = [element for element in signals.elements if element.tag != "trafficLight"] + lights
     return signals
+
+
+def _intersections(road: Road, numbers: Mapping[int, int], first: int) -> list[ET.Element]:
+    """Return groups of overlapping lanes that are entered on several lanes; ids begin at ``first``."""
+    lanes = {i: lane for i, lane in road.vehicle_lanes.items() if i in numbers}
+    elements, ids, left = [], count(first), [i for i, lane in lanes.items() if lane.conflicts]
+    while left:
+        inside, reached = set[int](), [left[0]]
+        while reached:
+            lane = reached.pop()
+            if lane in lanes and lane not in inside:
+                inside.add(lane)
+                reached += lanes[lane].conflicts
+        left = [i for i in left if i not in inside]
+        entries = sorted({p for i in inside for p in lanes[i].predecessors if p in lanes} - inside)
+        if len(entries) < 2:
+            continue
+        element = ET.Element("intersection", id=str(next(ids)))
+        elements.append(element)
+        arms = {entry: add(element, "incoming") for entry in entries if not _beside(lanes[entry], entries)}
+        for entry in entries:
+            leftmost = entry
+            while leftmost not in arms:
+                leftmost = _beside(lanes[leftmost], entries)[0]
+            add(arms[leftmost], "incomingLanelet").set("ref", str(numbers[entry]))
+            for i in lanes[entry].successors:
+                if i in inside:
+                    add(arms[leftmost], f"successors{_turn(lanes[i])}").set("ref", str(numbers[i]))
+        for arm in arms.values():
+            arm.set("id", str(next(ids)))
+            arm[:] = sorted(arm, key=lambda part: _ORDER.index(part.tag))
+    return elements
+
+
+def _beside(lane: Lane, entries: list[int]) -> list[int]:
+    return [i for i in (lane.left, lane.adjacent_left) if i is not None and i in entries]
+
+
+def _turn(lane: Lane) -> str:
+    begin, end = np.diff(lane.centreline, axis=0)[[0, -1]] @ (1, 1j)
+    angle = float(np.angle(end / begin))
+    return "Straight" if abs(angle) < _STRAIGHT_RAD else "Left" if angle > 0 else "Right"
 
 
 def _bound(rule: Regulation) -> tuple[int, ...]:
@@ -156,7 +196,7 @@ def _lanelet(lane: Lane, numbers: Mapping[int, int], signals: _Signals, *, both:
     walked = "crosswalk" if lane.subtype == "crosswalk" else "sidewalk"
     add(element, "laneletType", walked if lane.kind == "pedestrian" else _TYPES.get(lane.kind, "unknown"))
     add(element, "userBidirectional" if both else "userOneWay", _USERS.get(lane.kind, "vehicle"))
-    # In the order of the format: signs before lights.
+    # The format wants signs before lights.
     for tag, number in sorted(signals.of_lane.get(lane.lane_id, ()), key=lambda ref: ref[0], reverse=True):
         add(element, tag).set("ref", str(number))
     return element

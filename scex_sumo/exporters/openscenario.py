@@ -1,6 +1,6 @@
-"""OpenSCENARIO XML: one scenario for each child, with the road as OpenDRIVE.
+"""OpenSCENARIO XML: a scenario for each child, with the road as OpenDRIVE.
 
-OpenSCENARIO's reference point of a vehicle is the middle of its rear axle, not its centre.
+The reference point of a vehicle is the middle of its rear axle.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from scex_sumo.exporters.request import Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 _MINOR_VERSION = 2
-_WHEELBASE = 0.58  # of a vehicle's length; the axles have equal distances from its centre
+_WHEELBASE = 0.58  # of the length, around the centre
 _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
     "motorcycle": ("motorbike", 1.5, 250.0),
     "bicycle": ("bicycle", 1.7, 90.0),
@@ -36,14 +36,14 @@ _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
 _WALKER = (1.75, 80.0)  # height in m, mass in kg
 _MAX_MPS, _MAX_MPS2 = 80.0, 12.0
 
-_README = """# {name}: {count} child scenario(s) for OpenSCENARIO players
+_README = """# {name}: {count} future(s) for OpenSCENARIO players
 
-- `*.xosc`: OpenSCENARIO XML 1.{minor}, one child each. `{road}.xodr`: the road, OpenDRIVE 1.7, in the map's
+- `*.xosc`: OpenSCENARIO XML 1.{minor}, one future each. `{road}.xodr`: the road, OpenDRIVE 1.7, in the map's
   own coordinates.
 - Play one: `esmini --osc FILE.xosc --window 60 60 800 400 --fixed_timestep 0.1 {options}`.
   Without `--traj_filter 0` esmini merges vertices closer than 0.1 m: vehicles slower than 1 m/s then jump.
   Without `--pline_interpolation segment` vehicles are up to 0.143 m off between vertices.
-- Time 0 is the first logged frame; the seed scene is at {moment:.1f} s; the child ends at {end:.1f} s.
+- Time 0 is the first logged frame; the seed scene is at {moment:.1f} s; the future ends at {end:.1f} s.
 - A vertex is the middle of the **rear axle**. The centre of the vehicle is its bounding box's centre, that
   far ahead along the heading. Lengths and widths are as recorded; wheelbases are {axles:.0%} of the length,
   heights and masses are usual ones.
@@ -55,8 +55,6 @@ _README = """# {name}: {count} child scenario(s) for OpenSCENARIO players
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Participant:
-    """Road user: name, recorded type, size, model, and (T,) times with states of the centre."""
-
     name: str
     kind: str
     length: float
@@ -68,7 +66,7 @@ class _Participant:
 
 
 def write_openscenario(request: Request) -> list[Path]:
-    """Write the road, one scenario for each child, and a README about playing them."""
+    """Write the road, a scenario for each child, and a README."""
     try:
         from scenariogeneration import xosc
     except ImportError as error:
@@ -135,7 +133,7 @@ def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> s
 
 
 def _written(file: Path) -> datetime:
-    """Return when the run was finished, so that the same export has the same bytes."""
+    """Return when the run was finished, for reproducible bytes."""
     moment = datetime.fromtimestamp(int(file.stat().st_mtime), tz=timezone.utc)
     return moment.replace(tzinfo=None)
 
@@ -161,7 +159,7 @@ def _participants(request: Request, child: int) -> Iterator[_Participant]:
     for o, name in enumerate(others.ids):
         present = np.flatnonzero(others.present[o, frames])
         if len(present):
-            # A gap in a track is bridged by a straight line.
+            # Straight lines bridge gaps in a track.
             yield _Participant(
                 name=f"other{name}",
                 kind=others.types[o],

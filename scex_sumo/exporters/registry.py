@@ -1,7 +1,6 @@
-"""Registry of exporters: functions that write the children of a `Request` and return the files.
+"""Registry of exporters: functions that write the children of a `Request`, and return the files.
 
-Other packages add theirs by an entry point in ``scex_sumo.exporters``, or users name an import path
-(``--to package.module:function``).
+Packages add entry points in ``scex_sumo.exporters``; ``--to`` also takes ``package.module:function``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Export request: the children of a run that are written, where to, and what exporters need of the run."""
+"""Export request: children of a run, where to write them, and the run's map and scene."""
 
 from __future__ import annotations
 
@@ -18,15 +18,14 @@ from scex_sumo.views.children import most_critical
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What an exporter is asked for.
+    """Export request.
 
     Attributes:
-        children: numbers of the children, at least one.
-        out: file or folder to write; None leaves the name to the exporter.
-        ego: track id of the vehicle with the planning task, in formats that have one.
+        out: file or folder; None: the exporter names it.
+        ego: track id of the vehicle with the planning task.
         critical: metric by which the children were chosen.
-        encounter: track ids of the two vehicles by whose encounter they were chosen.
-        map_path: the map of the run; None takes that of ``run.json``.
+        encounter: track ids by whose encounter they were chosen.
+        map_path: None takes the map of ``run.json``.
     """
 
     run: Run
@@ -39,17 +38,17 @@ class Request:
 
     @property
     def name(self) -> str:
-        """Return the name of the seed scene."""
+        """Name of the seed scene."""
         return str(self.run.info["seed_scene"]["name"])
 
     @cached_property
     def scene(self) -> SeedScene:
-        """Read the seed scene."""
+        """The seed scene."""
         return self.run.scene
 
     @cached_property
     def road(self) -> Road:
-        """Read the map again.
+        """The map, read again.
 
         Raises:
             MapError: it is missing, or is another map.
@@ -69,10 +68,10 @@ class Request:
 
     @cached_property
     def folder(self) -> Path:
-        """Make and return the folder to write."""
+        """Folder to write, made if missing."""
         path = self.out if self.out is not None else Path(f"{self.name}_export")
         if path.exists() and not path.is_dir():
-            raise UsageError(f"-o {path}: this format needs a folder, and that is a file")
+            raise UsageError(f"-o {path}: is a file; this format needs a folder")
         path.mkdir(parents=True, exist_ok=True)
         return path
 
@@ -95,29 +94,26 @@ class Request:
         return int(ids.index(self.ego))
 
     def obstacle_frames(self) -> slice:
-        """Return the obstacles' states during a child: their second one is its frame 1."""
+        """Return the obstacles' frames during a child: their second one is its first."""
         return slice(1, 1 + LOGGED_HISTORY + int(self.run.info["steps"]))
 
 
 def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
-    """Return the children with the most critical values of a metric, the worst first.
+    """Return the most critical children by a metric, the worst first.
 
     Raises:
-        UsageError: the metric is unknown, or defined in none of the children.
+        UsageError: the metric is unknown, or defined in no child.
     """
-    try:
-        column = run.column(column)
-    except UsageError:
-        raise UsageError(f"--critical {column}: unknown metric; known: {', '.join(run.columns)}") from None
+    column = run.column(column)
     order = most_critical(run, run.children, column)
     defined = order[~np.isnan(run.values(column)[order])][:count]
     if not len(defined):
-        raise UsageError(f"--critical {column}: defined in none of {run.children} children")
+        raise UsageError(f"--critical {column}: defined in none of {run.children} futures")
     return tuple(int(run.metrics["child"][int(i)].as_py()) for i in defined)
 
 
 def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[int, ...]:
-    """Return the children in which two vehicles come closest after the seed scene, the closest first.
+    """Return the children in which two vehicles come closest, the closest first.
 
     Raises:
         UsageError: one of them is not in the seed scene.

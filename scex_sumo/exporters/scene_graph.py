@@ -1,4 +1,4 @@
-"""Export of semantic scene graphs to networkx and PyTorch Geometric."""
+"""Scene graph export to networkx and PyTorch Geometric."""
 
 from __future__ import annotations
 
@@ -11,17 +11,14 @@ from scex_sumo.behaviors.scene_graph.graph import KINDS, SceneGraph
 
 if TYPE_CHECKING:
     from networkx import DiGraph
-
-if TYPE_CHECKING:
     from torch_geometric.data import HeteroData
 
 
 def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
     """Convert the graph of one child, an index into the batch, to a `networkx.DiGraph`.
 
-    Nodes are indices into the seed scene's vehicles, with `SceneGraph.node_columns` as numbers, ``history``
-    (11, 5), ``lane_id`` and ``arc`` (None off the road) as attributes. Edges run from source to target, with
-    ``kind`` (a word of `KINDS`) and `SceneGraph.edge_columns` as numbers.
+    Nodes are vehicle indices, with `SceneGraph.node_columns`, ``history`` (11, 5), ``lane_id`` and ``arc``
+    (None off the road). Edges have ``kind`` (of `KINDS`) and `SceneGraph.edge_columns`.
 
     Raises:
         MissingExtraError: networkx is not installed.
@@ -69,10 +66,9 @@ def _named(columns: tuple[str, ...], values: Any) -> dict[str, float]:
 def to_hetero_data(graph: SceneGraph) -> HeteroData:
     """Convert the graphs of all children to one `torch_geometric.data.HeteroData`.
 
-    Node type ``vehicle`` has ``x`` (N, F), ``history`` (N, 11, 5), ``child`` (N,) and ``vehicle`` (N,). There
-    is an edge type ``("vehicle", kind, "vehicle")`` for each of `KINDS`, with ``edge_index`` (2, E) and
-    ``edge_attr`` (E, G). Floats are float32. Column names are in ``node_columns``, ``history_columns`` and
-    ``edge_columns``.
+    Nodes ``vehicle`` have ``x`` (N, F), ``history`` (N, 11, 5), ``child`` (N,), ``vehicle`` (N,). Edges
+    ``("vehicle", kind, "vehicle")`` have ``edge_index`` (2, E), ``edge_attr`` (E, G). Floats are float32.
+    Names of columns: ``node_columns``, ``history_columns``, ``edge_columns``.
 
     Raises:
         MissingExtraError: torch or torch-geometric is not installed.

@@ -1,4 +1,4 @@
-"""Picture of a seed scene from above with its scene graph."""
+"""Picture of a seed scene with its scene graph."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scex_sumo.reports.drawing import draw_road, draw_vehicles, look_at, sheet, 
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
-# Each relation once per pair: `ahead` is `behind` from the other end, the other two are mutual.
+# Each relation once per pair: `ahead` is the reverse of `behind`.
 _STYLES: dict[int, tuple[str, str, Any]] = {
     0: ("longitudinal", "#1f6fb4", "-"),
     2: ("lateral", "#2e9a5b", "-"),
@@ -24,21 +24,21 @@ _STYLES: dict[int, tuple[str, str, Any]] = {
 }
 _BOX, _ALONE = "#8fa3b8", "#c4c4c4"  # vehicles with edges, and without
 _MARGIN_M = 12.0
-_BEND = 0.16  # of the straight distance: edges over a common lane do not hide one another
+_BEND = 0.16  # keeps edges over a common lane apart
 
 
 def plot_scene_graph(
     scene: SeedScene, path: str | Path, *, road: Road | None = None, radius: float = RADIUS_M, title: str = ""
 ) -> Path:
-    """Draw a seed scene from above with the edges of its scene graph, and return the file.
+    """Draw a seed scene from above with its scene graph, and return the file.
 
-    A longitudinal edge is an arrow from the vehicle behind to the one ahead; lateral and intersecting edges
-    have no head. Vehicles without an edge are grey, pedestrians and cyclists magenta dots, numbers track ids.
+    Longitudinal edges are arrows from the vehicle behind to the one ahead. Vehicles without an edge are grey,
+    pedestrians and cyclists magenta dots; numbers are track ids.
 
     Args:
-        road: the map; None takes that of the seed scene.
+        road: None takes that of the seed scene.
         radius: of the graph, m.
-        title: above the picture; empty takes the scene's name and the number of vehicles.
+        title: empty takes the scene's name and number of vehicles.
 
     Raises:
         UsageError: there is no road.
@@ -49,7 +49,7 @@ def plot_scene_graph(
     """
     graph = scene_graph(scene, road, radius=radius)
     road = scene.road if road is None else road
-    assert road is not None  # or there would be no graph
+    assert road is not None
     centres = np.column_stack([scene.now.x, scene.now.y])
     low, high = centres.min(axis=0) - _MARGIN_M, centres.max(axis=0) + _MARGIN_M
     wide, tall = (high - low) * 9 / max(high - low)
@@ -63,7 +63,7 @@ def plot_scene_graph(
 
 
 def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGraph) -> None:
-    """Draw road, vehicles and edges of the first child of a graph, with a legend."""
+    """Draw road, vehicles, edges of the first child, and a legend."""
     draw_road(axes, road)
     _draw_edges(axes, scene, graph)
     mine = graph.child == 0
@@ -87,7 +87,6 @@ def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGrap
 
 
 def _draw_edges(axes: Axes, scene: SeedScene, graph: SceneGraph) -> None:
-    """Draw each relation of the first child once, longitudinal ones on top."""
     source, target = graph.edge_index
     for kind, (_, color, line) in reversed(_STYLES.items()):
         chosen = (graph.edge_kind == kind) & (target < scene.vehicles)

@@ -1,4 +1,4 @@
-"""SUMO folder: net, vehicle types, routes and a state from which SUMO's own models continue a child."""
+"""SUMO folder: net, vehicle types, routes and a state from which SUMO continues a child."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _CONFIGURATION = """<configuration>
     <no-step-log value="true"/>
 </configuration>
 """
-_README = """# Child {child} of {name}, driven on by SUMO
+_README = """# Future {child} of {name}, continued by SUMO
 
-`sumo-gui -c child.sumocfg` begins with the child's last step; SUMO's {model} drives everybody on from there,
+`sumo-gui -c child.sumocfg` begins with the last step of this future. SUMO's {model} drives all vehicles,
 on the routes that `sumo:` drivers take in a run. Vehicle `t0_17` is track 17. {left}
 """
 
@@ -53,7 +53,7 @@ def _write_child(request: Request, child: int, folder: Path) -> Path:
     edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
     kept = [v for v, route in enumerate(edges) if route]
     if not kept:
-        raise UsageError(f"child {child}: no vehicle is on a mapped lane at its end; SUMO can drive nobody")
+        raise UsageError(f"future {child}: no vehicle is on a mapped lane at its end; choose another one")
     left_out = [str(scene.track_ids[v]) for v in range(scene.vehicles) if v not in kept]
     scene = scene.reordered(kept, name=scene.name)
     driven = [
@@ -72,6 +72,5 @@ def _write_child(request: Request, child: int, folder: Path) -> Path:
 
 
 def _at_the_end(request: Request, child: int) -> SeedScene:
-    """Return the child's last second as a seed scene without pedestrians and cyclists."""
     states = request.run.states(child)[:, -HISTORY_STEPS - 1 :]
     return replace(request.scene, history=states, future=None, future_valid=None, obstacles=None)

@@ -1,4 +1,4 @@
-"""Tracks of children: INTERACTION v1.2 cases, and SUMO's floating car data."""
+"""Tracks of children: INTERACTION v1.2 cases, and floating car data of SUMO."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def write_interaction(request: Request) -> list[Path]:
 
 
 def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
-    """Yield the rows of some children; the whole table of many children needs too much memory."""
+    """Yield the rows of children; the whole table would need too much memory."""
     file, ordered = run.folder / "tracks.parquet", sorted(children)
     table = pq.read_table(file, filters=[("case_id", "in", ordered)])
     rows = run.states(children[0]).x.size
@@ -47,7 +47,7 @@ def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
 
 
 def write_fcd_files(request: Request) -> list[Path]:
-    """Write each child as SUMO's floating car data; several go into a folder."""
+    """Write each child as SUMO's floating car data; several into a folder."""
     if len(request.children) == 1:
         child = request.children[0]
         paths = [request.out or Path(f"{request.file_stem(child)}.fcd.xml")]

@@ -1,4 +1,4 @@
-"""Video of a child from above, as MP4 (with PyAV) or GIF, drawn by matplotlib."""
+"""Video of a child from above: MP4 (PyAV) or GIF, drawn by matplotlib."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from scex_sumo.views.children import colors_of, event_of
 from scex_sumo.views.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.world.gui_drawings import OTHER_RGB, readable
 
-_MP4_SIZE, _MP4_RATE = (1280, 720), 30  # pixels; pictures a second, in real time
+_MP4_SIZE, _MP4_RATE = (1280, 720), 30  # px; pictures per s
 _GIF_SIZE, _GIF_RATE, _GIF_COLORS = (800, 450), 10, 64
 _FRAME_RATE = 10  # of a child
 _STILL_S = 1.0  # the last picture stays
-_DPI = 72  # so that a point is a pixel
+_DPI = 72  # a point is a pixel
 _MARGIN_M, _PAIR_MARGIN_M, _MIN_HEIGHT_M = 12.0, 25.0, 50.0
 _RING_M = 4.5
-_TITLE_PX, _ID_PX, _LETTER = 16, 12, 0.6  # heights of letters; width of a letter as a share of its height
+_TITLE_PX, _ID_PX, _LETTER = 16, 12, 0.6  # heights, and width by height
 _GRASS, _ASPHALT, _PAINT, _CURB = "#e2e6e0", "#b2b8bf", "#fafafa", "#8c949c"
 _INK, _RING = "#181e26", "#d02828"
 _BODY = np.array([[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]])
@@ -45,7 +45,7 @@ _WINDSCREEN = np.array([[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]])
 
 
 def write_mp4(request: Request) -> list[Path]:
-    """Write each child as an MP4 file (H.264) in real time; several go into a folder.
+    """Write each child as MP4 (H.264) in real time; several into a folder.
 
     Raises:
         UsageError: PyAV is not installed.
@@ -56,7 +56,7 @@ def write_mp4(request: Request) -> list[Path]:
 
 
 def write_gif(request: Request) -> list[Path]:
-    """Write each child as an animated GIF in real time; several go into a folder."""
+    """Write each child as animated GIF in real time; several into a folder."""
     return _write(request, "gif", _encode_gif)
 
 
@@ -95,7 +95,6 @@ def _encode_gif(path: Path, request: Request, child: int) -> None:
 
 
 def _pictures(request: Request, child: int, size: tuple[int, int], rate: int) -> Iterator[Any]:
-    """Yield (height, width, 3) pictures of a child from its first frame to its last, which stays."""
     film = Film(request, child, size)
     last = LOGGED_HISTORY - 1 + int(request.run.info["steps"])
     for frame in np.arange(0, last + 1e-9, _FRAME_RATE / rate):
@@ -106,14 +105,10 @@ def _pictures(request: Request, child: int, size: tuple[int, int], rate: int) ->
 
 
 class Film:
-    """A child drawn from above at any time: the ground once, what moves in every picture."""
+    """Film of a child from above: the ground is drawn once."""
 
     def __init__(self, request: Request, child: int, size: tuple[int, int]) -> None:
-        """Draw the ground: road, title and legend.
-
-        Args:
-            request: names the run; its vehicles of an encounter or a critical event are ringed.
-        """
+        """Draw road, title and legend; vehicles of an encounter or critical event are ringed."""
         run, self._scene = request.run, request.scene
         tracks, words = event_of(run, child, critical=request.critical, encounter=request.encounter)
         self._names = [str(track) for track in self._scene.track_ids]
@@ -122,7 +117,7 @@ class Film:
         self._colors = [_shares(colors[model]) for model in models]
         low, high, self._scale = self._view(size)
         figure = Figure(figsize=(size[0] / _DPI, size[1] / _DPI), dpi=_DPI, facecolor=_GRASS)
-        canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
+        canvas: Any = FigureCanvasAgg(figure)
         self._canvas = canvas
         self._axes = figure.add_axes((0, 0, 1, 1), xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         self._axes.set_axis_off()
@@ -135,7 +130,7 @@ class Film:
         self._ground = self._canvas.copy_from_bbox(figure.bbox)
 
     def picture(self, frame: float) -> Any:
-        """Return the child at a frame, or between two frames, as (height, width, 3) bytes."""
+        """Return (height, width, 3) bytes of a child at a frame, which may lie between two."""
         self._canvas.restore_region(self._ground)
         states = _between(self._states, frame)
         time_s = (frame - LOGGED_HISTORY + 1) * STEP_S
@@ -154,7 +149,7 @@ class Film:
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _view(self, size: tuple[int, int]) -> tuple[FloatArray, FloatArray, float]:
-        """Return the lower left and upper right corner of what is in view, m, and pixels per m."""
+        """Return the lower left and upper right corner in view, m, and pixels per m."""
         states = self._states[self._pair] if self._pair else self._states
         places = np.stack([states.x, states.y])[:, :, LOGGED_HISTORY - 1 :].reshape(2, -1)
         low, high = places.min(axis=1), places.max(axis=1)
@@ -185,12 +180,11 @@ class Film:
         return [Circle(place, 4 / self._scale, **style) for place in zip(here.x, here.y, strict=True)]
 
     def _ids(self, states: States) -> Iterator[Artist]:
-        """Yield the ids of vehicles that overprint no other, and rings around a pair with ids beside them."""
         rest = [v for v in range(len(self._names)) if v not in self._pair]
         names = [self._names[v] for v in rest]
         wide = np.array([_LETTER * _ID_PX * len(name) for name in names]) / self._scale
         long = self._scene.length[rest]
-        beside = np.where(long < 1.3 * wide, (long + wide) / 2, 0.0)  # of vehicles that are too small
+        beside = np.where(long < 1.3 * wide, (long + wide) / 2, 0.0)  # of small vehicles
         x, y = states.x[rest] + beside, states.y[rest]
         for k in readable(names, x, y, _ID_PX / self._scale):
             yield self._text(x[k], y[k], names[k], _INK, _ID_PX)
@@ -202,13 +196,11 @@ class Film:
             yield self._text(x0 + dx, y0 + dy, self._names[v], _RING, _TITLE_PX)
 
     def _text(self, x: float, y: float, words: str, color: str, size: int) -> Artist:
-        """Return words around a place, readable on any ground."""
         halo = [withStroke(linewidth=4, foreground="white")]
         style: dict[str, Any] = {"ha": "center", "va": "center", "clip_on": True, "path_effects": halo}
         return Text(x, y, words, color=color, fontsize=size, transform=self._axes.transData, **style)
 
     def _corner_text(self, side: float, words: str) -> Artist:
-        """Return words in the upper left or right corner, at a share of the width."""
         style: dict[str, Any] = {"ha": "right" if side > 0.5 else "left", "va": "top", "color": _INK}
         box = {"facecolor": "white", "linewidth": 0, "pad": 6}
         return Text(side, 0.985, words, fontsize=_TITLE_PX, bbox=box, transform=self._axes.transAxes, **style)
@@ -250,7 +242,7 @@ def _between(states: States, frame: float) -> States:
 
 
 def _apart(states: States) -> FloatArray:
-    """Return (N, 2) directions of vehicles away from their middle, or along their headings in one place."""
+    """Return (N, 2) directions of vehicles from their middle, or along their headings in one place."""
     places = np.stack([states.x, states.y], axis=1)
     away = places - places.sum(axis=0) / max(len(places), 1)
     length = np.linalg.norm(away, axis=1, keepdims=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
@@ -13,13 +14,13 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 10_000
-_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM = range(4)
+_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, EXACT_STREAM = range(5)
 
 
 def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.random.Generator:
-    """Return the random generator of a child, which depends on the seed and the child's number alone.
+    """Return the random generator of a child, from the run's seed and the child's number alone.
 
-    ``stream`` separates draws of different purpose, so that they do not change each other.
+    ``stream`` separates draws of different purpose.
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(child, stream)))
 
@@ -27,13 +28,7 @@ def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.ran
 def random_assignments(
     weights: Sequence[float], children: Sequence[int] | IntArray, vehicles: int, *, seed: int
 ) -> IntArray:
-    """Draw a model (C, V) for every vehicle of every child, independently.
-
-    Args:
-        weights: (M,) relative frequency of each model, not all zero.
-        children: (C,) numbers of the children.
-        seed: the run's seed.
-    """
+    """Draw a model (C, V) for every vehicle of every child, independently, by the models' weights (M,)."""
     upper = np.cumsum(np.asarray(weights, dtype=np.float64))
     upper /= upper[-1]
     draws = np.stack([child_generator(seed, int(c), _ASSIGNMENT_STREAM).random(vehicles) for c in children])
@@ -44,17 +39,7 @@ def random_assignments(
 def designed_assignments(
     weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str, keep: bool = False
 ) -> IntArray:
-    """Draw models (C, V) for all children together, spread more evenly than independent draws.
-
-    The result is cached and must not be changed: moments of a ranking with as many vehicles share it.
-
-    Args:
-        weights: (M,) relative frequency of each model, not all zero.
-        vehicles: V, at least 1.
-        seed: the run's seed.
-        design: one of ``DESIGNS``.
-        keep: use the user's cache.
-    """
+    """Draw models (C, V) more evenly than independent draws; the result is shared and must not be changed."""
     drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
     shares = np.asarray(weights, dtype=np.float64)[drawn]
     shares /= shares.sum()
@@ -70,20 +55,15 @@ def designed_assignments(
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:
-    """Return every combination of models; the last vehicle's model changes fastest.
+    """Return every combination of models (product of choices, V); the last vehicle's model changes fastest.
 
     Args:
         choices: (V,) number of models that each vehicle may get.
 
-    Returns:
-        (product of choices, V) index of the model among the vehicle's choices.
-
     Raises:
         UsageError: more than ten thousand combinations.
     """
-    count = 1
-    for choice in choices:
-        count *= int(choice)
+    count = math.prod(int(choice) for choice in choices)
     if count > MAX_COMBINATIONS:
         raise UsageError(
             f"--children all: {_number(count)} combinations for {len(choices)} vehicles, at most "
@@ -112,12 +92,10 @@ def assignments(
 
     Args:
         weights: (M,) relative frequency of the models to draw from.
-        track_ids: (V,) of the vehicles.
-        children: number of children, or None for all combinations.
-        seed: the run's seed.
-        fixed: model by track id, the same in all children; its index may lie beyond ``weights``.
-        design: how the children are drawn, one of ``DESIGNS``, but for fixed vehicles. With ``random`` and
-            ``balanced``, fewer children are the first of more.
+        track_ids: (V,).
+        children: number, or None for all combinations.
+        fixed: model by track id, the same in all children; it may lie beyond ``weights``.
+        design: one of ``DESIGNS``. Fewer children are the first of more.
         keep: use the user's cache.
 
     Raises:
@@ -138,21 +116,21 @@ def assignments(
         free = [v for v, t in enumerate(ids) if t not in fixed]
         result = np.zeros((children, len(ids)), dtype=np.int64)
         if free:
-            each = tuple(weights)
-            result[:, free] = designed_assignments(
-                each, children, len(free), seed=seed, design=design, keep=keep
+            levels = designed_assignments(
+                tuple(weights), children, len(free), seed=seed, design=design, keep=keep
             )
+            result[:, free] = levels
     for track, model in fixed.items():
         result[:, ids.index(track)] = model
     return result
 
 
 def route_draws(children: Sequence[int] | IntArray, vehicles: int, *, seed: int) -> FloatArray:
-    """Return a number in [0, 1) per child and vehicle (C, V), by which models choose random routes."""
+    """Return a number in [0, 1) per child and vehicle (C, V), from which models choose random routes."""
     return np.stack([child_generator(seed, int(c), _ROUTE_STREAM).random(vehicles) for c in children])
 
 
 def listing(ids: Sequence[int], most: int = 12) -> str:
-    """Return ids as text, the first few of many."""
+    """Return ids as text: the first few, and how many there are."""
     shown = ", ".join(str(i) for i in ids[:most])
     return shown if len(ids) <= most else f"{shown}, ... ({len(ids)} in all)"

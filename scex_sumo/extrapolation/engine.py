@@ -1,4 +1,4 @@
-"""Run of a seed scene: from checked settings to a finished result folder."""
+"""Run of a seed scene, from checked settings to a finished result folder."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.net_cache import converted
+from scex_sumo.extrapolation.exact_futures import find_exact, why_not_exact
 from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
@@ -24,6 +25,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import write_tables
 from scex_sumo.metrics.registry import thresholds_of
+from scex_sumo.results.exact import EXACT, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.provenance import describe, digest, versions
@@ -38,15 +40,10 @@ Progress: TypeAlias = Callable[[int, int], None]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Options of a run that change no value of its result.
+    """Options of a run that change no value of its result, as of `extrapolate`.
 
     Attributes:
-        batch: children side by side in one world; None for about 6000 vehicles.
-        gui: show the run live in sumo-gui.
-        cache: use the user's cache.
-        compared: whether a checked world is compared with SUMO's.
-        progress: called with (steps done, steps in all).
-        command: the command line, for ``run.json``.
+        compared: compare a checked world with SUMO's.
 
     Raises:
         UsageError: fewer than one child in a batch.
@@ -56,6 +53,7 @@ class RunOptions:
     gui: bool = False
     cache: bool = True
     compared: bool = True
+    exact: bool = True
     progress: Progress | None = None
     command: Sequence[str] | None = None
 
@@ -76,12 +74,7 @@ def run_scene(
     overwrite: bool = False,
     options: RunOptions = DEFAULT_OPTIONS,
 ) -> Run:
-    """Simulate and measure the children of a seed scene; the rest as `extrapolate`.
-
-    Args:
-        scene: the seed scene, with its road.
-        out: result folder; None makes a temporary one.
-    """
+    """Simulate and measure the children of a seed scene that has a road, as `extrapolate`."""
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     settings.check_size(settings.count or 1, scene.vehicles)
@@ -122,6 +115,8 @@ def run_scene(
         scene, settings.steps, replan=settings.replan, metrics=settings.measured, preset=settings.rule
     )
     part = write_tables(folder, job, recorded, workers=workers)
+    _write_exact(job, part, options, workers)
+    watch.lap("exact")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     folder.finish({**info, "timings_s": watch.lap("write")})
@@ -130,8 +125,16 @@ def run_scene(
     return run
 
 
+def _write_exact(job: Job, part: Part, options: RunOptions, workers: Workers) -> None:
+    """Write ``exact.json``, unless the run has no exact probabilities."""
+    remove_exact(job.folder)
+    if options.exact and why_not_exact(job.settings, job.models, len(job.assignment)) is None:
+        assert part.encounters is not None
+        write_exact(find_exact(job, part.encounters, workers), job.folder / EXACT)
+
+
 def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
-    """Raise a `UsageError` if the world is without SUMO and something needs it."""
+    """Raise a `UsageError` if SUMO is needed and the world has none."""
     by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
         what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
@@ -141,7 +144,7 @@ def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
 def _identity(
     scene: SeedScene, settings: RunSettings, models: ModelSet, assignment: IntArray
 ) -> dict[str, Any]:
-    """Return what decides on the values of a run; a run with the same identity resumes in its folder."""
+    """Return what decides on the values of a run: with the same identity, a run resumes."""
     children = {"children": len(assignment)} if settings.until_band is None else {}
     own = {**models.to_json(), **settings.to_json(), **children}
     return {"version": __version__, "scene": digest(scene), **own}
@@ -150,14 +153,8 @@ def _identity(
 def _info(
     job: Job, command: Sequence[str] | None, band: Look | None, part: Part, notes: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the content of ``run.json`` but for the times.
-
-    Args:
-        band: the widths of the bands, where they decide on the number of children.
-        notes: notes for the reader, one phrase each.
-    """
     settings, names = job.settings, job.models.names
-    plans = -(-settings.steps // settings.replan)  # of a vehicle in a child
+    plans = -(-settings.steps // settings.replan)
     return {
         "scex_sumo": __version__,
         "command": list(command) if command else None,
@@ -176,20 +173,18 @@ def _info(
 
 
 class _Stopwatch:
-    """Times of the parts of a run, in s."""
-
     def __init__(self) -> None:
         self._last, self._laps = time.perf_counter(), dict[str, float]()
 
     def lap(self, part: str) -> dict[str, float]:
-        """End a part; returns the times of all parts so far."""
+        """End a part of the run; return the times of all parts so far, s."""
         now = time.perf_counter()
         self._laps[part], self._last = round(now - self._last, 3), now
         return dict(self._laps)
 
 
 def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
-    """Run all children, or as many as the band needs; returns their job and the widths of the bands."""
+    """Run all children, or as many as the band needs."""
     settings = job.settings
     if settings.until_band is None or settings.count is None:
         run(job)
@@ -205,7 +200,6 @@ def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | Non
 
 
 def _without_test(job: Job) -> RunSettings:
-    """Return the settings of the baseline: the same children without the models under test."""
     return dataclasses.replace(
         job.settings,
         children="all" if job.settings.count is None else len(job.assignment),
@@ -215,14 +209,13 @@ def _without_test(job: Job) -> RunSettings:
 
 
 def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
-    """Return the progress of one of several equal parts as that of the whole."""
+    """Return the progress of one of several equal parts."""
     if progress is None:
         return None
     return lambda done, total: progress(part * total + done, parts * total)
 
 
 def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
-    """Run the children of a job that are not in its folder yet."""
     done, total, steps = set(Parts(job.folder).children.tolist()), len(job.assignment), job.settings.steps
     size = batch if batch is not None else batch_size(job, workers.processes)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)

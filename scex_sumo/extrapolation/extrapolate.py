@@ -1,4 +1,4 @@
-"""Extrapolation of a seed scene in Python: settings as arguments, a finished run as the result."""
+"""Extrapolation of a seed scene in Python."""
 
 from __future__ import annotations
 
@@ -41,23 +41,24 @@ def extrapolate(
     batch: int | None = None,
     gui: bool = False,
     cache: bool = True,
+    exact: bool = True,
     progress: Progress | None = None,
     command: Sequence[str] | None = None,
 ) -> Run:
     """Simulate many child scenarios of a seed scene with different drivers, and measure each.
 
-    The arguments up to ``keep_plans`` decide on the values, see
-    `scex_sumo.extrapolation.settings.RunSettings`. The others do not.
+    `scex_sumo.extrapolation.settings.RunSettings` describes the arguments up to ``keep_plans``; the others
+    change no value.
 
     Args:
         scene: the seed scene, with its road.
-        out: result folder; None makes a temporary one that lives as long as the returned run.
+        out: result folder; None makes a temporary one that lives as long as the run.
         overwrite: replace the result of another run in ``out``.
         workers: processes that share the children.
         batch: children side by side in one world; None for about 6000 vehicles.
         gui: show the run live in sumo-gui.
-        cache: keep the converted net, the networks' map features and the assignments in
-            ``~/.cache/scex-sumo`` for the next run.
+        cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
+        exact: run more futures for exact probabilities if all models are deterministic, see `Run.exact`.
         progress: called with (steps done, steps in all).
         command: the command line, for ``run.json``.
 
@@ -89,6 +90,6 @@ def extrapolate(
         reflect=reflect,
         keep_plans=keep_plans,
     )
-    options = RunOptions(batch=batch, gui=gui, cache=cache, progress=progress, command=command)
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, progress=progress, command=command)
     with Workers(1 if gui else min(workers, settings.count or workers)) as pool:
         return run_scene(scene, settings, out=out, overwrite=overwrite, workers=pool, options=options)

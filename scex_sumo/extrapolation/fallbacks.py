@@ -1,4 +1,4 @@
-"""Fallbacks of a run: the plans that replaced a model's unusable one, as a table and as text."""
+"""Fallbacks of a run: plans of the path-following driver in the place of unusable ones."""
 
 from __future__ import annotations
 
@@ -23,15 +23,11 @@ def fallbacks_table(
     names: Sequence[str],
     track_ids: IntArray,
 ) -> pa.Table | None:
-    """Make the table of the path-following driver's plans; None for none.
+    """Return the rows of ``fallbacks.parquet``, by child, step, vehicle; None for none.
 
     Args:
-        children: (C,) their numbers, ascending.
+        children: (C,) numbers, ascending.
         assignment: (C, V) index into `names`.
-        track_ids: (V,) of the vehicles.
-
-    Returns:
-        child, track_id, step (of the plan, from the seed scene), model, reason; by child, step, vehicle.
     """
     if not replaced:
         return None
@@ -53,14 +49,11 @@ def fallbacks_table(
 def count_fallbacks(
     table: pa.Table | None, assignment: IntArray, names: Sequence[str], rounds: int
 ) -> list[dict[str, Any]]:
-    """Count the replaced plans of each model that has any.
+    """Count the replaced plans of each model that has any, for ``run.json``.
 
     Args:
-        table: of `fallbacks_table`.
-        assignment: (C, V) index into `names`, of all children of the run.
-
-    Returns:
-        For ``run.json``: model, replaced, plans, children, first (child, track_id, step, reason).
+        assignment: (C, V) index into `names`.
+        rounds: plans of a vehicle in a child.
     """
     if table is None:
         return []
@@ -82,7 +75,7 @@ def count_fallbacks(
 
 
 def fallback_lines(counts: Sequence[dict[str, Any]]) -> list[str]:
-    """Return `count_fallbacks` as text, a line for each model."""
+    """Return the counts as text, a line for each model."""
     return [
         f"{c['model']}: {c['replaced']} of {c['plans']} plans replaced by the path-following driver's, "
         f"in {c['children']} {'child' if c['children'] == 1 else 'children'}; "

@@ -1,4 +1,4 @@
-"""Job of a run: the batches of children that a process simulates and measures in its world."""
+"""Job of a run: batches of children that a process simulates and measures."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from scex_sumo.world.tiles import TILE_SLOTS
 
 OnStep = Callable[[int], None]
 
-VEHICLES_AT_ONCE = 6000  # in a batch, over all its children
-BATCHES_EACH = 2  # of each of several processes, at least, so that one that starts later does less
+VEHICLES_AT_ONCE = 6000  # over all children of a batch
+BATCHES_EACH = 2  # of each process: one that starts later does less
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +41,9 @@ class Job:
     """Everything that a process needs to run any child of a run.
 
     Attributes:
-        scene: the seed scene, with its road.
-        net: the road as a SUMO net.
-        assignment: (C, V) index into ``models``, for all children of the run.
-        gui: show the run live in sumo-gui.
+        assignment: (C, V) index into ``models``, for all children.
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
-        compared: whether a checked world is compared with SUMO's.
+        compared: compare a checked world with SUMO's.
     """
 
     scene: SeedScene
@@ -73,7 +70,7 @@ class Job:
 
     @cached_property
     def intervals(self) -> DesignIntervals:
-        """Of shares and distributions over the children."""
+        """Intervals of the run's design."""
         drawn, fixed = self.models.drawn, np.isin(self.scene.track_ids, list(self.models.fixed))
         design = self.settings.to_json()["design"]
         return design_intervals(self.assignment, [spec.weight for spec in drawn], fixed, design)
@@ -85,16 +82,16 @@ class Job:
 
     @property
     def apart(self) -> bool:
-        """Whether each child needs a tile of its own: SUMO's drivers and a watcher see all in a tile."""
+        """Whether each child needs its own tile: SUMO's drivers and sumo-gui see a whole tile."""
         return self.gui or self.sumo_drives
 
     def slots(self, children: IntArray) -> IntArray:
-        """Return the tile slot (C,) of each child: its own, or the one that all share."""
+        """Return the tile slot (C,) of each child."""
         return children % TILE_SLOTS if self.apart else np.zeros_like(children)
 
 
 def batches_of(children: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:
-    """Cut children into batches of at most ``size``; ``apart``: with different slots in each batch."""
+    """Cut children into batches of at most ``size``; with ``apart``, a batch has different slots."""
     batches: list[list[int]] = []
     taken: set[int] = set()
     for child in children:
@@ -108,10 +105,9 @@ def batches_of(children: Sequence[int], size: int, *, apart: bool = True) -> lis
 
 
 def batch_size(job: Job, processes: int = 1) -> int:
-    """Return the number of children in a batch: fewer with more vehicles, two batches for each process.
+    """Return the number of children in a batch: at most 6000 vehicles, and two batches for each process.
 
-    A step of a batch costs as much for one vehicle as for some hundreds. Beyond some thousands nothing is
-    gained and memory is lost.
+    A step costs the same for one vehicle as for some hundreds.
     """
     if job.apart:
         return TILE_SLOTS
@@ -123,14 +119,10 @@ def batch_size(job: Job, processes: int = 1) -> int:
 
 @contextmanager
 def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray, OnStep], IntArray]]:
-    """Open the simulator of a job; yields the function that runs a batch and saves its part.
+    """Open the simulator of a job; yield the function that runs a batch and saves its part.
 
     Args:
         slots: tile slots of all children that may come.
-
-    Yields:
-        Function of the children's numbers and of a callback, which gets the number of children after each of
-        their steps; returns the children.
     """
     with _simulator(job, slots) as simulator:
         yield partial(_run_and_save, job, simulator)
@@ -164,7 +156,6 @@ def _run_and_save(job: Job, simulator: Simulator, children: IntArray, on_step: O
 
 
 def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: OnStep | None = None) -> Part:
-    """Simulate some children side by side, and measure them."""
     batch, settings = _batch(job, children), job.settings
     world = simulator.begin(
         BatchStart(slots=job.slots(children), assignment=batch.assignment, driven=_driven_by_sumo(job, batch))
@@ -193,13 +184,15 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
             track_ids=ids,
         ),
         tested=_tested(job, rollout),
-        collisions=collisions_table(hits, children=children, track_ids=ids, first=LOGGED_HISTORY),
+        collisions=collisions_table(
+            hits, outcome.severity, children=children, track_ids=ids, first=LOGGED_HISTORY
+        ),
         encounters=encounter_rows(outcome.encounters, children),
     )
 
 
 def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
-    """Return (2, C, M) metric values of the vehicles under test alone, and 1 where they are defined."""
+    """Return (2, C, M) values of the vehicles under test alone, and 1 where defined."""
     tested = np.flatnonzero(np.isin(job.scene.track_ids, list(job.models.tested))).tolist()
     if not tested:
         return None
@@ -223,7 +216,6 @@ def _batch(job: Job, children: IntArray) -> Batch:
 
 
 def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
-    """Return the vehicles that SUMO drives, with a route for each."""
     driven = []
     for index, model in enumerate(batch.models):
         if not isinstance(model, SumoDriver):

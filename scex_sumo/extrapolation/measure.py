@@ -11,11 +11,12 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
+from scex_sumo.evaluation.severity import Severity, severity_of
 from scex_sumo.evaluation.tables import worst_table
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.metrics.collisions import OVERLAP_M2, Collisions, find_collisions
+from scex_sumo.metrics.collisions import CONTACT_M2, OVERLAP_M2, Collisions, find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
 from scex_sumo.metrics.metric import Metric
@@ -26,10 +27,11 @@ from scex_sumo.world.plain import PlainWorld
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """Metric values, collisions and encounters of a batch of children."""
+    """Metric values, collisions with their severity, and encounters of a batch."""
 
     values: ScenarioValues
     collisions: Collisions
+    severity: Severity
     encounters: Encounters
 
 
@@ -38,8 +40,8 @@ class Recorded:
     """The recorded future, measured like a child.
 
     Attributes:
-        overlaps: boxes that overlapped after the seed moment; recorded boxes are inexact.
-        last_step: (V,) steps after the seed moment in which a vehicle is there.
+        overlaps: of boxes after the seed moment; recorded boxes are inexact.
+        last_step: (V,) steps in which a vehicle is recorded.
     """
 
     values: ScenarioValues
@@ -55,24 +57,26 @@ def measure_outcome(
     metrics: Sequence[Metric] | None = None,
     preset: str = PAPER_PRESET,
     counted: BoolArray | None = None,
+    limit_m2: float = CONTACT_M2,
 ) -> Outcome:
-    """Measure a batch of children.
+    """Measure a batch of children by the metrics, or by the paper's six.
 
     Args:
-        metrics: None for the paper's six.
-        preset: rule for car-following of the metrics that leave it open.
-        counted: (T, V) steps in which a vehicle counts, as `recorded_steps_of`; None: all.
+        preset: car-following rule of the metrics that leave it open.
+        counted: (T, V) steps in which a vehicle counts; None: all.
+        limit_m2: overlap above which vehicles have collided; `OVERLAP_M2` for boxes as recorded.
     """
     present = None if counted is None else counted[None].repeat(len(rollout.children), axis=0)
     tracks, planned = _evaluated(scene, rollout, present)
-    hits = find_collisions(tracks)
+    hits = find_collisions(tracks, limit_m2=limit_m2)
     met: list[Encounters] = []
 
     def meet(start: int, scenes: Scenes) -> None:
         met.append(encounters_of(scenes, hits, start))
 
     values = evaluate(tracks, planned, preset=preset, metrics=metrics, also=meet)
-    return Outcome(values=values, collisions=hits, encounters=Encounters.join(met))
+    severity = severity_of(tracks, hits, scene.types, scene.road)
+    return Outcome(values=values, collisions=hits, severity=severity, encounters=Encounters.join(met))
 
 
 def measure_rollout(
@@ -83,11 +87,9 @@ def measure_rollout(
     preset: str = PAPER_PRESET,
     vehicles: Collection[int] | None = None,
 ) -> ScenarioValues:
-    """Return the metric values of a batch of children; paths are those of the current plans.
+    """Return the metric values of a batch; arguments as of `measure_outcome`.
 
     Args:
-        metrics: None for the paper's six.
-        preset: rule for car-following of the metrics that leave it open.
         vehicles: only pairs with one of these (indices) count; None: all.
     """
     tracks, planned = _evaluated(scene, rollout, None)
@@ -100,8 +102,7 @@ def worst_of(
     """Return the step and the vehicles of each child's extremum; times as in ``tracks.parquet``.
 
     Args:
-        children: (C,) their numbers.
-        hits: their collisions; values after one are flagged.
+        hits: the children's collisions; values after one are flagged.
     """
     steps = next(iter(values.scene.values())).value.shape[1]
     frames = np.arange(1, LOGGED_HISTORY + steps + 1, dtype=np.int64)
@@ -119,10 +120,9 @@ def measure_recorded(
     metrics: tuple[Metric, ...] | None = None,
     preset: str = PAPER_PRESET,
 ) -> Recorded | None:
-    """Measure the recorded future, as one row; returns None if there is none.
+    """Measure the recorded future as one row; return None if there is none.
 
-    It is measured as a child in which `Replay` drives every vehicle in a plain world. Vehicles count as long
-    as they were recorded.
+    `Replay` drives every vehicle in a plain world, as long as it was recorded.
     """
     if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
         return None
@@ -146,7 +146,7 @@ def measure_recorded(
 
 
 def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
-    """Return the steps (T, V) after the seed moment up to a vehicle's first gap, as `Replay` has it."""
+    """Return the steps (T, V) after the seed moment up to a vehicle's first gap."""
     assert scene.future_valid is not None
     known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)
     result: BoolArray = np.arange(steps)[:, None] < np.minimum(known, steps)
@@ -154,7 +154,7 @@ def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
 
 
 def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
-    """Return the pairs of vehicles (indices) whose boxes overlap like a collision at the seed moment."""
+    """Return the pairs of vehicles (indices) whose boxes overlap at the seed moment."""
     now, (one, two) = scene.now, np.triu_indices(scene.vehicles, 1)
     boxes = [Rectangles.of(now[side], scene.length[side], scene.width[side]) for side in (one, two)]
     at = np.flatnonzero(overlap_area(*boxes) > OVERLAP_M2)
@@ -162,16 +162,13 @@ def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
 
 
 def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> FloatArray:
-    """Return how far SUMO moved the vehicles that it drives from their motion in the first step.
+    """Return how far (n,) SUMO moved each vehicle that it drives in the first step, m.
 
-    SUMO keeps vehicles parallel to their lanes. It turns a vehicle at an angle about its front bumper.
+    SUMO turns a vehicle about its front bumper, until it is parallel to its lane.
 
     Args:
         first: (C, V) states after the first step.
-        by_sumo: (C, V) True where SUMO drives.
-
-    Returns:
-        (n,) m, one for each vehicle that SUMO drives.
+        by_sumo: (C, V) whether SUMO drives.
     """
     now = scene.now
     way = now.speed * STEP_S
@@ -183,9 +180,8 @@ def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> Float
 def _evaluated(
     scene: SeedScene, rollout: Rollout, present: BoolArray | None
 ) -> tuple[SceneTracks, PlannedPaths]:
-    """Return tracks and planned paths of a rollout as input of metrics; ``present`` (C, T, V), None: all."""
     count, steps, _ = rollout.states.shape
-    # No more than tracks.parquet holds, so that an evaluation from there gives the same values.
+    # As many steps as in tracks.parquet, so that both give the same values.
     past = scene.history.repeat(count)[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
     if present is not None:
         present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)

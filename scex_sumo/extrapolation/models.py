@@ -31,7 +31,6 @@ class ModelSet:
         specs: all models, those of fixed vehicles included; assignments are indices into it.
         fixed: index of the model by track id, for vehicles that are not drawn.
         tested: model by track id for vehicles under test; None: as drawn.
-        built: the models themselves, by index.
     """
 
     drawn: tuple[ModelSpec, ...]
@@ -42,11 +41,7 @@ class ModelSet:
 
     @classmethod
     def of(cls, settings: RunSettings) -> ModelSet:
-        """Build the models that settings name.
-
-        Raises:
-            UsageError: a model makes no sense or cannot be built.
-        """
+        """Build the models that settings name; raise a `UsageError` for a bad one."""
         tested = settings.under_test
         specs, names = list(settings.drawn), [str(spec) for spec in settings.drawn]
         fixed = {}
@@ -66,18 +61,18 @@ class ModelSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all models as on the command line, without weights."""
+        """Names as on the command line, without weights."""
         return tuple(str(spec) for spec in self.specs)
 
     @cached_property
     def weights(self) -> dict[str, str]:
-        """SHA-256 of the weights of each learned model, by its name."""
+        """SHA-256 of each learned model's weights, by name."""
         found = {name: getattr(model, "weights_sha256", None) for _, name, model in self._bare()}
         return {name: sha256 for name, sha256 in found.items() if isinstance(sha256, str)}
 
     @cached_property
     def sources(self) -> dict[str, str]:
-        """SHA-256 of the source file of each of the user's models, by its name, where there is one."""
+        """SHA-256 of the source file of each of the user's models, by name."""
         files = {name: source_file(model) for spec, name, model in self._bare() if is_own(spec)}
         return {
             name: hashlib.sha256(file.read_bytes()).hexdigest()
@@ -103,16 +98,11 @@ class ModelSet:
     ) -> IntArray:
         """Return the model (C, V) of every vehicle in every child, as `assignments`.
 
-        A vehicle under test takes part in the draw and then gets its model, so that the draw of the others
-        does not depend on it.
-
-        Raises:
-            UsageError: a track id is not in the seed scene, and whatever `assignments` raises.
+        A vehicle under test takes part in the draw: the draw of the others does not depend on it.
         """
         ids = [int(track) for track in track_ids]
         unknown = sorted(set(self.tested) - set(ids))
         if unknown:
-            # --assign puts a user's model under test as well.
             raise UsageError(
                 f"--assign or --under-test: no vehicle {unknown[0]} in the seed scene; "
                 f"its vehicles: {listing(ids)}"
@@ -128,11 +118,7 @@ class ModelSet:
         return drawn
 
     def try_on(self, scene: SeedScene, *, seed: int) -> None:
-        """Have every model that may fail plan once for the vehicles that it may drive.
-
-        Raises:
-            ScexError: a model has no usable plan for any vehicle.
-        """
+        """Let every model that may fail plan once; raise a `ScexError` if no plan of one is usable."""
         assert scene.road is not None
         children = np.zeros(1, dtype=np.int64)
         draw = route_draws(children, scene.vehicles, seed=seed)
@@ -148,7 +134,7 @@ class ModelSet:
             model.try_on(history, scene.road, who, [child_generator(seed, 0)])
 
     def to_json(self) -> dict[str, Any]:
-        """Return their entries of ``run.json``."""
+        """Return the models' entries of ``run.json``."""
         return {
             "models": [{"model": str(s), "weight": s.weight} for s in self.drawn],
             "weights": self.weights,
@@ -159,7 +145,7 @@ class ModelSet:
 
 
 def _built(spec: ModelSpec) -> Behavior:
-    """Build a model; one that may fail gets the path-following driver as fallback, inside of its guard."""
+    """Build a model; one that may fail gets a fallback, inside its guard."""
     model = build(spec)
     if not may_fail(spec):
         return model

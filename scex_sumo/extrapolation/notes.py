@@ -15,12 +15,12 @@ from scex_sumo.extrapolation.measure import Recorded, handover_jumps, overlappin
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import STEP_S, SeedScene
 
-COPY_M = 0.5  # two vehicles with centres this close are copies of one
-HANDOVER_M = 0.5  # jump of a vehicle's centre that gets a note
+COPY_M = 0.5  # between the centres of copies
+HANDOVER_M = 0.5  # jump that gets a note
 
 
 def handover_notes(job: Job, part: Part) -> list[str]:
-    """Return a note if SUMO moved vehicles in the first step, which ``part`` has of all children."""
+    """Return a note if SUMO moved vehicles in the first step."""
     by_sumo = np.array([isinstance(model, SumoDriver) for model in job.models.built])[job.assignment]
     jumps = handover_jumps(job.scene, part.states[:, 0], by_sumo)
     far = int((jumps > HANDOVER_M).sum())
@@ -28,24 +28,24 @@ def handover_notes(job: Job, part: Part) -> list[str]:
         return []
     return [
         f"SUMO turned {far} of {len(jumps)} vehicles that it drives into their lanes in the first step, "
-        f"by up to {jumps.max():.1f} m of their centres; the metrics of that step feel it"
+        f"by up to {jumps.max():.1f} m; this affects the metrics of that step"
     ]
 
 
 def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
-    """Return notes on copies of vehicles, boxes that overlap without collision, and the recording's end."""
+    """Return notes on copies of vehicles, overlapping boxes, and the recording's end."""
     notes, ids, now = [], [int(track) for track in scene.track_ids], scene.now
     overlaps = overlapping_at_first(scene)
     copies = {(a, b) for a, b in overlaps if math.hypot(now.x[a] - now.x[b], now.y[a] - now.y[b]) < COPY_M}
     if copies:
         again = sorted({ids[b] for _, b in copies})
         notes.append(
-            f"{len(again)} of {len(ids)} vehicles lie on another one and look like its copies: "
+            f"warning: {len(again)} of {len(ids)} vehicles lie on another one and look like its copies: "
             f"{listing(again)}; leave them out of the tracks"
         )
     pairs = [f"{ids[a]} and {ids[b]}" for a, b in overlaps if (a, b) not in copies]
     if pairs:
-        notes.append(f"boxes overlap at the seed moment already, which is no collision: {listed(pairs)}")
+        notes.append(f"boxes that overlap at the seed moment do not count as collisions: {listed(pairs)}")
     if recorded is None:
         return notes
     info = recorded_info(scene, recorded)
@@ -57,18 +57,18 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
         if frozenset((a, b)) not in twins
     ]
     if seen:
-        notes.append(f"recorded boxes overlap, as inexact boxes do, and are no collisions: {listed(seen)}")
+        notes.append(f"overlaps of recorded boxes, which are inexact, are no collisions: {listed(seen)}")
     gone, end = info["left"], int(recorded.last_step.max())
     together = [track for track, step in gone.items() if step == end]
-    if end < recorded.steps and len(together) > 1:  # nobody stays longer, and several end at one step
+    if end < recorded.steps and len(together) > 1:
         notes.append(
-            f"recorded: the recording ends {end * STEP_S:g} s after the moment, and the recorded column too"
+            f"recorded: the recording, and so the recorded column, ends {end * STEP_S:g} s after the moment"
         )
         gone = {track: step for track, step in gone.items() if step < end}
     if gone:
         notes.append(
-            f"recorded: {len(gone)} of {len(ids)} vehicles leave within the time of a child, and are absent "
-            f"from then on in the recorded column only: {listing([int(track) for track in gone])}"
+            f"recorded: {len(gone)} of {len(ids)} vehicles leave within the time of a future; only the "
+            f"recorded column misses them from then on: {listing([int(track) for track in gone])}"
         )
     return notes
 
@@ -76,8 +76,7 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
 def recorded_info(scene: SeedScene, recorded: Recorded | None) -> dict[str, Any] | None:
     """Return the entry ``recorded`` of ``run.json``; None without a recorded future.
 
-    ``left``: last step of each vehicle that leaves within the time of a child, by track id. ``overlaps``:
-    boxes that overlap, as two track ids and the time in s.
+    ``left``: last step of each vehicle that leaves, by track id. ``overlaps``: two track ids and the time, s.
     """
     if recorded is None:
         return None

@@ -13,9 +13,9 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import WORLDS
 
 CHILDREN = 117
-"""Children of a reference: a 95 % interval of at most +-9 % around a share."""
+"""A share then has a 95 % interval of at most +-9 %."""
 STEPS = 30
-"""Steps of a child up to which all of these are run, however few children the run itself has."""
+"""Up to so many steps, a reference has all `CHILDREN`, however few the run has."""
 
 
 def add_reference(
@@ -27,12 +27,11 @@ def add_reference(
     workers: Workers,
     options: RunOptions = DEFAULT_OPTIONS,
 ) -> Run:
-    """Run the reference of a run into its folder, ``reference/``; a finished one is kept.
+    """Run the reference of a run into its folder ``reference/``; a finished one is kept.
 
     Args:
-        scene: its seed scene, with its road.
-        models: of the reference, human-like ones.
-        settings: of the run; the reference draws all its vehicles, none is assigned or under test.
+        models: human-like ones, drawn for all vehicles.
+        settings: of the run.
     """
     wanted = RunSettings(
         models=models,
@@ -52,13 +51,13 @@ def add_reference(
 
 
 def reference_children(children: int, steps: int) -> int:
-    """Return the number of children of a reference of a run of so many children and steps.
+    """Return the number of children of the reference of a run.
 
-    There are fewer where they would cost more than the run and than `STEPS` steps of all.
+    There are fewer than `CHILDREN` if they would cost more than the run and than `STEPS` steps of all.
     """
     return min(CHILDREN, max(children, CHILDREN * STEPS // steps))
 
 
 def drop_reference(run: Run) -> None:
-    """Remove the reference of an earlier run from a result folder, if there is one."""
+    """Remove the reference of an earlier run from a result folder."""
     shutil.rmtree(run.folder / REFERENCE, ignore_errors=True)

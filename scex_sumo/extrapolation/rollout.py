@@ -21,11 +21,8 @@ class Rollout:
     """States of a batch of children, read back from the world.
 
     Attributes:
-        children: (C,) numbers of the children.
         states: (C, T, V) after each step.
-        plan_x: (C, R, V, H) centres planned at each of the R replans, m.
-        plan_y: (C, R, V, H), m.
-        replaced: plans of the path-following driver in the place of a model's.
+        plan_x: (C, R, V, H) centres planned at each of the R replans, m; so ``plan_y``.
     """
 
     children: IntArray
@@ -41,10 +38,8 @@ class Replaced:
     """A plan of the path-following driver in the place of a model's.
 
     Attributes:
-        child: the child's number.
         vehicle: index into the seed scene.
         step: steps since the seed scene.
-        reason: why, a phrase.
     """
 
     child: int
@@ -58,10 +53,7 @@ class Batch:
     """Children that run side by side, and the models of their vehicles.
 
     Attributes:
-        children: (C,) numbers of the children.
         assignment: (C, V) index into ``models``.
-        models: the behaviour models, by index.
-        names: their names, for messages.
         overridden: (M,) False for SUMO's own models, whose vehicles the world drives.
         route_draw: (C, V) in [0, 1).
         generators: (C,) random numbers of each child.
@@ -88,16 +80,16 @@ def roll_out(
 ) -> Rollout:
     """Simulate a batch of children from the seed scene.
 
-    All models see the same history, then all vehicles move: no vehicle plans on another's future.
+    All models see the same history, then all vehicles move.
 
     Args:
         world: holds the seed scene in each of its C tiles.
-        steps: number of steps of 0.1 s.
-        replan: steps that a plan is followed before the next.
-        on_step: called after each step with the number of children, e.g. to advance a progress bar.
+        steps: of 0.1 s.
+        replan: steps that a plan is followed.
+        on_step: called after each step with the number of children.
 
     Raises:
-        ScexError: a model's plan is too short or not finite; that of a `Fallible` model never is.
+        ScexError: a model's plan is too short or not finite.
     """
     count, vehicles = batch.assignment.shape
     window = scene.history.repeat(count)
@@ -141,10 +133,7 @@ def roll_out(
 
 
 def obstacles_at(scene: SeedScene, step: int) -> tuple[States, BoolArray]:
-    """Return states (O,) and presence of the replayed participants ``step`` steps after the seed scene.
-
-    After the last step of the recording they keep its state.
-    """
+    """Return states (O,) and presence of the replayed participants ``step`` steps after the seed scene."""
     assert scene.obstacles is not None
     column = min(HISTORY_STEPS + step, scene.obstacles.states.shape[1] - 1)
     return scene.obstacles.states[:, column], scene.obstacles.present[:, column]
@@ -153,13 +142,7 @@ def obstacles_at(scene: SeedScene, step: int) -> tuple[States, BoolArray]:
 def history_at(
     scene: SeedScene, window: States, children: IntArray, route_draw: FloatArray, *, step: int
 ) -> SceneHistory:
-    """Return the models' input ``step`` steps after the seed scene.
-
-    Args:
-        window: (C, V, 11) the last states.
-        children: (C,) numbers of the children.
-        route_draw: (C, V) in [0, 1).
-    """
+    """Return the models' input ``step`` steps after the seed scene; ``window`` (C, V, 11) are states."""
     obstacles, present = obstacles_at(scene, step) if scene.obstacles is not None else (None, None)
     return SceneHistory(
         scene=scene,
@@ -173,14 +156,12 @@ def history_at(
 
 
 def _read_only(values: FloatArray) -> FloatArray:
-    """Return a view that no model can change for the others."""
     view = values.view()
     view.flags.writeable = False
     return view
 
 
 def _take(made: Plan, plan: States, who: VehicleIndex, name: str) -> None:
-    """Check a model's plan, and enter it for its vehicles."""
     needed = plan.shape[2]
     parts = {"x": made.x, "y": made.y, "heading": made.heading, "speed": made.speed}
     for key, values in parts.items():
@@ -198,7 +179,6 @@ def _take(made: Plan, plan: States, who: VehicleIndex, name: str) -> None:
 
 
 def _replaced(made: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
-    """Return the plans that are not the model's own."""
     if made.fallback is None:
         return []
     return [

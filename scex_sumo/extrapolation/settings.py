@@ -19,47 +19,40 @@ from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
 
 MAX_CHILDREN, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
-"""Limits of a run: children, steps of each (ten minutes), and states of all vehicles in all steps."""
+"""Limits: children, steps of each (ten minutes), states of all vehicles in all steps."""
 
 Models: TypeAlias = str | Sequence[str | ModelSpec]
 
-RUN_PRESETS: Final[Mapping[str, tuple[str, ...]]] = {
-    "paper": ("paper",),
-    "path": ("path",),
-    "both": ("paper", "path"),
-}
+RUN_PRESETS: Final = {"paper": ("paper",), "path": ("path",), "both": ("paper", "path")}
 """Sets of metrics that a run evaluates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunSettings:
-    """All that decides on the values of a run, but for the seed scene.
+    """All that decides on the values of a run, except the seed scene.
 
     Attributes:
-        models: behaviour models to draw from, ``name[:parameter=value]...[@weight]``, comma-separated
-            or a list.
+        models: models to draw from, ``name[:parameter=value]...[@weight]``, comma-separated or a list.
         assign: model by track id for vehicles that are not drawn; a user's model is under test.
-        under_test: model by track id for vehicles whose own encounters are measured apart, see
-            `Run.under_test`; None: as drawn.
-        baseline: run every child a second time without the models under test, for comparison.
-        children: number of children; 385, as in the paper, gives a 95 % interval of +-5 % around a share of
-            one half; ``"all"`` for every combination.
-        design: how the assignments are drawn, one of `scex_sumo.statistics.designs.DESIGNS`.
-        until_band: half-width of the 95 % bands of all cumulative distributions at which the run ends, see
-            `scex_sumo.statistics.intervals`; ``children`` is then the maximum.
-        steps: steps of 0.1 s per child.
+        under_test: model by track id for vehicles that are measured apart as well; None: as drawn.
+        baseline: run every child again without the models under test.
+        children: number, or ``"all"`` for every combination; 385, as in the paper, gives a 95 % interval of
+            +-5 % around a share of one half.
+        design: how assignments are drawn, one of `scex_sumo.statistics.designs.DESIGNS`.
+        until_band: half-width of the widest 95 % band at which the run ends; ``children`` is then the
+            maximum.
+        steps: of 0.1 s per child.
         replan: steps between plans, 1 to 30.
         seed: the same seed gives the same result.
-        world: ``sumo``, read back from SUMO; ``plain``, arrays alone, for models that SUMO does not drive,
-            with the same result to the bit; ``checked``, arrays that are compared with SUMO in two children
-            of each batch; or an entry point in ``scex_sumo.worlds``.
+        world: ``sumo``; ``plain``, arrays alone, if SUMO drives no vehicle, with the same result to the bit;
+            ``checked``, arrays compared with SUMO in two children of each batch; or an entry point in
+            ``scex_sumo.worlds``.
         preset: ``paper`` for the paper's six metrics, ``path`` for those along planned paths and between
             outlines, ``both``.
-        metrics: names, import paths or metrics in the place of the preset's, metrics after the check;
-            ``paper`` and ``path`` are those of a preset.
+        metrics: names, import paths, metrics or presets in the place of the preset's.
         thresholds: by metric column, on top of the defaults.
-        reflect: separate the values that many children share, and reflect densities at 0 where values
-            cannot be negative; False gives the paper's plain kernel.
+        reflect: separate values that many children share, and reflect densities at 0 if no value is negative;
+            False gives the paper's plain kernel.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
     Raises:
@@ -114,12 +107,12 @@ class RunSettings:
                 )
         if self.preset not in RUN_PRESETS:
             raise UsageError(f"--preset: unknown {self.preset!r}; known: {', '.join(RUN_PRESETS)}")
-        # Metrics, not their names, go to the workers: what is registered here is not registered there.
+        # Workers get metrics, not names: a metric registered in this process is unknown there.
         object.__setattr__(self, "metrics", metrics_named(self.metrics or RUN_PRESETS[self.preset]))
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     def _put_under_test(self) -> None:
-        """Put vehicles with an assigned model of the user under test, unless there is no baseline."""
+        """Put vehicles with an assigned model of the user under test."""
         assign, under_test = self.assign or {}, self.under_test or {}
         twice = sorted(set(under_test) & set(assign))
         if twice:
@@ -138,7 +131,7 @@ class RunSettings:
 
     @cached_property
     def count(self) -> int | None:
-        """Number of children, with ``until_band`` the maximum; None for every combination."""
+        """Number of children, or with ``until_band`` the maximum; None for every combination."""
         if self.children == "all":
             return None
         try:
@@ -147,7 +140,7 @@ class RunSettings:
             raise UsageError(f"--children: got {self.children!r}, needs a number or 'all'") from None
 
     def check_size(self, children: int, vehicles: int) -> None:
-        """Raise a `UsageError` if the states of so many children and vehicles would not fit into memory."""
+        """Raise a `UsageError` if the states would not fit into memory."""
         states = children * vehicles * self.steps
         if states > MAX_STATES:
             raise UsageError(
@@ -162,7 +155,7 @@ class RunSettings:
 
     @property
     def rule(self) -> str:
-        """Rule for car-following of the metrics that leave it open."""
+        """Car-following rule of the metrics that leave it open."""
         return "path" if self.preset == "path" else PAPER_PRESET
 
     @property
@@ -172,11 +165,11 @@ class RunSettings:
 
     @property
     def compared(self) -> bool:
-        """Whether every child runs a second time, without the models under test."""
+        """Whether every child runs again without the models under test."""
         return self.baseline and any(model is not None for model in self.under_test.values())
 
     def to_json(self) -> dict[str, Any]:
-        """Return their entries of ``run.json``; those of the models are in `ModelSet.to_json`."""
+        """Return the settings' entries of ``run.json``."""
         described = describe_metrics(self.measured)
         return {
             **({"metrics": described} if described else {}),
@@ -194,11 +187,7 @@ class RunSettings:
 
 
 def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> dict[str, float]:
-    """Return thresholds by column; their metrics may be named in any way that `column_named` knows.
-
-    Raises:
-        UsageError: one is no number, or its metric is unknown.
-    """
+    """Return thresholds by column; raise a `UsageError` for an unknown metric or no number."""
     found = {}
     for name, value in thresholds.items():
         try:
@@ -206,6 +195,6 @@ def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] =
         except UsageError as error:
             raise UsageError(f"--threshold: {error}") from None
         if not math.isfinite(value):
-            raise UsageError(f"--threshold {column}={value}: is no threshold; give a number")
+            raise UsageError(f"--threshold {column}={value}: not a finite number; give one")
         found[column] = value
     return found

@@ -26,7 +26,7 @@ def plans_of(
 ) -> Iterator[tuple[int, Plan]]:
     """Yield the index of each model that drives vehicles, and its plan for them.
 
-    Our path-following models plan together, in one call; every other model plans by itself.
+    Path-following models plan together.
     """
     some = [index for index, who in enumerate(groups) if len(who)]
     along = {index: one for index in some if (one := _intent(models[index], history, road, groups[index]))}
@@ -53,7 +53,7 @@ def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleInde
 def plan_once(
     model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
 ) -> Plan:
-    """Return a model's plan, made once for all vehicles whose situations are equal to the bit.
+    """Return a model's plan, made once for all vehicles in situations equal to the bit.
 
     All children begin in one scene, so that the first plans differ by vehicle only.
     """
@@ -74,7 +74,7 @@ def plan_once(
 
 
 def plan_inputs_of(model: Behavior) -> Sight | None:
-    """Return which inputs a model's plans depend on; None for a user's model, which may use all of them."""
+    """Return which inputs a model's plans depend on; None for a user's model: possibly all."""
     guarded = False
     while isinstance(model, Guarded | Fallible):
         guarded |= isinstance(model, Guarded)

@@ -1,12 +1,10 @@
 """Pool of worker processes: batches of a run, moments of a study.
 
-libsumo runs one simulation per process, so that children run side by side in several interpreters. A worker
-takes its next task when it is free. The result of a task depends on the task alone. A worker that dies is
-replaced, and its task is done once more.
+libsumo runs one simulation per process. A worker takes its next task when it is free; one that dies is
+replaced, and its task is done once more. A result depends on the task alone.
 
-Why not `concurrent.futures.ProcessPoolExecutor`: one dead worker breaks the whole pool and hides which task
-it had; workers outlive a process that was killed; and each worker would run the user's script again. Here
-each worker is an interpreter with pickles on its standard streams: it ends with the pipes of this process.
+Why not `concurrent.futures.ProcessPoolExecutor`: one dead worker breaks the pool and hides its task; workers
+outlive a killed process; each runs the user's script again.
 """
 
 from __future__ import annotations
@@ -24,6 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import SimulationError, UsageError
@@ -44,13 +43,13 @@ Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], An
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
 _DIED = (EOFError, OSError, pickle.UnpicklingError)  # raised by the pipes of a process that has died
-_START = "import sys; sys.path[:] = {path!r}; from {module} import serve; serve()"
+_MAIN = str(Path(__file__).with_name("__main__.py"))
 # One thread each: the processes are the parallelism.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class WorkersDied(Exception):
-    """Two workers died over the same task: which task, and how each ended."""
+    """Two workers died over the same task: which one, and how each ended."""
 
 
 class Workers:
@@ -73,7 +72,7 @@ class Workers:
             )
         self.processes = processes
         self.deaths: list[str] = []
-        """One phrase for each task whose worker died and was replaced."""
+        """One phrase for each worker that died and was replaced."""
         self._folder = TemporaryFolder()
         self._workers = [_Worker(self._folder.name) for _ in range(processes - 1)]
 
@@ -84,7 +83,7 @@ class Workers:
         self.close()
 
     def close(self) -> None:
-        """Kill the workers, whatever they do; may be called again."""
+        """Kill the workers, whatever they do."""
         for worker in self._workers:
             worker.kill()
         for worker in self._workers:
@@ -97,15 +96,14 @@ class Workers:
         """Run batches of children, here and in the workers, and save their parts in the result folder.
 
         Args:
-            batches: numbers of the children of each batch.
-            on_step: called with a number of children when they have made a step, in any process.
+            on_step: called with a number of children when they have made a step.
 
         Yields:
             The children of each finished batch, in any order.
 
         Raises:
             SimulationError: two workers died over the same batch.
-            Exception: whatever a batch raises, in any process.
+            Exception: whatever a batch raises.
         """
         from scex_sumo.extrapolation.job import batch_runner
 
@@ -144,7 +142,7 @@ class Workers:
     def _share(
         self, worker: _Worker, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
     ) -> None:
-        """Give a worker batches while there are any, the first one when it is ready."""
+        """Give a worker batches while there are any."""
 
         def tick(children: int) -> None:
             reports.put(("step", children))
@@ -169,12 +167,10 @@ class Workers:
         """Do tasks in the workers alone; a task is taken when a worker is free.
 
         Args:
-            tasks: iterated in the caller's thread.
             where: describes a task, should its worker die.
 
         Yields:
-            Each task with its finished future, in the order in which they finish. The future raises
-            `WorkersDied` if two workers died over the task.
+            Each finished task with its future, which raises `WorkersDied` if two workers died.
         """
         waiting, idle, packed = iter(tasks), deque(self._workers), _pickled(work)
         running: dict[Future[Any], tuple[T, _Worker]] = {}
@@ -191,14 +187,7 @@ class Workers:
                 yield task, future
 
     def submit(self, function: Callable[[], Any], *, where: str) -> Future[Any] | None:
-        """Have a worker call a function before its next task.
-
-        Args:
-            where: describes it, should the worker die.
-
-        Returns:
-            Its future, which raises `WorkersDied` if two workers died; None without workers.
-        """
+        """Let a worker call a function before its next task; return its future, or None without workers."""
         if not self._workers:
             return None
         worker = self._workers[-1]
@@ -224,7 +213,7 @@ class Workers:
 
 
 def succeeded(future: Future[Any]) -> bool:
-    """Wait for a submitted function; returns False if workers died of it, and raises what it raised."""
+    """Wait for a submitted function; return False if workers died of it."""
     with suppress(WorkersDied):
         future.result()
         return True
@@ -233,19 +222,17 @@ def succeeded(future: Future[Any]) -> bool:
 
 @contextmanager
 def _calling(function: Callable[[], Any]) -> Iterator[Callable[[Any, OnStep], Any]]:
-    """Open the work whose only task is to call a function."""
     yield lambda task, on_step: function()
 
 
 def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
-    """Take batches from those left, while there are any."""
     with suppress(IndexError):
         while True:
             yield left.popleft()
 
 
 class _Worker:
-    """A worker process, and the thread of this process that gives it tasks in order."""
+    """A worker process, and the thread that gives it tasks in order."""
 
     def __init__(self, folder: str) -> None:
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
@@ -256,18 +243,14 @@ class _Worker:
         self.start()
 
     def start(self) -> None:
-        """Start the process, or another one in its place.
-
-        Raises:
-            EOFError: it has been killed for good.
-        """
+        """Start the process, or another one; raise EOFError if it has been killed for good."""
         with self._starting:
             if self._ended:
                 raise EOFError
             self._close_pipes()
             self._work: bytes | None = None
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _START.format(path=sys.path, module=__name__)],
+                [sys.executable, _MAIN],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
@@ -275,7 +258,7 @@ class _Worker:
             )
 
     def open(self, work: bytes) -> Report:
-        """Return the report when the process is ready for a work; raises one of `_DIED` if it dies."""
+        """Return the report when the process is ready for a work; raise one of `_DIED` if it dies."""
         if self._work is work:
             return "done", None
         self._send(("open", (sys.path, work)))  # the current path, with the folder of the user's models
@@ -283,7 +266,7 @@ class _Worker:
         return self._answer(lambda children: None)
 
     def do(self, work: bytes, task: Any, on_step: OnStep) -> Report:
-        """Return the report when a task is done or has failed; raises one of `_DIED` if the process dies."""
+        """Return the report when a task is done or has failed."""
         report = self.open(work)
         if report[0] == "failed":
             return report
@@ -313,14 +296,13 @@ class _Worker:
         return f"signal {-status}" if status < 0 else f"exit status {status}"
 
     def kill(self) -> None:
-        """Kill the process for good; its thread may be waiting for an answer."""
+        """Kill the process for good."""
         with self._starting:
             self._ended = True
         if self._process is not None:
             self._process.kill()
 
     def join(self) -> None:
-        """Wait for the thread and the process after `kill`."""
         self.thread.shutdown(cancel_futures=True)
         if self._process is not None:
             self._process.wait()
@@ -337,11 +319,11 @@ class _Worker:
 def serve() -> None:
     """Do the tasks that come in on standard input until it closes: the main function of a worker."""
     reports = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what SUMO prints must not get among the reports
+    os.dup2(2, 1)  # SUMO's prints do not get among the reports
     from scex_sumo.world.session import load_sumo
 
-    with suppress(Exception):  # which the first task meets again, and reports
-        load_sumo()  # there is time before that
+    with suppress(Exception):  # the first task reports it
+        load_sumo()
 
     def report(kind: str, content: Any) -> None:
         _write(reports, (kind, content))
@@ -385,7 +367,7 @@ def _write(stream: Any, content: Any) -> None:
 
 
 def _pickled(content: Any) -> bytes:
-    """Pickle; classes of the user's script by value, because a worker does not run the script."""
+    """Pickle; classes of the user's script by value, because a worker does not run it."""
     try:
         packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
     except (pickle.PicklingError, AttributeError, TypeError):

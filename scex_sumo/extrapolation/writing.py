@@ -34,7 +34,6 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     """Write the tables of a run whose parts are all in the folder.
 
     Args:
-        recorded: the recorded future; None without one.
         workers: if there are any, one writes the tracks meanwhile.
 
     Returns:
@@ -54,7 +53,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     folder.write_table("metrics.parquet", metrics.append_column(COLLISION, pa.array(hit)))
     folder.write_table("worst.parquet", part.worst)
     folder.write_table(COLLISIONS, part.collisions)
-    folder.write_table(ENCOUNTERS, _encounters(job, part.encounters, intervals))
+    folder.write_table(ENCOUNTERS, _encounters(job, part, intervals))
     if part.tested is not None:
         values, defined = part.tested
         folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.children))
@@ -71,12 +70,17 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     return part
 
 
-def _encounters(job: Job, rows: pa.Table, intervals: DesignIntervals) -> pa.Table:
-    """Return ``encounters.parquet``."""
+def _encounters(job: Job, part: Part, intervals: DesignIntervals) -> pa.Table:
+    assert part.encounters is not None and part.collisions is not None
     models = np.array(job.models.names)[job.assignment]
-    found = encounters_of_rows(rows)
-    ids = job.scene.track_ids
-    return encounters_table(found, track_ids=ids, models=models, intervals=intervals, road=job.road)
+    return encounters_table(
+        encounters_of_rows(part.encounters),
+        track_ids=job.scene.track_ids,
+        models=models,
+        intervals=intervals,
+        collisions=part.collisions,
+        road=job.road,
+    )
 
 
 def _each(
@@ -90,7 +94,6 @@ def _each(
 def _write_each(
     folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings
 ) -> Iterator[Part]:
-    """Yield the same after writing their tracks and plans."""
     with folder.writer("tracks.parquet") as add_tracks, folder.writer(PLANS) as add_plans:
         for part in _each(folder, scene, children, settings):
             add_tracks(tracks_table(scene, part))
@@ -100,10 +103,8 @@ def _write_each(
 
 
 def _write_tracks(folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings) -> None:
-    """Write tracks and plans of all children."""
     deque(_write_each(folder, scene, children, settings), maxlen=0)
 
 
 def _first_step(part: Part) -> Part:
-    """Return children with their first step only, without plans."""
     return dataclasses.replace(part, states=part.states[:, :1].map(np.copy), plan_x=None, plan_y=None)

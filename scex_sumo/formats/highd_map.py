@@ -1,4 +1,4 @@
-"""Map of a highD recording: a straight motorway built from lane markings, because highD has no maps."""
+"""Map of a highD recording: a straight motorway from its lane markings."""
 
 from __future__ import annotations
 
@@ -63,7 +63,6 @@ def _read_road(path: Path, **_: object) -> Road:
 
 
 def _markings(path: Path, meta: dict[str, str], name: str) -> FloatArray:
-    """(M,) y of the markings, down, m."""
     text = meta.get(name, "")
     try:
         values = np.array([float(part) for part in text.split(";") if part.strip()])
@@ -77,7 +76,6 @@ def _markings(path: Path, meta: dict[str, str], name: str) -> FloatArray:
 def _carriageway(
     markings: FloatArray, *, first_id: int, leftwards: bool, speed_mps: float
 ) -> dict[int, Lane]:
-    """Lanes between consecutive markings, numbered downwards."""
     x = np.linspace(-BEYOND_M, FILMED_M + BEYOND_M, round((FILMED_M + 2 * BEYOND_M) / _POINT_M) + 1)
     x = x[::-1] if leftwards else x
     count = len(markings) - 1

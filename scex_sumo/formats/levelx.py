@@ -1,7 +1,7 @@
-"""Recordings of the levelx family: inD, rounD, exiD and highD.
+"""Recordings of inD, rounD, exiD and highD.
 
-In inD, rounD and exiD positions are centres in metres from a point given in UTM, y to the north. In highD
-``x, y`` is the upper left corner of a box in the picture, y down, and ``width, height`` its sides.
+Positions are centres in metres from a UTM point, y to the north. In highD ``x, y`` is the upper left corner
+of a box in the picture, y down, and ``width, height`` are its sides.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ def read_levelx(path: str | Path) -> TrackTable:
         TrackError: a file or column is missing, a value is missing or not a number, or there are no rows.
     """
     path = Path(path)
-    meta = read_meta(recording_file(path, "recordingMeta"))
+    meta = read_meta(_recording_file(path, "recordingMeta"))
     rate_hz = number(meta.get("frameRate"))
     if not 0.0 < rate_hz <= 1000.0:
-        where = recording_file(path, "recordingMeta")
+        where = _recording_file(path, "recordingMeta")
         raise TrackError(f"{where}: frameRate is {meta.get('frameRate')!r}; frames per second expected")
     highd = has_lane_markings(meta)
     columns = _read_columns(path, _HIGHD if highd else _IND)
-    of_track = _track_meta(recording_file(path, "tracksMeta"), "id" if highd else "trackId")
+    of_track = _track_meta(_recording_file(path, "tracksMeta"), "id" if highd else "trackId")
     flat = _highd(columns, of_track, path) if highd else _ind(columns)
     order = np.lexsort((flat["frame"], flat["id"]))
     flat = {name: values[order] for name, values in flat.items()}
@@ -63,7 +63,7 @@ def read_levelx(path: str | Path) -> TrackTable:
     ids: IntArray = flat.pop("id").astype(np.int64)
     missing = [int(number) for number in np.unique(ids) if int(number) not in kind]
     if missing:
-        where = recording_file(path, "tracksMeta")
+        where = _recording_file(path, "tracksMeta")
         raise TrackError(f"{where}: no row for track {missing[0]}; take the files as published")
     frame: IntArray = flat.pop("frame").astype(np.int64)
     flat_kind, notes = _kinds(ids, kind, flat)
@@ -80,11 +80,10 @@ def read_levelx(path: str | Path) -> TrackTable:
 
 def is_levelx(path: Path) -> bool:
     """Whether a file is the ``NN_tracks.csv`` of such a recording."""
-    return unpacked_name(path).endswith(TRACKS) and recording_file(path, "recordingMeta").is_file()
+    return unpacked_name(path).endswith(TRACKS) and _recording_file(path, "recordingMeta").is_file()
 
 
-def recording_file(tracks_path: Path, kind: str) -> Path:
-    """Path of ``NN_recordingMeta.csv`` or ``NN_tracksMeta.csv`` beside tracks."""
+def _recording_file(tracks_path: Path, kind: str) -> Path:
     beside = tracks_path.with_name(f"{unpacked_name(tracks_path).removesuffix(TRACKS)}_{kind}.csv")
     return plain_or_packed(beside) or beside
 
@@ -107,7 +106,6 @@ def has_lane_markings(meta: dict[str, str]) -> bool:
 
 
 def _read_rows(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file by the names of its columns; missing values are empty."""
     try:
         with open_text(path) as file:
             rows = list(csv.DictReader(file))
@@ -120,9 +118,8 @@ def _read_rows(path: Path) -> list[dict[str, str]]:
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
-    """Recordings with the Lanelet2 map nearest to them; highD's are their own map."""
     for path in files:
-        meta_path = recording_file(path, "recordingMeta")
+        meta_path = _recording_file(path, "recordingMeta")
         try:
             meta = read_meta(meta_path)
         except TrackError:
@@ -138,7 +135,6 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 
 def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
-    """The Lanelet2 map in ``maps``, beside or above the tracks, nearest to where they were recorded."""
     folders = [folder / "maps" for folder in (path.parent, path.parent.parent)]
     maps = sorted(
         file for folder in folders for end in ("osm", "osm.gz") for file in folder.rglob(f"*.{end}")
@@ -154,7 +150,6 @@ def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
 
 @lru_cache(maxsize=64)
 def _middle(map_path: Path, _changed_ns: int) -> Place:
-    """Latitude and longitude in the middle of a map; far from everything if it has none."""
     try:
         return middle(read_map_file(map_path))
     except MapError:
@@ -167,7 +162,7 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
     Raises:
         MapError: it is not a place near the recording's location.
     """
-    meta_path = recording_file(tracks_path, "recordingMeta")
+    meta_path = _recording_file(tracks_path, "recordingMeta")
     meta = read_meta(meta_path)
     if not meta.get("xUtmOrigin") or not meta.get("yUtmOrigin"):
         return None
@@ -191,7 +186,6 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
 def _kinds(
     ids: IntArray, kind: dict[int, str], flat: dict[str, FloatArray]
 ) -> tuple[dict[int, str], tuple[str, ...]]:
-    """Types by id, and a phrase for each unknown type."""
     numbers, track = np.unique(ids, return_inverse=True)
     types = sorted(set(kind.values()))
     given = np.array([types.index(kind[int(number)]) for number in numbers], np.int64)
@@ -218,7 +212,7 @@ def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: P
     vx, vy = columns["xVelocity"], -columns["yVelocity"]
     ways = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
     if not set(ways.values()) <= {1.0, 2.0}:
-        raise TrackError(f"{recording_file(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
+        raise TrackError(f"{_recording_file(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
     # 1: the upper lanes, to the left
     along = np.array([math.pi if ways.get(int(number)) == 1.0 else 0.0 for number in columns["id"]])
     fast = np.hypot(vx, vy) > FORWARD_MPS
@@ -269,11 +263,6 @@ def _track_meta(path: Path, id_column: str) -> dict[int, dict[str, str]]:
 
 
 def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
-    """Read the named columns as numbers.
-
-    Raises:
-        TrackError: file or column missing, a value that is no finite number, or no rows.
-    """
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 

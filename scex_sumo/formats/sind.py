@@ -1,4 +1,4 @@
-"""SinD recordings: ``Veh_smoothed_tracks.csv`` in a folder of its own, which has the recording's name."""
+"""SinD recordings: ``Veh_smoothed_tracks.csv`` in a folder named by the recording."""
 
 from __future__ import annotations
 
@@ -40,7 +40,6 @@ def _name(map_path: Path, files: Sequence[Path]) -> str:
 
 
 def _only_map(folder: Path) -> Path:
-    """The only Lanelet2 map in a folder, or in one of the two above; SinD has no fixed place for it."""
     for place in (folder, folder.parent, folder.parent.parent):
         maps = [*place.glob("*.osm"), *place.glob("maps/*.osm")]
         if len(maps) == 1:

@@ -1,4 +1,4 @@
-"""Geometry of the plane: polylines, rectangles, crossings.
+"""Geometry of polylines, crossings and rectangles in the plane.
 
-May import arrays and scene; knows no road.
+May import scene and all below.
 """

@@ -1,7 +1,6 @@
 """Crossings of polylines, for many pairs of them at once.
 
-Each polyline has a pyramid of bounding boxes: of segments, blocks of segments, blocks of blocks. The search
-descends from the top and intersects only the few segments whose boxes meet.
+Each polyline has a pyramid of bounding boxes: of segments, blocks of segments, blocks of blocks.
 """
 
 from __future__ import annotations
@@ -13,9 +12,9 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 BLOCK = 6
-PARALLEL = 1e-9  # sine of the smallest angle of a crossing; rounding must not make a lane cross itself
+PARALLEL = 1e-9  # sine of the smallest angle of a crossing
 ARC_ROUNDING_M = 1e-9
-TOUCH = 1e-9  # share of a segment's length within which touching end points cross
+TOUCH = 1e-9  # share of a segment's length within which end points touch
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,8 +23,7 @@ class Hits:
 
     Attributes:
         which: (X,) index into the tested pairs.
-        first: (X,) share of the first segment before the crossing point, 0 to 1.
-        second: (X,) share of the second segment.
+        first: (X,) share of the first segment before the crossing point; so ``second``.
         sine: (X,) of the angle between them, without sign.
     """
 
@@ -45,10 +43,7 @@ def intersect(
     sx: FloatArray,
     sy: FloatArray,
 ) -> Hits:
-    """Find crossing points of (N,) segments p + u r and q + w s, m.
-
-    Touching segments cross, parallel ones never.
-    """
+    """Find crossing points of (N,) segments p + u r and q + w s; touching ones cross, parallel ones never."""
     area = rx * sy - ry * sx
     gx, gy = qx - px, qy - py
     sign = np.sign(area)
@@ -91,7 +86,6 @@ def segment_boxes(x: FloatArray, y: FloatArray, end_x: FloatArray, end_y: FloatA
 
 
 def _around(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return octagons around two points given by (4, N...) octagon coordinates."""
     boxes = np.empty((4, 2, *start.shape[1:]))
     low, high = boxes[:, 0], boxes[:, 1]
     np.minimum(start, end, out=low)
@@ -109,10 +103,9 @@ class Polylines:
     """N polylines of H nodes with their box pyramids.
 
     Attributes:
-        x: (N, H) m.
         octagons: (4, N, H) coordinates of the nodes.
         arc: (N, H) length from the first node, m.
-        start: (2, N, M) of each segment; M is padded to a multiple of the block size.
+        start: (2, N, M) of each segment; M is a multiple of the block size.
         delta: (2, N, M) extent, m; 0 for padding.
         boxes: by level, segments first: (4, 2, N, M / block^level) octagons.
     """
@@ -127,7 +120,7 @@ class Polylines:
 
     @classmethod
     def build(cls, x: FloatArray, y: FloatArray) -> Polylines:
-        """Build from (N, H) finite nodes."""
+        """Build from (N, H) finite nodes, m."""
         count = x.shape[1] - 1
         levels = 1
         while BLOCK**levels < count:
@@ -149,7 +142,7 @@ class Polylines:
     def segments(
         self, at: tuple[IntArray, IntArray]
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return (N,) start x and y and step x and y of segments given by polyline and number."""
+        """Return (N,) start x and y and step x and y of segments."""
         return self.start[0][at], self.start[1][at], self.delta[0][at], self.delta[1][at]
 
     def arc_at(self, line: IntArray, segment: IntArray, share: FloatArray) -> FloatArray:
@@ -176,7 +169,7 @@ class Polylines:
     def column_at(self, line: IntArray, arc: FloatArray, *, leaving: bool = False) -> FloatArray:
         """Return (N,) fractional column at an arc length; 0 if it is negative, inf beyond the last node.
 
-        Where the polyline stays at a point: the first column, with ``leaving`` the last one.
+        Of equal nodes it is the first one, with ``leaving`` the last one.
         """
         end = self.arc[line, -1]
         target = np.where((arc > end) & (arc <= end + ARC_ROUNDING_M), end, arc)
@@ -200,7 +193,7 @@ def _merge(boxes: FloatArray) -> FloatArray:
     if missing:
         boxes = np.concatenate([boxes, np.repeat(boxes[..., -1:], missing, axis=3)], axis=3)
     merged = boxes[..., ::BLOCK].copy()
-    # Member by member: reducing a short last axis would cost several times as much.
+    # Reducing a short last axis would cost several times as much.
     for member in range(1, BLOCK):
         np.minimum(merged[:, 0], boxes[:, 0, :, member::BLOCK], out=merged[:, 0])
         np.maximum(merged[:, 1], boxes[:, 1, :, member::BLOCK], out=merged[:, 1])
@@ -208,7 +201,6 @@ def _merge(boxes: FloatArray) -> FloatArray:
 
 
 def _children(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
-    """Return (N, BLOCK) members of each block on the level below, and whether they exist."""
     member = block[:, None] * BLOCK + np.arange(BLOCK)
     return np.minimum(member, count - 1), member < count
 
@@ -216,11 +208,7 @@ def _children(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
 def polyline_crossings(
     lines: Polylines, first: IntArray, second: IntArray
 ) -> tuple[Hits, IntArray, IntArray]:
-    """Find all crossing points of (N,) pairs of polylines given by index.
-
-    Returns:
-        Crossing points and the number of the segment on both lines.
-    """
+    """Find all crossing points of (N,) pairs of polylines, and the number of the segment on both lines."""
     which = np.arange(len(first))
     block_1 = block_2 = np.zeros(len(first), dtype=np.int64)
     for boxes in reversed(lines.boxes):
@@ -244,11 +232,7 @@ def polyline_crossings(
 def segment_crossings(
     x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, lines: Polylines, line: IntArray
 ) -> tuple[Hits, IntArray]:
-    """Find all crossing points of (N,) segments (start and extent, m) with one polyline each.
-
-    Returns:
-        Crossing points and the number of the polyline's segment.
-    """
+    """Find all crossing points of (N,) segments with one polyline each, and its segments' numbers."""
     which, block = meeting_segments(segment_boxes(x, y, x + dx, y + dy), lines, line)
     at = (line[which], block)
     hits = intersect(x[which], y[which], dx[which], dy[which], *lines.segments(at))
@@ -256,11 +240,7 @@ def segment_crossings(
 
 
 def meeting_segments(own: FloatArray, lines: Polylines, line: IntArray) -> tuple[IntArray, IntArray]:
-    """Find segments of (N,) polylines whose octagons meet (4, 2, N) given ones.
-
-    Returns:
-        Index of the octagon and number of the segment.
-    """
+    """Find segments of (N,) polylines whose octagons meet given ones: index of the octagon, segment."""
     which = np.flatnonzero(boxes_meet(own, lines.boxes[-1][:, :, line, 0]))
     block = np.zeros(which.size, dtype=np.int64)
     for boxes in reversed(lines.boxes[:-1]):

@@ -1,7 +1,4 @@
-"""Polylines in the plane: arc length, points along, cutting, joining, headings, distances, widths.
-
-Points are (P, 2) arrays in metres.
-"""
+"""Polylines in the plane: (P, 2) arrays in metres."""
 
 from __future__ import annotations
 
@@ -14,14 +11,14 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
-PAIRS_AT_ONCE = 2**21  # of segments, so that long bounds take megabytes
-INSIDE_M = 1.5  # a vehicle nearer than this to another centreline stands in its traffic
+PAIRS_AT_ONCE = 2**21  # of segments
+INSIDE_M = 1.5  # a nearer vehicle stands in the lane's traffic
 SHORT_M = 2.5  # on a shorter lane a vehicle stands at its end
-END_M = 3.0  # points this near to a loose end of a lane may lie on the map's border
+END_M = 3.0  # points this near to a loose end may lie on the map's border
 
 
 def wrap(angle: Any) -> Any:
-    """Wrap an angle to [-pi, pi]; an angle within it is returned unchanged to the bit."""
+    """Wrap an angle to [-pi, pi]; an angle within it is unchanged to the bit."""
     return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
 
 
@@ -70,14 +67,14 @@ def cut(line: FloatArray, start: float, end: float) -> FloatArray:
 
 
 def join(parts: Sequence[FloatArray]) -> FloatArray:
-    """Concatenate polylines; drop points that repeat the previous one."""
+    """Join polylines; drop points that repeat the previous one."""
     line = np.vstack(parts)
     keep = np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > 1e-4])
     return line[keep] if keep.sum() > 1 else line[[0, -1]]
 
 
 def join_owned(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray, IntArray]:
-    """Concatenate lines without repeated points; with the owner of the line after each point."""
+    """Join lines without repeated points; return the owner of each point's line as well."""
     points = np.vstack(pieces)
     owner = np.repeat(np.array(owners, dtype=np.int64), [len(p) for p in pieces])
     step = np.hypot(*np.diff(points, axis=0).T)
@@ -88,8 +85,7 @@ def join_owned(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray,
 def blend_over(line: FloatArray, other: FloatArray, length_m: float) -> tuple[FloatArray, FloatArray]:
     """Blend smoothly from the end of one line into another line beside it, over at most ``length_m``.
 
-    Returns:
-        The first line with its end bent over, and the rest of the other line.
+    Return the first line with its end bent over, and the rest of the other line.
     """
     arc = arc_lengths(line)
     start = max(0.0, arc[-1] - length_m)
@@ -158,7 +154,7 @@ def nearest(points: FloatArray, x: float, y: float) -> float:
 
 
 def project(points: FloatArray, line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Project points (N, 2) onto a polyline: (N,) arc length of the nearest point and (N,) distance, m."""
+    """Return (N,) arc lengths of the nearest points of a polyline to points (N, 2), and distances, m."""
     return _project(points, line, arc_lengths(line))
 
 
@@ -248,8 +244,8 @@ def begin_inside(
     Args:
         shapes: (P, 2) centreline of every lane, m.
         starts: lanes without predecessor.
-        loose: lanes without predecessor or without successor.
-        apart: by lane, its neighbours and successors, which are no other traffic.
+        loose: lanes without predecessor or successor.
+        apart: by lane, its neighbours and successors.
     """
     low = {name: line.min(axis=0) - INSIDE_M for name, line in shapes.items()}
     high = {name: line.max(axis=0) + INSIDE_M for name, line in shapes.items()}

@@ -11,7 +11,7 @@ from scex_sumo.scene import States
 
 SEEN_COLUMNS = ("x", "y", "cos", "sin", "speed")
 
-_FLAT_M = 1e-6  # an edge that rises by less is level: the quotient would lose its digits
+_FLAT_M = 1e-6  # an edge that rises by less is level
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,10 +40,10 @@ def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatAr
 
 
 def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
-    """Compute the (N,) area that two rectangles share, m².
+    """Return the (N,) area that two rectangles share, m².
 
-    In the frame of the first one: the sum over the second one's edges of the integral of y over x, with x and
-    y clamped to the first one's sides. There are no special cases.
+    In the frame of the first one: the sum over the second one's edges of the integral of y over x, both
+    clamped to the first one's sides.
     """
     x, y, cos, sin = relative_pose(one, two)
     along_x, along_y = two.half_length * cos, two.half_length * sin
@@ -59,7 +59,6 @@ def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
 def _clamped_integral(
     x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, a: FloatArray, b: FloatArray
 ) -> FloatArray:
-    """Integrate an edge's y clamped to [-b, b] over x in [-a, a], signed by its direction."""
     run = x1 - x0
     slope = (y1 - y0) / np.where(run == 0, 1.0, run)
     start, end = np.clip(x0, -a, a), np.clip(x1, -a, a)
@@ -78,11 +77,10 @@ def _clamp_integral(y: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def axis_separations(one: Rectangles, two: Rectangles) -> FloatArray:
-    """Compute the gaps between two rectangles along their four axes.
+    """Return the gaps (4, N) between two rectangles along their four axes, m.
 
-    Returns:
-        (4, N) m along the first one's length and width, then the second one's; negative where the
-        projections overlap. The rectangles are apart where one is above 0. None exceeds their distance.
+    The axes are the first one's length and width, then the second one's. A gap is negative where the
+    projections overlap. None exceeds the distance.
     """
     x, y, cos, sin = relative_pose(one, two)
     c, s = np.abs(cos), np.abs(sin)
@@ -95,13 +93,13 @@ def axis_separations(one: Rectangles, two: Rectangles) -> FloatArray:
 
 
 def separation(one: Rectangles, two: Rectangles) -> FloatArray:
-    """Return the (N,) largest gap along the four axes, m; 0 or less where the rectangles touch."""
+    """Return the (N,) largest gap along the four axes, m; 0 or less if the rectangles touch."""
     gap: FloatArray = axis_separations(one, two).max(axis=0)
     return gap
 
 
 def rectangle_distance(one: Rectangles, two: Rectangles) -> FloatArray:
-    """Compute the (N,) smallest distance between two rectangles, m; 0 where they touch or overlap."""
+    """Return the (N,) smallest distance between two rectangles, m; 0 if they touch or overlap."""
     directions = np.cos(one.heading), np.sin(one.heading), np.cos(two.heading), np.sin(two.heading)
     own, other = (one.half_length, one.half_width), (two.half_length, two.half_width)
     return distance_apart(two.x - one.x, two.y - one.y, *directions, own, other)
@@ -117,11 +115,10 @@ def distance_apart(
     own: tuple[FloatArray, FloatArray],
     other: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Compute the distance of rectangles from offset of centres, directions, half lengths and widths.
+    """Return the distance of rectangles from offset of centres, directions, half lengths and widths.
 
-    Exact: disjoint convex polygons are nearest at a corner of one of them.
+    Exact: disjoint convex polygons are nearest at a corner.
     """
-    # The other's centre and axis in each rectangle's own frame.
     cos, sin = cos_1 * cos_2 + sin_1 * sin_2, cos_1 * sin_2 - sin_1 * cos_2
     in_first = (dx * cos_1 + dy * sin_1, dy * cos_1 - dx * sin_1, cos, sin, *other, *own)
     in_second = (-(dx * cos_2 + dy * sin_2), -(dy * cos_2 - dx * sin_2), cos, -sin, *own, *other)
@@ -168,7 +165,7 @@ def separated(
 
 
 def seen_from(now: States, states: States) -> FloatArray:
-    """Transform states (n..., k...) into the frames of vehicles (n...,): x ahead, y to the left.
+    """Return states (n..., k...) in the frames of vehicles (n...,): x ahead, y to the left.
 
     Returns:
         (n..., k..., 5): x and y in m, cosine and sine of the relative heading, speed in m/s.

@@ -108,11 +108,6 @@ def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
 def _verdict(
     net_path: Path, report: FidelityReport, losses: Sequence[MapLoss], *, strict: bool, quiet: bool
 ) -> None:
-    """Print losses, one line for each kind, and fail if the net is not faithful.
-
-    Raises:
-        MapError: figures are outside their bounds or, if strict, anything was lost.
-    """
     for loss in losses if not quiet else ():
         print(f"{'warning: ' if loss.large else ''}lost: {loss}")
     problems = report.problems()

@@ -1,7 +1,4 @@
-"""Conflicts of lanelets, from their geometry alone: crossing, merging, overlapping.
-
-The net writer has its own classification. This one shares nothing with it, so each can prove the other wrong.
-"""
+"""Conflicts of lanelets by geometry: crossing, merging, overlapping; independent of the net writer."""
 
 from __future__ import annotations
 
@@ -12,11 +9,12 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.geometry.polylines import length_of
 from scex_sumo.judge.matching import angle_between, sample_headings, sample_line
 from scex_sumo.road import Lane
 
 NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there side by side
-JOINT_M = 0.3  # ends that coincide; mapped ends of one fork or merge share nodes, repaired ones nearly
+JOINT_M = 0.3  # between coinciding ends
 BACK_TO_BACK_RAD = np.deg2rad(150.0)  # from here on two lanelets run against each other
 LOOK_M = 0.25  # sampling of the centrelines
 CHAIN = 8  # lanelets to follow back to a fork or ahead to a merge
@@ -46,7 +44,6 @@ class _Trace:
     line: shapely.LineString
 
     def near(self, line: shapely.LineString) -> FloatArray:
-        """Distance of each point to a line, m."""
         off: FloatArray = shapely.distance(shapely.points(self.points), line)
         return off
 
@@ -59,8 +56,8 @@ class _Trace:
 def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[JudgedConflict, ...]:
     """Classify every pair of lanelets that come within a car's width of each other.
 
-    No conflicts are: lanelets in a row, neighbours, branches of one fork, and opposite directions that do not
-    cross. Lanelets on different levels are not among ``Lane.conflicts`` and are left out.
+    Lanelets in a row, neighbours, branches of a fork, opposite directions that do not cross, and lanelets on
+    different levels (not among ``Lane.conflicts``) are no conflicts.
     """
     lines = {i: shapely.LineString(lane.centreline) for i, lane in lanes.items()}
     traces = [
@@ -101,7 +98,7 @@ def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> JudgedCo
     if abs(turned) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
         return None  # no right of way helps where two lanelets run against each other
     if kind != "merge" and other.lane.lane_id not in one.lane.conflicts:
-        return None  # a bridge: the reader has seen heights, which are no longer there
+        return None  # a bridge: only the reader sees heights
     if kind == "overlap" and one.area().intersection(other.area()).area < OVERLAP_M2:
         return None
     return JudgedConflict(first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turned)
@@ -121,12 +118,12 @@ def _kind_of_run(lanes: Mapping[int, Lane], one: _Trace, other: _Trace, start: i
         return "touch"
     begins = start == 0 or span[0] == 0
     ends = end == len(one.points) - 1 or span[-1] == len(other.points) - 1
-    if begins and ends and (_in_a_row(lanes, a, b, CHAIN) or _in_a_row(lanes, b, a, CHAIN)):
+    if begins and ends and (_in_a_row(lanes, a, b) or _in_a_row(lanes, b, a)):
         return "follow"
-    if ends and _joined(lanes, a, b, CHAIN, end=True):
+    if ends and _joined(lanes, a, b, end=True):
         length = min(end - start, len(span)) * LOOK_M
         return "merge" if length >= BRUSH_M or _share(a, b, end=True) else "touch"
-    if begins and _joined(lanes, a, b, CHAIN, end=False):
+    if begins and _joined(lanes, a, b, end=False):
         return "diverge"
     middle = one.line.intersection(other.line)
     if middle.length < NEAR_M and not middle.is_empty and piece.distance(middle) <= NEAR_M:
@@ -134,25 +131,37 @@ def _kind_of_run(lanes: Mapping[int, Lane], one: _Trace, other: _Trace, start: i
     return "overlap"
 
 
-def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int) -> bool:
-    """Whether the second follows the first, at once or after very short lanelets."""
-    if b.lane_id in a.successors:
-        return True
-    ahead = [lanes[i] for i in a.successors if i in lanes and i != a.lane_id]
-    short = [lane for lane in ahead if shapely.LineString(lane.centreline).length <= NEAR_M]
-    return depth > 0 and any(_in_a_row(lanes, lane, b, depth - 1) for lane in short)
+def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane) -> bool:
+    """Return whether the second follows the first, at once or after at most `CHAIN` very short lanelets."""
+    reached, level = {a.lane_id}, [a]
+    for _ in range(CHAIN + 1):
+        ahead = {i for lane in level for i in lane.successors}
+        if b.lane_id in ahead:
+            return True
+        level = [lanes[i] for i in ahead - reached if i in lanes and length_of(lanes[i].centreline) <= NEAR_M]
+        reached |= ahead
+    return False
 
 
-def _joined(lanes: Mapping[int, Lane], a: Lane, b: Lane, depth: int, *, end: bool) -> bool:
-    """Whether both lead into one lanelet, or come from one fork, and stay near until there."""
-    if _share(a, b, end=end):
-        return True
-    for one, other in ((a, b), (b, a)) if depth > 0 else ():
-        tip = shapely.Point(one.centreline[-1 if end else 0])
-        if tip.distance(shapely.LineString(other.centreline)) <= NEAR_M:
-            onward = (i for i in _next(one, end=end) if i in lanes and i != other.lane_id)
-            if any(_joined(lanes, lanes[i], other, depth - 1, end=end) for i in onward):
-                return True
+def _joined(lanes: Mapping[int, Lane], a: Lane, b: Lane, *, end: bool) -> bool:
+    """Return whether both lead into one lanelet, or come from one fork, and stay near until there.
+
+    Each pair of lanelets is tested once, because short lanelets may have exponentially many ways.
+    """
+    reached, level = {frozenset((a.lane_id, b.lane_id))}, [(a, b)]
+    for depth in range(CHAIN + 1):
+        if any(_share(one, other, end=end) for one, other in level):
+            return True
+        following = []
+        for one, other in (*level, *(pair[::-1] for pair in level)) if depth < CHAIN else ():
+            tip = shapely.Point(one.centreline[-1 if end else 0])
+            if tip.distance(shapely.LineString(other.centreline)) <= NEAR_M:
+                for i in _next(one, end=end):
+                    pair = frozenset((i, other.lane_id))
+                    if i in lanes and len(pair) > 1 and pair not in reached:
+                        reached.add(pair)
+                        following.append((lanes[i], other))
+        level = following
     return False
 
 

@@ -1,4 +1,4 @@
-"""Driving test of a net: SUMO's own vehicles all arrive, none overlap, none is teleported."""
+"""Driving test of a net: SUMO's own vehicles arrive without overlap or teleport."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from scex_sumo.judge.matching import angle_between
 RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1
 LOOK_S = 0.2  # footprints are compared this often
-WAIT_S = 300.0  # SUMO's own: standing longer than this ends in a teleport, a deadlock
+WAIT_S = 300.0  # SUMO's own: a vehicle that stands longer is teleported
 SHRINK_M = 0.02  # positions are written in centimetres
 DRAIN_S = 900.0  # for the last vehicles to arrive, a deadlock included
 LIMIT_S = 300.0  # wall clock
@@ -40,15 +40,14 @@ SEED = 0  # of the order of departures and of SUMO's own randomness
 
 @dataclass(frozen=True, kw_only=True)
 class DrivingReport:
-    """How the vehicles drove.
+    """Figures of the driving test.
 
     Attributes:
-        arrived: vehicles that reached their end.
-        overlapping_pairs: pairs of vehicles whose footprints overlapped at some time.
+        overlapping_pairs: pairs of vehicles whose footprints overlapped.
         overlaps: (vehicle, lane, vehicle, lane, time in s) of each pair's first overlap.
         emergency_brakings: vehicles that braked beyond their comfortable limit.
         standoffs: times that all cars at a crossing waited for the one on the right.
-        warnings: what else SUMO wrote to its error stream.
+        warnings: other lines of SUMO's error stream.
         duration_s: simulated time until the last arrival, or the end.
     """
 
@@ -223,15 +222,15 @@ def _corners(poses: FloatArray) -> FloatArray:
 
 LENGTH_M = 4.7  # of a car
 WIDTH_M = 1.8
-CHANGE_M = 10.0  # on a shorter edge two cars that want each other's lanes do not get past one another
+CHANGE_M = 10.0  # shorter edges have no room for two cars to swap lanes
 HEAD_ON_RAD = np.deg2rad(150.0)
 
 
 def border_routes(net: NetContent) -> list[tuple[str, ...]]:
     """Return the shortest route in edges for every pair of border edges that lanes connect.
 
-    Without a route that leaves room for lane changes, room does not count. In a net without borders, routes
-    start and end anywhere. No route begins where a car would block others.
+    Routes leave room for lane changes, if any does. Without borders they start and end anywhere. No route
+    begins where a car would block others.
     """
     edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
     entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}

@@ -13,14 +13,12 @@ from scex_sumo.converters.net.reader import NetContent, SumoLane
 from scex_sumo.judge.matching import COVERED, Matching, Stretch, sample_line
 from scex_sumo.road import Lane
 
-PRESENT_M = (
-    1.0  # a lanelet is there when SUMO lanes pass this near; how near exactly is the deviation's affair
-)
+PRESENT_M = 1.0  # from a lanelet to SUMO lanes that stand for it
 WORST_M = 0.1  # deviations from here on are named
 STUB_M = 2.0  # a border lanelet inside an intersection gets an approach of at most this
 SPEED_TOLERANCE_MPS = 0.01  # nets are written with two or three decimals
 LENGTH_TOLERANCE_M = 0.25  # SUMO rounds shapes to centimetres, and lanes up to its shortest length of 0.1 m
-REVERSED_M = 0.5  # lanelets much shorter than a step have no direction worth arguing about
+REVERSED_M = 0.5  # of a lanelet, for a direction
 
 Lanes = Mapping[int, list[SumoLane]]
 
@@ -28,8 +26,7 @@ Lanes = Mapping[int, list[SumoLane]]
 def judge_geometry(matching: Matching) -> dict[str, Any]:
     """Compare shapes, widths and speeds lanelet by lanelet, sampled every 0.5 m.
 
-    The deviation goes from lanelet to SUMO lane and back. The floor of the width error is what the best
-    constant width of each lanelet would leave.
+    The floor of the width error is what the best constant width of each lanelet leaves.
     """
     net, road = matching.net, matching.road
     vehicle = road.vehicle_lanes
@@ -126,7 +123,6 @@ def _widths(matching: Matching, present: Lanes) -> tuple[FloatArray, FloatArray]
 
 
 def _covered(lane: Lane, sumo_lane: SumoLane, stretch: Stretch) -> tuple[float, float]:
-    """Arc lengths on a lanelet between which a SUMO lane stands for it, m."""
     line = shapely.LineString(lane.centreline)
     ends = sorted(line.project(sumo_lane.line.interpolate(s)) for s in (stretch.start_m, stretch.end_m))
     return float(ends[0]), float(ends[1])

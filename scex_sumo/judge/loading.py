@@ -1,6 +1,6 @@
-"""Loading figures of a net: what SUMO, sumolib and netconvert say, and where moveToXY puts a car.
+"""Loading figures of a net: messages of sumo, sumolib and netconvert, and places by moveToXY.
 
-SUMO runs in its own process: libsumo allows one simulation per process, and that is the caller's.
+SUMO runs in its own process, because libsumo allows one simulation per process.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import contextlib
 import io
 import os
 import subprocess
+import threading
 import warnings
 from collections import Counter
 from pathlib import Path
@@ -32,12 +33,13 @@ from scex_sumo.judge.matching import (
 from scex_sumo.road import Road
 
 PROBE_STEP_M = 2.0
-MAX_PROBES = 20_000  # on longer maps only every second point is asked, or every third, ...
+MAX_PROBES = 20_000  # on longer maps points are left out evenly
 PROBE_END_M = 0.3  # at its very ends a lanelet and its neighbours in line share their points
-MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it is quicker and at times takes a worse lane for a better
+MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it finds worse lanes at times
 SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is the mapped lane there
 LOAD_LIMIT_S = 60.0
-RETRY_S = 0.05  # a small net takes SUMO a tenth of a second to load
+PROBES_LIMIT_S = 300.0  # SUMO may never end on a damaged net
+RETRY_S = 0.05
 RETRIES = int(LOAD_LIMIT_S / RETRY_S)
 
 
@@ -67,11 +69,13 @@ def judge_loading(matching: Matching) -> dict[str, Any]:
 
 
 def _run(net: Path, name: str, option: str, *options: str) -> tuple[str, ...]:
-    """Return what a program of SUMO writes to its error stream; it runs in the folder of the net."""
     command = [program(name), option, checked_path(net.name), *options]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=LOAD_LIMIT_S, check=False, cwd=net.parent
-    )
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=LOAD_LIMIT_S, check=False, cwd=net.parent
+        )
+    except subprocess.TimeoutExpired:
+        return (f"Error: {name} was stopped after {LOAD_LIMIT_S:.0f} s",)
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
     if done.returncode != 0 and not any(line.startswith("Error") for line in lines):
         lines.append(f"Error: {name} ended with status {done.returncode}")
@@ -106,7 +110,6 @@ def _probe_points(road: Road) -> tuple[FloatArray, list[int], FloatArray]:
 
 
 def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> list[str]:
-    """Return SUMO's lane at each point; empty if it finds none."""
     import sumolib
     import traci
 
@@ -118,6 +121,8 @@ def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> li
     command += ["--collision.action", "none", "--remote-port", str(port)]
     nowhere, folder = subprocess.DEVNULL, net.path.parent
     with subprocess.Popen(command, stdout=nowhere, stderr=nowhere, cwd=folder) as server:
+        stop = threading.Timer(PROBES_LIMIT_S, server.kill)
+        stop.start()
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # traci prints each attempt to reach its server
                 connection = traci.connect(port, RETRIES, proc=server, waitBetweenRetries=RETRY_S)
@@ -126,6 +131,7 @@ def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> li
         except traci.exceptions.TraCIException as error:
             raise SimulationError(f"{net.path}: sumo broke off with cars placed on it: {error}") from None
         finally:
+            stop.cancel()
             server.kill()  # no-op where it has ended
     return found
 

@@ -15,10 +15,10 @@ from scex_sumo.converters.net.reader import NetContent
 from scex_sumo.road import Lane, Road
 
 SAMPLE_M = 0.5
-# Found by geometry, a SUMO lane follows a lanelet when it stays this near; larger radii are for foreign nets,
+# From a lanelet to a SUMO lane; larger radii are for other converters' nets,
 # and tried only for lanelets that the smaller ones leave uncovered.
 RADII_M = (0.05, 0.3, 1.0, 2.0)
-ENDS_NEAR_M = 2.5  # a lanelet begins or ends beside a SUMO lane when it does so within this; above all radii
+ENDS_NEAR_M = 2.5  # from a lanelet's end to a SUMO lane beside it
 CONNECTOR_M = 0.25  # shorter SUMO lanes only join others; they lie on every lanelet that begins there
 COVERED = 0.9  # share of a lanelet's length from which it counts as covered
 AHEAD_RAD = np.deg2rad(60.0)
@@ -34,9 +34,7 @@ class LaneNames(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """A piece of a SUMO lane that stands for one lanelet; ``end_m`` ≤ ``start_m`` if the two run in opposite
-    directions.
-    """
+    """Piece of a SUMO lane that stands for a lanelet; ``end_m`` ≤ ``start_m`` in the opposite direction."""
 
     lane_id: int
     sumo_lane: str
@@ -104,7 +102,7 @@ def match_lanelets(net: NetContent, road: Road, lanes: LaneNames | None) -> Matc
 
 def _stretch(lane: Lane, sumo_lane: str, line: shapely.LineString) -> Stretch:
     start, end = 0.0, float(line.length)
-    if line.length > 0.0:  # SUMO's shortest connectors are one point twice once they are rounded
+    if line.length > 0.0:  # SUMO's shortest connectors may be one point
         ends = shapely.points(lane.centreline[[0, -1]])
         at = shapely.line_locate_point(line, ends)
         # Where an end of the lanelet is far away, the SUMO lane is a piece of it up to its own end.

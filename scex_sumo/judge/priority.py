@@ -16,10 +16,10 @@ from scex_sumo.judge.matching import Matching, angle_between
 
 Pair = tuple[int, int]
 
-ZIPPER = "Z"  # SUMO's state for links that take turns: both answer the other, and neither waits for ever
+ZIPPER = "Z"  # SUMO's state for links that take turns
 GREENS = "GgoOsu"  # signal states in which a car may go, if need be after looking
 END_M = 2.0  # of a lane, for its direction
-RIGHT_RAD = (np.deg2rad(45.0), np.deg2rad(135.0))  # who crosses from the right, whatever the angle exactly
+RIGHT_RAD = (np.deg2rad(45.0), np.deg2rad(135.0))  # of traffic from the right
 
 
 def judge_priority(matching: Matching) -> dict[str, Any]:
@@ -90,13 +90,13 @@ def _regulated(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[int, 
     count, wrong = 0, []
     for yielding, priority in sorted(ruled):
         if (priority, yielding) in ruled:
-            continue  # the map contradicts itself; nothing to be right about
+            continue  # the map contradicts itself
         met = [
             (one, other)
             for one in links.ahead(yielding)
             for other in links.ahead(priority)
             if one is not other and one.from_lane != other.from_lane
-            # They get in each other's way behind the places that the rule names.
+            # They meet behind the lanelets that the rule names.
             if any(
                 (a, b) in meeting
                 for a in links.lanelets(one) | {yielding}
@@ -141,16 +141,14 @@ def _from_the_right(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[
 
 
 def _opposed(links: Links, one: SumoLink, other: SumoLink) -> bool:
-    """Whether two links come from opposite directions, so that the left turn yields instead."""
     ends = [links.net.lanes[link.from_lane].line for link in (one, other)]
-    # Over some length: the last segment of a lane that was cut may be no longer than a careless click.
+    # Over some length, because the last segment may be tiny.
     tips = [(np.array(line.interpolate(-END_M).xy), np.array(line.coords[-1])) for line in ends]
     ways = [np.arctan2(*(tip - before[:, 0])[::-1]) for before, tip in tips]
     return not RIGHT_RAD[0] <= abs(angle_between(*ways)) <= RIGHT_RAD[1]
 
 
 def _mutual(links: Links) -> Iterator[tuple[SumoLink, SumoLink]]:
-    """Pairs that wait for each other, but at all-way stops, zippers and lights."""
     rules = (rule for rule in links.matching.road.regulations if rule.kind == "all_way_stop")
     stops = {i for rule in rules for i in (rule.yielding or rule.lanes)}
     for one, other in links.pairs():

@@ -1,7 +1,6 @@
-"""Fidelity judge: how faithful a SUMO net is to the map, whichever converter wrote it.
+"""Report of the fidelity judge: figures, bounds and problems.
 
-The judge shares no code with the net writer except the reader of SUMO nets and, if there is one, the lane
-table.
+Only the reader of nets and the lane table are shared with the net writer.
 """
 
 from __future__ import annotations
@@ -26,27 +25,19 @@ NAMED = 6  # ids named in one problem; the rest are counted
 DEVIATION_P95_M = 0.01
 DEVIATION_MAX_M = 0.10
 WIDTH_ERROR_M = 0.40  # mean; SUMO lanes have one width, lanelets any
-WIDTH_SLACK_M = 0.2  # above what lanes of one width can reach on a map of tapering lanelets
+WIDTH_SLACK_M = 0.2  # above the floor of lanes of one width
 PROBE_HIT_SHARE = 0.99
 
 Figures: TypeAlias = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Check:
-    """What a faithful net reaches.
-
-    Attributes:
-        words: name of a list of faults, or what a number misses.
-        reached: whether the figures are within the bound; by default the list of faults is empty.
-    """
-
+class _Check:
     figure: str
     words: str | Callable[[Figures], str]
     reached: Callable[[Figures], bool] | None = None
 
     def problem(self, figures: Figures) -> str:
-        """Return the problem in one line, with ids; empty if the net is faithful here."""
         value = figures[self.figure]
         if self.reached(figures) if self.reached else not value:
             return ""
@@ -60,37 +51,37 @@ def _deviates(figures: Figures) -> str:
 
 
 CHECKS: Final = (
-    Check("missing_lanes", "lanelets without a SUMO lane"),
-    Check("wrong_speeds", "wrong speed limits (lanelet, map, net in m/s)"),
-    Check("wrong_lengths", "edges whose length is not their lanes' (edge, length, lanes' mean)"),
-    Check("reversed_lanes", "lanes against their lanelet"),
-    Check("invented_lanes", "car lanes that stand for no lanelet"),
-    Check("non_vehicle_as_cars", "lanelets closed to cars that became car lanes"),
-    Check("overhangs", "lanes that run on beyond their lanelets (lane, m)"),
-    Check("missing_successors", "successors without a connection"),
-    Check("invented_successors", "connections that the map does not have"),
-    Check("missing_routes", "routes that SUMO cannot drive"),
-    Check("invented_routes", "routes that the map forbids"),
-    Check("missing_lane_changes", "permitted lane changes that are not possible"),
-    Check("invented_lane_changes", "forbidden lane changes that are possible"),
-    Check("missing_foes", "conflicting lanelets that are no foes"),
-    Check("wrong_priority", "right of way against the map's rules (should yield, should go)"),
-    Check("wrong_from_the_right", "not right before left (should yield, should go)"),
-    Check("missing_signals", "lanelets with a traffic light that nothing controls"),
-    Check("clashing_greens", "foes that both have green"),
-    Check("mutual_yields", "links that yield to each other"),
-    Check("free_foes", "foes of which neither yields"),
-    Check("inconsistent_rows", "junctions whose rows contradict themselves"),
-    Check("sumo_warnings", "sumo says"),
-    Check("sumolib_warnings", "sumolib says"),
-    Check("netconvert_errors", "netconvert refuses the net"),
-    Check(
+    _Check("missing_lanes", "lanelets without a SUMO lane"),
+    _Check("wrong_speeds", "wrong speed limits (lanelet, map, net in m/s)"),
+    _Check("wrong_lengths", "edges whose length is not their lanes' (edge, length, lanes' mean)"),
+    _Check("reversed_lanes", "lanes against their lanelet"),
+    _Check("invented_lanes", "car lanes that stand for no lanelet"),
+    _Check("non_vehicle_as_cars", "lanelets closed to cars that became car lanes"),
+    _Check("overhangs", "lanes that run on beyond their lanelets (lane, m)"),
+    _Check("missing_successors", "successors without a connection"),
+    _Check("invented_successors", "connections that the map does not have"),
+    _Check("missing_routes", "routes that SUMO cannot drive"),
+    _Check("invented_routes", "routes that the map forbids"),
+    _Check("missing_lane_changes", "permitted lane changes that are not possible"),
+    _Check("invented_lane_changes", "forbidden lane changes that are possible"),
+    _Check("missing_foes", "conflicting lanelets that are no foes"),
+    _Check("wrong_priority", "right of way against the map's rules (should yield, should go)"),
+    _Check("wrong_from_the_right", "not right before left (should yield, should go)"),
+    _Check("missing_signals", "lanelets with a traffic light that nothing controls"),
+    _Check("clashing_greens", "foes that both have green"),
+    _Check("mutual_yields", "links that yield to each other"),
+    _Check("free_foes", "foes of which neither yields"),
+    _Check("inconsistent_rows", "junctions whose rows contradict themselves"),
+    _Check("sumo_warnings", "sumo says"),
+    _Check("sumolib_warnings", "sumolib says"),
+    _Check("netconvert_errors", "netconvert refuses the net"),
+    _Check(
         "deviation_max_m",
         _deviates,
         # A net without any lane has no deviation: nan.
         lambda f: f["deviation_p95_m"] <= DEVIATION_P95_M and f["deviation_max_m"] <= DEVIATION_MAX_M,
     ),
-    Check(
+    _Check(
         "width_error_mean_m",
         lambda f: (
             f"mean width error {f['width_error_mean_m']:.2f} m, "
@@ -98,7 +89,7 @@ CHECKS: Final = (
         ),
         lambda f: f["width_error_mean_m"] <= max(WIDTH_ERROR_M, f["width_error_floor_m"] + WIDTH_SLACK_M),
     ),
-    Check(
+    _Check(
         "probe_hits",
         lambda f: (
             f"moveToXY finds {f['probe_hits']} of {f['probes']} centreline points; "
@@ -157,7 +148,6 @@ def check_net(net_path: Path, road: Road, lanes: LaneNames | None = None) -> Fid
 
 
 def _list(what: str, entries: tuple[Any, ...]) -> str:
-    """Format ``2 things: a, b``."""
     named = ", ".join(_entry(entry) for entry in entries[:NAMED])
     return f"{len(entries)} {what}: {named}{', ...' if len(entries) > NAMED else ''}"
 

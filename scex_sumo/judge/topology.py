@@ -29,8 +29,8 @@ Changes = Mapping[tuple[Stretch, Stretch], float]
 def judge_topology(matching: Matching) -> dict[str, Any]:
     """Compare the net's moves with the map's routing graph; pairs are lanelet ids.
 
-    Loose edge routes are forbidden routes that a router on edges would take. Lane changes inside are those
-    that only an edge within an intersection could hold; neither they nor routes over them count as missing.
+    Loose edge routes are forbidden, but a router on edges would take them. Lane changes that only an edge
+    within an intersection could hold, and routes over them, do not count as missing.
     """
     lanes = matching.road.vehicle_lanes
     vehicle = lanes.keys()
@@ -97,7 +97,6 @@ def _precedes(one: Stretch, other: Stretch) -> bool:
 
 
 def _changes(matching: Matching, on_lanes: Stretches) -> dict[tuple[Stretch, Stretch], float]:
-    """Possible changes between neighbouring lanes of an edge, with the length that both share, m."""
     found: dict[tuple[Stretch, Stretch], float] = {}
     lanes = matching.net.lanes
     for names in matching.net.edges.values():
@@ -120,7 +119,6 @@ def _beside(one: Stretch, other: Stretch, shared: float, least_m: float) -> bool
 
 
 def _lengths_by_pair(changes: Changes, least_m: float) -> dict[Pair, float]:
-    """Length along which SUMO allows the change between two lanelets, m."""
     lengths: dict[Pair, float] = defaultdict(float)
     for (one, other), shared in changes.items():
         if one.lane_id != other.lane_id and _beside(one, other, shared, least_m):
@@ -178,8 +176,8 @@ def _reached(sources: Iterable[Node], ahead: Mapping[Node, set[Node]]) -> set[No
     return seen
 
 
-ROOM_M = 7.5  # a car and its gap: SUMO changes lanes on edges alone, and an edge must not lie in a crossing
-FRACTIONS = 201  # where lanes side by side are looked at
+ROOM_M = 7.5  # a car and its gap: SUMO changes lanes on edges only
+FRACTIONS = 201  # samples along lanes side by side
 
 
 def changes_inside(lanes: Mapping[int, Lane]) -> set[tuple[int, int]]:

@@ -1,4 +1,1 @@
-"""Criticality metrics: nanoscopic values per pair, microscopic values per child.
-
-May import geometry, scene and all below; knows neither files nor SUMO.
-"""
+"""Criticality metrics: nanoscopic values per pair, microscopic values per child."""

@@ -1,4 +1,4 @@
-"""Tracks and planned paths as input of criticality metrics, and the metrics' parameters.
+"""Tracks and planned paths as input of metrics, and the metrics' parameters.
 
 Axes: C (child), T (step), V (vehicle), R (replan), H (planned step), P (unordered pairs), N (rows).
 """
@@ -17,14 +17,14 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.scene import STEP_S, States
 
 MAX_MAGNITUDE: Final = 1e12
-"""Largest coordinate, heading, speed or size; squares of larger ones may overflow in a formula."""
+"""Largest coordinate, heading, speed or size; squares of larger ones may overflow."""
 
 R = TypeVar("R", bound="Rows")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
-    """Table of arrays of one length; a column that is None stays None."""
+    """Table of arrays of one length; a column may be None."""
 
     def take(self: R, index: IntArray) -> R:
         """Select rows by index."""
@@ -32,7 +32,7 @@ class Rows:
 
     @classmethod
     def join(cls: type[R], parts: Sequence[R]) -> R:
-        """Concatenate the rows of one or more tables."""
+        """Concatenate the rows of tables."""
         columns = zip(*(part._columns() for part in parts), strict=True)
         arrays = {column[0][0]: [array for _, array in column] for column in columns}
         return cls(**{name: None if a[0] is None else np.concatenate(a) for name, a in arrays.items()})
@@ -42,10 +42,7 @@ class Rows:
 
 
 def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:
-    """Derive (C, T, V) accelerations: backward difference of the speed since a vehicle's previous sample.
-
-    0 for the first sample of a track and where a vehicle is absent.
-    """
+    """Return (C, T, V) backward differences of the speed, m/s²; 0 for first samples and absent vehicles."""
     change = np.zeros_like(speed)
     if present is None:
         change[:, 1:] = (speed[:, 1:] - speed[:, :-1]) / step_s
@@ -63,25 +60,16 @@ def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneTracks:
-    """Tracks of the vehicles of C children or recordings.
+    """Tracks of the vehicles of C children or recordings."""
 
-    Attributes:
-        states: (C, T, V); any value where ``present`` is False.
-        length: (V,) or (C, V) m; ``width`` too.
-        present: (C, T, V); None if all vehicles are always present.
-        first: number of history steps; they serve derived values and are not evaluated.
-        types: (V,) or (C, V) lower case; None if unknown.
-        acceleration: (C, T, V) m/s², for parts of longer tracks; None derives it from these steps.
-    """
-
-    states: States
-    length: FloatArray
+    states: States  # (C, T, V); any value where ``present`` is False
+    length: FloatArray  # (V,) or (C, V) m; ``width`` too
     width: FloatArray
-    present: BoolArray | None = None
+    present: BoolArray | None = None  # (C, T, V); None if all vehicles are always present
     step_s: float = STEP_S
-    first: int = 0
-    types: tuple[str, ...] | NDArray[np.str_] | None = None
-    acceleration: FloatArray | None = None
+    first: int = 0  # number of history steps, which are not evaluated
+    types: tuple[str, ...] | NDArray[np.str_] | None = None  # (V,) or (C, V) lower case; None if unknown
+    acceleration: FloatArray | None = None  # (C, T, V) m/s²; None derives it from these steps
 
     def __post_init__(self) -> None:
         shape = self.states.shape
@@ -121,7 +109,7 @@ class SceneTracks:
         return self.states.shape[1] - self.first
 
     def children(self, part: slice) -> SceneTracks:
-        """Select some of the children."""
+        """Select some children."""
         types = self.types
         return replace(
             self,
@@ -136,23 +124,16 @@ class SceneTracks:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedPaths:
-    """Planned path of every vehicle at every evaluated step.
+    """Planned path of every vehicle at every evaluated step: from its position on through the current plan.
 
-    A path starts at the vehicle's present position and continues through the columns of the current plan that
-    are still ahead. A recording has one plan: its whole track.
-
-    Attributes:
-        x: (C, R, V, H) centre, m; NaN without a plan. Straight lines bridge gaps.
-        index: (T,) number of the current plan at each evaluated step.
-        column: (T,) first column of that plan that is still ahead; H if none is.
-        driven: the plan is the track itself, one column per step.
+    A recording has one plan: its whole track.
     """
 
-    x: FloatArray
+    x: FloatArray  # (C, R, V, H) centre, m; NaN without a plan. Straight lines bridge gaps.
     y: FloatArray
-    index: IntArray
-    column: IntArray
-    driven: bool = False
+    index: IntArray  # (T,) number of the current plan
+    column: IntArray  # (T,) first column of that plan that is still ahead; H if none is
+    driven: bool = False  # the plan is the track itself, one column per step
 
     def __post_init__(self) -> None:
         if self.x.ndim != 4 or self.x.shape != self.y.shape:
@@ -177,10 +158,9 @@ class PlannedPaths:
         """Build from the plans of a run; the newest plan is the current one.
 
         Args:
-            x: (C, R, V, H) m; column 0 is the step after the plan was made.
-            y: (C, R, V, H) m.
+            x: (C, R, V, H) m; column 0 is the step after the plan was made. ``y`` too.
             made_at: (R,) step of each plan, ascending; 0 is the seed scene.
-            steps: evaluated steps, 1 to ``steps``.
+            steps: number of evaluated steps.
         """
         step = np.arange(1, steps + 1)
         index = np.searchsorted(made_at, step, side="right") - 1
@@ -189,7 +169,7 @@ class PlannedPaths:
 
     @classmethod
     def from_tracks(cls, tracks: SceneTracks) -> PlannedPaths:
-        """Build from recordings: the planned path is the track driven from each step on."""
+        """Build from recordings: the planned path is the track from each step on."""
         x, y = tracks.states.x, tracks.states.y
         if tracks.present is not None:
             x, y = np.where(tracks.present, x, np.nan), np.where(tracks.present, y, np.nan)
@@ -212,7 +192,7 @@ class PlannedPaths:
             )
 
     def children(self, part: slice) -> PlannedPaths:
-        """Select some of the children."""
+        """Select some children."""
         return replace(self, x=self.x[part], y=self.y[part])
 
 
@@ -221,20 +201,15 @@ class MetricParameters:
     """Parameters of the metrics; the defaults are the paper's.
 
     Attributes:
-        following_angle: largest difference of headings of a car-following pair, rad.
-        max_acceleration: of one vehicle in any direction, for WTTC, m/s².
         max_acceleration_by_type: exceptions by vehicle type, e.g. ``{"truck": 4.0}``.
-        standing_speed: at or below it a vehicle has no gap time and no time headway, m/s.
-        path_extension: least straight extension of planned paths in the search for leaders, m.
-        path_extension_time: the extension as a time at present speed, s; the longer one counts.
     """
 
-    following_angle: float = np.pi / 6
-    max_acceleration: float = 6.9
+    following_angle: float = np.pi / 6  # largest difference of headings of a car-following pair, rad
+    max_acceleration: float = 6.9  # of one vehicle in any direction, for WTTC, m/s²
     max_acceleration_by_type: Mapping[str, float] = field(default_factory=dict)
-    standing_speed: float = 1e-4
-    path_extension: float = 20.0
-    path_extension_time: float = 2.0
+    standing_speed: float = 1e-4  # up to it a vehicle has no gap time and no time headway, m/s
+    path_extension: float = 20.0  # least straight extension of planned paths in the search for leaders, m
+    path_extension_time: float = 2.0  # the same as a time at present speed, s; the longer one counts
 
     def __post_init__(self) -> None:
         if not 0 <= self.following_angle <= np.pi:

@@ -1,8 +1,8 @@
-"""Collisions of vehicles: which pair, when, which kind, at which speed; exact between steps.
+"""Collisions of vehicles: pair, time, kind, speed; exact between steps.
 
-Two vehicles collide if their rectangles overlap by more than 0.1 m² at some time after the seed moment, but
-not at the seed moment. Between steps, positions move in straight lines and headings turn along the shorter
-arc.
+Two vehicles collide if their rectangles overlap after the seed moment, but not at it. Simulated boxes are
+exact: any overlap counts. In recordings, and between vehicles that touch at the seed moment, more than 0.1 m²
+counts. Between steps, positions and headings change linearly.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ from scex_sumo.geometry.rectangles import (
 from scex_sumo.metrics.base import Rows, SceneTracks
 
 OVERLAP_M2: Final = 0.1
-"""Overlap above which two vehicles have collided."""
+"""Overlap above which two recorded vehicles, or two that touch at the seed moment, have collided."""
+
+CONTACT_M2: Final = 1e-6
+"""Overlap above which two simulated vehicles have collided: any but rounding."""
 
 KINDS: Final = ("rear-end", "side", "head-on")
 SIDES: Final = ("front", "rear", "left", "right")
@@ -38,30 +41,19 @@ _PAIRS_AT_ONCE = 1 << 12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Collisions(Rows):
-    """The first collision of every pair of vehicles of every child, sorted by child, time and pair.
-
-    Attributes:
-        step: first step at or after the impact, history included.
-        time_s: impact after the seed moment: the start of the contact that grew to a collision.
-        first: in a rear-end collision the vehicle that hits with its front, else the lower index.
-        kind: index into ``KINDS``.
-        first_side: side that is touched first, index into ``SIDES``.
-        relative_speed: ‖v₁ − v₂‖ at impact, m/s.
-        overlap: largest overlap after the impact less that of the seed moment, m².
-        x: midpoint of both centres at impact, m.
-    """
+    """The first collision of every pair in every child, sorted by child, time and pair."""
 
     child: IntArray
-    step: IntArray
-    time_s: FloatArray
-    first: IntArray
+    step: IntArray  # first step at or after the impact, history included
+    time_s: FloatArray  # impact after the seed moment: the start of the contact that grew to a collision
+    first: IntArray  # in a rear-end collision the vehicle that hits with its front, else the lower index
     second: IntArray
-    kind: IntArray
-    first_side: IntArray
+    kind: IntArray  # index into ``KINDS``
+    first_side: IntArray  # side that is touched first, index into ``SIDES``
     second_side: IntArray
-    relative_speed: FloatArray
-    overlap: FloatArray
-    x: FloatArray
+    relative_speed: FloatArray  # ‖v₁ − v₂‖ at impact, m/s
+    overlap: FloatArray  # largest overlap after the impact less that of the seed moment, m²
+    x: FloatArray  # midpoint of both centres at impact, m
     y: FloatArray
 
     def __len__(self) -> int:
@@ -78,14 +70,17 @@ class Collisions(Rows):
         return hit
 
 
-def find_collisions(tracks: SceneTracks) -> Collisions:
+def find_collisions(tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2) -> Collisions:
     """Find the first collision of every pair in every child.
 
-    The seed moment is the last step of the history, or the first step if there is none.
+    Args:
+        limit_m2: overlap above which vehicles collide that do not touch at the seed moment; `CONTACT_M2` for
+            simulated tracks.
     """
     start = max(tracks.first - 1, 0)
     moves = _contacts(near_moves(tracks, start))
-    at, which = _first_of_pair(moves, *_exceeding(moves))
+    limit = _limits(moves, start, limit_m2)
+    at, which = _first_of_pair(moves, *_exceeding(moves, limit))
     if not len(which):
         number, value = np.empty(0, dtype=np.int64), np.empty(0)
         empty: dict[str, Any] = {
@@ -93,20 +88,22 @@ def find_collisions(tracks: SceneTracks) -> Collisions:
         }
         return Collisions(**empty)
     hits = moves.take(which)
-    return _described(*_impact(hits, at), hits, at, start)
+    return _described(*_impact(hits, at, limit[which]), hits, at, start)
+
+
+def _limits(moves: Moves, start: int, limit_m2: float) -> FloatArray:
+    """Return the (N,) overlap above which each pair has collided, m²."""
+    at_seed = moves.at_step(np.full(moves.step.size, start)).overlap(np.zeros(moves.step.size))
+    return np.where(at_seed > limit_m2, max(limit_m2, OVERLAP_M2), limit_m2)
 
 
 @dataclass(frozen=True, eq=False)
 class Moves:
-    """Motion of N pairs during one step each; a share of 0 is the earlier step, 1 the later one.
-
-    Attributes:
-        step: (N,) the earlier step, history included.
-    """
+    """Motion of N pairs during one step each; a share of 0 is the earlier step, 1 the later one."""
 
     tracks: SceneTracks
     child: IntArray
-    step: IntArray
+    step: IntArray  # (N,) the earlier step, history included
     first: IntArray
     second: IntArray
 
@@ -116,7 +113,7 @@ class Moves:
         return Moves(self.tracks, *columns)
 
     def at_step(self, step: IntArray) -> Moves:
-        """Return the moves of the same pairs during other steps."""
+        """Return the same pairs during other steps."""
         return replace(self, step=step)
 
     def pose(self, vehicle: IntArray, share: FloatArray) -> Rectangles:
@@ -144,7 +141,7 @@ class Moves:
         return self.pose(self.first, share), self.pose(self.second, share)
 
     def separation(self, share: FloatArray) -> FloatArray:
-        """Return (N,) m; 0 or less where the outlines touch."""
+        """Return (N,) m; at most 0 where the outlines touch."""
         return separation(*self.poses(share))
 
     def overlap(self, share: FloatArray) -> FloatArray:
@@ -160,7 +157,7 @@ class Moves:
         return length, width
 
     def way(self) -> tuple[FloatArray, FloatArray]:
-        """Bound (N,) the change of a touching pair's gap along an axis, and the way of any corner, m."""
+        """Bound (N,) the change of a touching pair's gap, and the way of any corner, m."""
         states = self.tracks.states
         ends = self._ends(self.first), self._ends(self.second)
         (now_1, then_1), (now_2, then_2) = ends
@@ -180,10 +177,7 @@ class Moves:
 
 
 def near_moves(tracks: SceneTracks, start: int) -> Moves:
-    """Find all moves from a step on in which the circles around two present vehicles meet.
-
-    A first test of bounding boxes keeps many vehicles cheap.
-    """
+    """Find all moves from a step on in which the circles around two present vehicles meet."""
     x, y = tracks.states.x[:, start:], tracks.states.y[:, start:]
     radius = np.hypot(tracks.length, tracks.width) / 2
     radius = np.broadcast_to(radius, (x.shape[0], x.shape[2]))
@@ -199,7 +193,7 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
         meet &= (low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])
     child, pair = np.nonzero(meet)
     first, second = one[pair].astype(np.int64), two[pair].astype(np.int64)
-    # Time last and contiguous: (pairs, steps).
+    # time last and contiguous: (pairs, steps)
     tx, ty = np.ascontiguousarray(x.transpose(0, 2, 1)), np.ascontiguousarray(y.transpose(0, 2, 1))
     parts = []
     for begin in range(0, child.size, _PAIRS_AT_ONCE):
@@ -216,7 +210,7 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
 
 
 def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
-    """Return (N, T - 1) whether a point comes within reach of the origin during each step."""
+    """Return (N, T - 1) whether a point comes within reach of the origin in each step."""
     px, py = dx[:, :-1], dy[:, :-1]
     vx, vy = dx[:, 1:] - px, dy[:, 1:] - py
     square = vx * vx + vy * vy
@@ -228,46 +222,40 @@ def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
 
 
 def _contacts(moves: Moves) -> Moves:
-    """Select moves in which the outlines may touch: the gaps at both ends are smaller than the way."""
+    """Select moves whose outlines may touch."""
     gap_way, _ = moves.way()
     zero = np.zeros(moves.child.shape)
     ends = moves.separation(zero) + moves.separation(zero + 1)
     return moves.take(np.flatnonzero(ends <= gap_way))
 
 
-def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
-    """Find the moves whose overlap exceeds `OVERLAP_M2`: (F,) a share of the step, and (F,) their indices.
-
-    Branch and bound: a part of a step is halved while the overlaps at its ends and the way between them allow
-    more than the limit.
-    """
+def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Find the moves whose overlap exceeds their limit (N,) by branch and bound: (F,) share and index."""
     count = moves.child.size
     share = np.full(count, np.inf)
     start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
-    share[end > OVERLAP_M2] = 1.0
-    share[start > OVERLAP_M2] = 0.0
+    share[end > limit] = 1.0
+    share[start > limit] = 0.0
     gap_way, corner_way = moves.way()
     inner = np.minimum(*(np.hypot(*moves.half_sizes(v)) for v in (moves.first, moves.second)))
     growth = 2 * np.pi * inner * corner_way  # no outline within the smaller one is longer
-    move = np.flatnonzero((share > 0) & (start + end + growth > 2 * OVERLAP_M2))
+    move = np.flatnonzero((share > 0) & (start + end + growth > 2 * limit))
     low, width = np.zeros(move.size), 1.0
     ends = start[move], end[move]
     for _ in range(_SPLITS):
         width /= 2
         part, middle = moves.take(move), low + width
         area, gap = part.overlap(middle), part.separation(middle)
-        np.minimum.at(share, move[area > OVERLAP_M2], middle[area > OVERLAP_M2])
-        # A pair that is apart in the middle by more than half the way does not touch in this part.
+        over = area > limit[move]
+        np.minimum.at(share, move[over], middle[over])
+        # A pair apart in the middle by more than half the way does not touch in this part.
         close = gap <= gap_way[move] * width
         rise = growth[move] * width
-        left, right = (close & (e + area + rise > 2 * OVERLAP_M2) for e in ends)
+        left, right = (close & (e + area + rise > 2 * limit[move]) for e in ends)
         move, low, ends = (
             np.concatenate([move[left], move[right]]),
             np.concatenate([low[left], middle[right]]),
-            (
-                np.concatenate([ends[0][left], area[right]]),
-                np.concatenate([area[left], ends[1][right]]),
-            ),
+            (np.concatenate([ends[0][left], area[right]]), np.concatenate([area[left], ends[1][right]])),
         )
         keep = low < share[move]
         move, low, ends = move[keep], low[keep], (ends[0][keep], ends[1][keep])
@@ -278,7 +266,7 @@ def _exceeding(moves: Moves) -> tuple[FloatArray, IntArray]:
 
 
 def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[FloatArray, IntArray]:
-    """Select the first such move of every pair, unless the pair overlaps from its start."""
+    """Select the first move of every pair, unless the pair overlaps from its start."""
     vehicles = moves.tracks.states.shape[2]
     key = (moves.child[which] * vehicles + moves.first[which]) * vehicles + moves.second[which]
     order = np.lexsort((moves.step[which], key))
@@ -291,7 +279,7 @@ def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[Fl
 
 
 def _is_seen_first(moves: Moves) -> BoolArray:
-    """Return (N,) whether the earlier step is the pair's first: the seed moment, or both are new."""
+    """Return (N,) whether the earlier step is the pair's first."""
     before = moves.step - 1
     seen = before >= max(moves.tracks.first - 1, 0)
     present = moves.tracks.present
@@ -301,11 +289,8 @@ def _is_seen_first(moves: Moves) -> BoolArray:
     return np.asarray(~seen)
 
 
-def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
-    """Find the move and the share of it at which the contact began that grew to a collision.
-
-    A pair that touches from its first step on collides where it exceeds the limit.
-    """
+def _impact(hits: Moves, share: FloatArray, limit: FloatArray) -> tuple[Moves, FloatArray]:
+    """Find the start of the contact that grew to a collision; touching pairs collide at the limit."""
     step, end = hits.step.copy(), share.copy()
     going = np.flatnonzero(hits.separation(np.zeros(share.size)) <= 0)
     touching = np.zeros(share.size, dtype=bool)
@@ -323,13 +308,12 @@ def _impact(hits: Moves, share: FloatArray) -> tuple[Moves, FloatArray]:
     low, high = np.zeros(share.size), end
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        over = np.where(touching, moves.overlap(middle) > OVERLAP_M2, moves.separation(middle) <= 0)
+        over = np.where(touching, moves.overlap(middle) > limit, moves.separation(middle) <= 0)
         low, high = np.where(over, low, middle), np.where(over, middle, high)
     return moves, high
 
 
 def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, start: int) -> Collisions:
-    """Add kind, sides, speed and place to the impacts."""
     one, two = impact.poses(share)
     sides = _touched(impact, share)
     angle = np.abs(wrap(two.heading - one.heading))
@@ -360,7 +344,6 @@ def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, st
 
 
 def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return (N,) sides of both vehicles that touch first, indices into ``SIDES``."""
     one, two = impact.poses(share)
     gaps = axis_separations(one, two)
     # For parallel outlines two axes differ only by rounding.
@@ -369,7 +352,7 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
     for index, pair in enumerate(((one, two), (two, one))):
         x, y, cos, sin = relative_pose(*pair)
         own_axis = (axis >= 2) == bool(index)
-        # The contact's direction in the own frame: the own axis, or the other's axis turned by (cos, sin).
+        # direction of the contact in the own frame: the own axis, or the other's turned by (cos, sin)
         lengthwise = axis % 2 == 0
         cos, sin = np.where(own_axis, 1.0, cos), np.where(own_axis, 0.0, sin)
         normal_x, normal_y = np.where(lengthwise, cos, -sin), np.where(lengthwise, sin, cos)
@@ -383,7 +366,7 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
-    """Return (N,) largest overlap at the impact and all later steps less that of the seed moment, m²."""
+    """Return (N,) largest overlap from the impact on less that of the seed moment, m²."""
     largest = hits.overlap(at)
     present = hits.tracks.present
     for step in range(start, hits.tracks.states.shape[1]):

@@ -1,6 +1,6 @@
-"""Encounters of pairs of vehicles in every child: least gap, criticality, collision.
+"""Encounters of pairs of vehicles: least gap, criticality, collision.
 
-A pair has an encounter if its outlines come within 10 m, or one vehicle leads the other on its path, or their
+A pair has an encounter if its outlines come within 10 m, one vehicle leads the other on its path, their
 planned paths cross, or they collide.
 """
 
@@ -25,7 +25,7 @@ NEAR_M: Final = 10.0
 CRITICAL_TTC_S: Final = 1.5
 CRITICAL_PET_S: Final = 1.0
 CRITICAL_DRAC: Final = 3.4
-"""m/s²; drivers hardly ever brake harder (Archer 2005)."""
+"""m/s²; drivers rarely brake harder (Archer 2005)."""
 
 NO_COLLISION: Final = -1
 _MARGIN = 1e-6  # for rounding, so that the nearest step is never lost
@@ -36,30 +36,22 @@ class Encounters(Rows):
     """One row per child and pair with an encounter, sorted by child and pair; ``first`` is the lower index.
 
     Attributes:
-        gap: least body gap, m; inf above 10 m.
-        ttc: least TTC on the path of either, s; inf if no gap closes.
-        pet: least PET, s; inf if the tracks do not cross.
-        drac: largest DRAC on the path of either, m/s²; 0 if no gap closes.
-        kind: of the collision, index into `KINDS`; -1 without one.
         time_s: after the seed moment: of the collision, else a critical least TTC, else the least gap.
-        x: midpoint of both centres then, m.
-        relative_speed: at impact, m/s; 0 without a collision.
-        towards: 1 if the first vehicle hits or follows the second, -1 for the reverse, 0 else.
     """
 
     child: IntArray
     first: IntArray
     second: IntArray
-    gap: FloatArray
-    ttc: FloatArray
-    pet: FloatArray
-    drac: FloatArray
-    kind: IntArray
+    gap: FloatArray  # least body gap, m; inf above 10 m
+    ttc: FloatArray  # least TTC on the path of either, s; inf if no gap closes
+    pet: FloatArray  # least PET, s; inf if the tracks do not cross
+    drac: FloatArray  # largest DRAC on the path of either, m/s²; 0 if no gap closes
+    kind: IntArray  # of the collision, index into `KINDS`; -1 without one
     time_s: FloatArray
-    x: FloatArray
+    x: FloatArray  # midpoint of both centres then, m
     y: FloatArray
-    relative_speed: FloatArray
-    towards: IntArray
+    relative_speed: FloatArray  # at impact, m/s; 0 without a collision
+    towards: IntArray  # 1 if the first vehicle hits or follows the second, -1 for the reverse, 0 else
 
     def __len__(self) -> int:
         return len(self.child)
@@ -71,11 +63,7 @@ class Encounters(Rows):
 
 
 def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encounters:
-    """Find the encounters of a batch of scenes with any preset.
-
-    Args:
-        start: number of the batch's first child.
-    """
+    """Find the encounters of a batch of scenes; ``start`` is the number of its first child."""
     scenes = scenes.under(preset_named("path"))
     children, steps = scenes.shape
     inside = (collisions.child >= start) & (collisions.child < start + children)
@@ -93,7 +81,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encount
     kind[at], impact[at], speed[at] = hits.kind, hits.time_s, hits.relative_speed
     hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # 1 if the front hits
     towards[at] = np.where(hits.first == low, hit_by, -hit_by)
-    # Steps are counted from the first evaluated one, times from the seed moment before it.
+    # Steps count from the first evaluated one, times from the seed moment before it.
     near = np.where(np.isfinite(gap), gap_step.astype(np.int64), ttc_step)
     critical = np.where(ttc < CRITICAL_TTC_S, ttc_step, near)
     after = 1 if scenes.tracks.first else 0
@@ -137,7 +125,6 @@ def _approaches(scenes: Scenes) -> FloatArray:
 
 
 def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
-    """Return (P * C) least body gap below 10 m, else inf, and its step."""
     children, steps = scenes.shape
     size = len(scenes.pairs[0]) * children
     low, high = gap_bounds(scenes)
@@ -150,7 +137,7 @@ def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
 
 
 def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Return (P * C) least TTC, its step (-1 without leader), largest DRAC, sign of who follows."""
+    """Return (P * C) least TTC, its step (-1 without leader), largest DRAC, sign of the follower."""
     children, steps = scenes.shape
     size = len(scenes.pairs[0]) * children
     following = scenes.following
@@ -169,7 +156,7 @@ def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArra
 
 
 def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tuple[FloatArray, IntArray]:
-    """Return (size,) the smallest value of each key, inf without any, and its first step."""
+    """Return (size,) smallest value of each key, inf without any, and its first step."""
     least = np.full(size, np.inf)
     np.minimum.at(least, key, value)
     first = np.full(size, np.iinfo(np.int64).max)
@@ -179,7 +166,6 @@ def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tu
 
 
 def _cross(scenes: Scenes) -> BoolArray:
-    """Return (P * C) whether the planned paths cross at some step."""
     children, steps = scenes.shape
     pairs = len(scenes.pairs[0])
     cross = np.zeros(pairs * children, dtype=bool)

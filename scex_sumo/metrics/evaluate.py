@@ -1,4 +1,4 @@
-"""Evaluation of metrics: values of pairs, their extrema per scene, microscopic values per child."""
+"""Evaluation of metrics: values of pairs, extrema per scene, microscopic values per child."""
 
 from __future__ import annotations
 
@@ -23,44 +23,30 @@ PAPER_PRESET: Final = "paper"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioValues:
-    """Microscopic values: two per child and metric, and their origin.
+    """Microscopic values, two per child and metric, and their origin."""
 
-    Attributes:
-        columns: (M,) names.
-        values: (C, M); NaN where undefined.
-        scene: by metric, the extremum of every evaluated step.
-        worst: by metric, the step and the vehicles of the extremum.
-        preset: car-following rule that was used.
-    """
-
-    columns: tuple[str, ...]
-    values: FloatArray
+    columns: tuple[str, ...]  # (M,) names
+    values: FloatArray  # (C, M); NaN where undefined
     defined: BoolArray
-    scene: Mapping[str, SceneValues]
-    worst: Mapping[str, Worst]
-    preset: str
+    scene: Mapping[str, SceneValues]  # by metric, the extremum of every evaluated step
+    worst: Mapping[str, Worst]  # by metric, the step and the vehicles of the extremum
+    preset: str  # car-following rule
 
     def column(self, name: str) -> tuple[FloatArray, BoolArray]:
-        """Return (C,) values and mask of one column."""
+        """Return (C,) values and mask of a column."""
         index = self.columns.index(name)
         return self.values[:, index], self.defined[:, index]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairValues(Rows):
-    """Nanoscopic values of one metric, one row per ordered pair (or vehicle) where defined.
-
-    Attributes:
-        step: on the step axis of the tracks, history included.
-        other: the second vehicle; None for metrics of single vehicles.
-        value: ``ttc`` in s, not inverted; inf allowed.
-    """
+    """Nanoscopic values of one metric, one row per ordered pair (or vehicle) where defined."""
 
     child: IntArray
-    step: IntArray
+    step: IntArray  # on the step axis of the tracks, history included
     vehicle: IntArray
-    other: IntArray | None
-    value: FloatArray
+    other: IntArray | None  # the second vehicle; None for metrics of single vehicles
+    value: FloatArray  # ``ttc`` in s, not inverted; inf is a value
 
 
 def evaluate(
@@ -76,12 +62,11 @@ def evaluate(
     """Evaluate metrics of every child: most critical value and mean of the scenes' most critical values.
 
     Args:
-        tracks: of the vehicles; steps before ``tracks.first`` are history.
-        planned: planned paths; gap time is undefined without them.
+        planned: gap time is undefined without planned paths.
         preset: car-following rule of metrics without one of their own.
-        metrics: names or metrics; the paper's six by default.
+        metrics: None for the paper's six.
         vehicles: only values that involve one of these indices; None for all.
-        also: called with each batch's first child and scenes, while derived values are still there.
+        also: called with each batch's first child and scenes.
     """
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
@@ -118,7 +103,7 @@ def evaluate_pairs(
     parameters: MetricParameters = PAPER,
     metrics: Sequence[str | Metric] | None = None,
 ) -> dict[str, PairValues]:
-    """Evaluate all pairs by metric, sorted by child, step, vehicle, other; arguments as in `evaluate`."""
+    """Evaluate all pairs by metric, sorted by child, step, vehicle, other; see `evaluate`."""
     chosen = metrics_named(metrics)
     parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
     for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
@@ -129,11 +114,7 @@ def evaluate_pairs(
 
 
 def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
-    """Evaluate a metric; ``quick`` may leave out pairs that cannot be a scene's extremum.
-
-    Raises:
-        InputError: the metric's function returned something else than it has to.
-    """
+    """Evaluate a metric; ``quick`` may leave out pairs that are no extremum."""
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
     samples = function(scenes if metric.preset is None else scenes.under(preset_named(metric.preset)))
     if isinstance(samples, Entries):
@@ -150,12 +131,10 @@ def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entrie
 
 
 def _dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
-    """Return arrays of all rows, children and steps."""
     return scenes.scattered(samples.where, samples.value) if isinstance(samples, Entries) else samples
 
 
 def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: Scenes) -> Samples:
-    """Select the rows that involve one of some vehicles."""
     samples = _dense(samples, scenes)
     wanted = np.array(sorted(vehicles), dtype=np.int64)
     keep: BoolArray = np.isin(samples.row, wanted)
@@ -171,7 +150,7 @@ def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: 
 
 
 def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:
-    """Convert defined values to sorted rows; a symmetric pair gives two."""
+    """Convert defined values to sorted rows; symmetric pairs give two."""
     entry, child, step = np.nonzero(samples.defined)
     value = samples.value[entry, child, step]
     vehicle = samples.row[entry]

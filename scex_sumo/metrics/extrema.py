@@ -1,4 +1,4 @@
-"""Extrema of scenes and children from the values of pairs, and means over scenes."""
+"""Extrema of scenes and children, and means over scenes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,7 @@ from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneValues(Rows):
-    """The most critical value of every scene, (C, T) as aggregated.
-
-    NaN where undefined; inf where all values are infinite and infinite values are left out.
-    """
+    """The most critical value of every scene, (C, T); NaN where undefined, inf where only inf is left out."""
 
     value: FloatArray
     defined: BoolArray
@@ -26,20 +23,13 @@ class SceneValues(Rows):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Worst(Rows):
-    """Origin of the most critical value of every child; valid only where ``defined``.
+    """Origin of the most critical value of every child; valid only where ``defined``."""
 
-    Attributes:
-        value: (C,) as aggregated; NaN where undefined.
-        step: (C,) on the step axis of the tracks, history included.
-        vehicle: (C,) the row's own vehicle (the follower).
-        other: (C,) the second vehicle; None for metrics of single vehicles.
-    """
-
-    value: FloatArray
+    value: FloatArray  # (C,) as aggregated; NaN where undefined
     defined: BoolArray
-    step: IntArray
-    vehicle: IntArray
-    other: IntArray | None
+    step: IntArray  # (C,) on the step axis of the tracks, history included
+    vehicle: IntArray  # (C,) the row's own vehicle (the follower)
+    other: IntArray | None  # (C,) the second vehicle; None for metrics of single vehicles
 
 
 def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple[SceneValues, Worst]:
@@ -81,19 +71,16 @@ class _Least:
     """Least costs of scenes.
 
     Attributes:
-        cost: (C, T); inf where undefined, and inf is a value.
-        infinite: (C, T) where infinite values were left out.
         origin: returns (C,) first row with the least cost, given a step of each child.
     """
 
-    cost: FloatArray
+    cost: FloatArray  # (C, T); inf where undefined, and inf is a value
     defined: BoolArray
-    infinite: BoolArray
+    infinite: BoolArray  # (C, T) where infinite values were left out
     origin: Callable[[IntArray], IntArray]
 
 
 def _least_of_samples(samples: Samples, cost: FloatArray, *, finite: bool) -> _Least:
-    """Find the least of (K, C, T) costs."""
     defined = samples.defined & np.isfinite(cost) if finite else samples.defined
     infinite = np.any(samples.defined, axis=0) if finite else np.zeros(cost.shape[1:], dtype=bool)
     cost = np.where(defined, cost, np.inf)
@@ -107,7 +94,6 @@ def _least_of_samples(samples: Samples, cost: FloatArray, *, finite: bool) -> _L
 
 
 def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, finite: bool) -> _Least:
-    """Find the least of (N,) costs at flat indices into (2P, C, T)."""
     children, steps = scenes.shape
     infinite, defined = np.zeros((2, children * steps), dtype=bool)
     if finite:
@@ -132,17 +118,14 @@ def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, fini
 
 
 def _first_smallest(cost: FloatArray, defined: BoolArray) -> IntArray:
-    """Return (N,) index of the first defined smallest cost along the last axis of (N, M)."""
+    """Return (N,) first index of the defined smallest cost along the last axis."""
     smallest = cost.min(axis=-1, keepdims=True)
     index: IntArray = np.argmax(defined & (cost == smallest), axis=-1)
     return index
 
 
 def scene_mean(scene: SceneValues, *, harmonic: bool) -> FloatArray:
-    """Compute (C,) mean of the scenes' extrema where defined; harmonic: 1 / mean(1 / value).
-
-    An arithmetic mean of times is decided by the longest ones, those of nearly equal speeds.
-    """
+    """Return (C,) means of the scenes' extrema where defined; harmonic: 1 / mean(1 / value)."""
     count, total = scene_sums(scene, harmonic=harmonic)
     some = count > 0 if not harmonic else total > 0
     over, under = (count, total) if harmonic else (total, count)
@@ -155,7 +138,7 @@ def scene_sums(scene: SceneValues, *, harmonic: bool) -> tuple[FloatArray, Float
     if not harmonic:
         total = np.where(scene.defined, scene.value, 0.0).sum(axis=1)
         return scene.defined.sum(axis=1).astype(np.float64), total
-    # Undefined scenes are NaN; infinite ones, left out of the extrema, are known and count as 0.
+    # Undefined scenes are NaN; infinite ones, left out of the extrema, count as 0.
     known = ~np.isnan(scene.value)
     with np.errstate(divide="ignore"):
         inverse = np.where(known, 1.0 / np.where(known, scene.value, 1.0), 0.0)

@@ -19,28 +19,20 @@ class Metric:
     """One nanoscopic metric and its aggregation.
 
     Attributes:
-        critical: ``min`` if small values are critical, else ``max``.
         evaluate: computes the values of all pairs (or vehicles) of a batch of scenes.
-        inverse: aggregate 1 / value; ``critical``, ``threshold`` and ``label`` then refer to it.
-        finite: leave infinite values out of the aggregates.
-        harmonic: the mean over scenes is 1 / mean(1 / value); infinite values count as 0.
-        preset: car-following rule; None uses that of the evaluation.
-        quick: computes the same extrema from fewer pairs.
-        threshold: value from which a child is critical.
-        label: name in tables and pictures, if it is not the column's.
     """
 
     name: str
-    critical: Literal["min", "max"]
+    critical: Literal["min", "max"]  # ``min`` if small values are critical, else ``max``
     evaluate: Callable[[Scenes], Samples | Entries]
     unit: str = ""
-    inverse: bool = False
-    finite: bool = False
-    harmonic: bool = False
-    preset: str | None = None
-    quick: Callable[[Scenes], Samples] | None = None
-    threshold: float | None = None
-    label: str = ""
+    inverse: bool = False  # aggregate 1 / value; ``critical``, ``threshold`` and ``label`` refer to it
+    finite: bool = False  # leave infinite values out of the aggregates
+    harmonic: bool = False  # the mean over scenes is 1 / mean(1 / value); infinite values count as 0
+    preset: str | None = None  # car-following rule; None uses that of the evaluation
+    quick: Callable[[Scenes], Samples] | None = None  # computes the same extrema from fewer pairs
+    threshold: float | None = None  # value from which a child is critical
+    label: str = ""  # name in tables and pictures; else the column's
 
     @property
     def columns(self) -> tuple[str, str]:
@@ -49,7 +41,7 @@ class Metric:
 
     @property
     def side(self) -> Literal["left", "right"]:
-        """Side of the threshold on which values are critical."""
+        """Critical side of the threshold."""
         return "left" if self.critical == "min" else "right"
 
     @property
@@ -74,18 +66,18 @@ class Metric:
         place = f"{getattr(function, '__module__', '')}:{getattr(function, '__qualname__', '')}"
         try:
             code = Path(inspect.getfile(function)).read_bytes()
-        except (OSError, TypeError):  # typed into an interpreter, or no Python function
+        except (OSError, TypeError):  # an interpreter's function, or none of Python
             return {**attributes, "function": place, "sha256": None}
         return {**attributes, "function": place, "sha256": hashlib.sha256(code).hexdigest()}
 
     @classmethod
     def described(cls, description: Mapping[str, Any]) -> Metric:
-        """Build from a description a metric that can be judged, but not evaluated."""
+        """Build from a description a metric without its formula."""
         names = [f.name for f in dataclasses.fields(cls) if f.name not in _CODE]
         return cls(evaluate=_no_formula, **{name: description[name] for name in names if name in description})
 
 
-_CODE = ("evaluate", "quick")  # attributes that are functions
+_CODE = ("evaluate", "quick")  # functions
 
 
 def _no_formula(scenes: Scenes) -> Samples | Entries:

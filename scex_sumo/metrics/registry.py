@@ -1,4 +1,4 @@
-"""Metrics by name: built-in ones, those that users and other packages register, and the sets of presets."""
+"""Metrics by name: built-in ones, those of users and other packages, and sets of them."""
 
 from __future__ import annotations
 
@@ -28,13 +28,7 @@ _BY_HEADING = (
     Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, harmonic=True, label="PTTC"),
     Metric(name="wttc", unit="s", critical="min", evaluate=wttc, threshold=0.26, label="WTTC"),
     Metric(
-        name="ttc",
-        unit="s",
-        critical="max",
-        evaluate=ttc,
-        inverse=True,
-        threshold=1 / 1.5,
-        label="1/TTC",
+        name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True, threshold=1 / 1.5, label="1/TTC"
     ),
 )
 _ON_PATHS = (
@@ -64,18 +58,18 @@ SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
 """Metrics that a word stands for; those of ``path`` are always evaluated along paths."""
 
 COLUMNS: Final[tuple[str, ...]] = tuple(c for name in PAPER_METRICS for c in METRICS[name].columns)
-"""The paper's twelve columns of a child scenario; ``ttc`` and ``ttc_mean`` are in 1/s."""
+"""The paper's twelve columns of a child; ``ttc`` and ``ttc_mean`` are in 1/s."""
 
 THRESHOLDS: Final[Mapping[str, float]] = {
     each.name: each.threshold for each in _BY_HEADING if each.threshold is not None
 }
-"""Thresholds that the paper suggests, by column."""
+"""The paper's thresholds by column."""
 
 PACKAGES: Final = Registry(group="scex_sumo.metrics", kind="metric")
 COLLISION: Final = "collision"
-"""Column of what is no metric: 1 where two vehicles of a child collide, else 0."""
+"""Column that is no metric: 1 if two vehicles of a child collide, else 0."""
 
-# Sets, and other columns of the tables.
+# sets, and other columns of tables
 _TAKEN: Final = (*SETS, "both", "child", "case_id", COLLISION, "all")
 
 _registered: dict[str, Metric] = {}
@@ -142,19 +136,12 @@ def metric(
 
 
 def known_metrics() -> tuple[str, ...]:
-    """List the built-in metrics, the registered ones and those of other packages by name."""
+    """Return the names of all metrics."""
     return (*METRICS, *sorted({*_registered, *PACKAGES.paths}))
 
 
 def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
-    """Return metrics by name or import path, each once.
-
-    ``paper``, and None, stand for the paper's six. ``path`` stands for those of preset ``path``, evaluated
-    along paths with any preset.
-
-    Raises:
-        UsageError: a metric is unknown or cannot be loaded.
-    """
+    """Return metrics by name or import path, each once; None stands for ``paper``."""
     wanted: list[str | Metric] = []
     for name in ("paper",) if names is None else names:
         wanted += SETS[name] if isinstance(name, str) and name in SETS else [name]
@@ -190,10 +177,7 @@ def _plain(text: str) -> str:
 
 
 def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
-    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC`` and ``ttc``.
-
-    Args:
-        text: name or label of a metric; for a mean with ``mean`` before or after it.
+    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``.
 
     Raises:
         UsageError: no column has that name.
@@ -218,46 +202,42 @@ def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
 
 
 def columns_of(metrics: Sequence[Metric]) -> tuple[str, ...]:
-    """Return the columns of a child: per metric the most critical value and the mean over the scenes."""
+    """Return the columns of a child."""
     return tuple(column for each in metrics for column in each.columns)
 
 
 def thresholds_of(metrics: Iterable[Metric]) -> dict[str, float]:
-    """Return thresholds by column, of the metrics that have one."""
+    """Return thresholds by column."""
     return {each.name: each.threshold for each in metrics if each.threshold is not None}
 
 
 def metric_of(column: str) -> Metric:
-    """Return the metric of a result column, e.g. of ``ttc_mean``.
-
-    Raises:
-        UsageError: neither this process nor a result describes a metric of that name.
-    """
+    """Return the metric of a result column, e.g. of ``ttc_mean``."""
     name = column.removesuffix("_mean")
     for metrics in (METRICS, _registered, _described):
         if name in metrics:
             return metrics[name]
-    # Column names come from files of others: they are data and never imported.
+    # Column names are data of others and never imported.
     raise UsageError(_unknown(name))
 
 
 def critical_columns(columns: Iterable[str]) -> list[str]:
-    """Select the columns of most critical values, without those of means."""
+    """Select the columns of most critical values."""
     return [column for column in columns if not column.endswith("_mean")]
 
 
 def side_of(column: str) -> Literal["left", "right"]:
-    """Return the side of the threshold on which a column is critical."""
+    """Return the critical side of a column's threshold."""
     return metric_of(column).side
 
 
 def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
-    """Describe metrics for ``run.json``; nothing for the sets of the presets."""
+    """Describe metrics for ``run.json``; nothing for the presets' sets."""
     if tuple(metrics) in (SETS["paper"], SETS["path"], (*SETS["paper"], *SETS["path"])):
         return []
     return [each.description() for each in metrics]
 
 
 def learn_metrics(descriptions: Iterable[Mapping[str, Any]]) -> None:
-    """Learn metrics from ``run.json``, for columns whose functions this process may not have."""
+    """Learn metrics from ``run.json``, whose functions this process may not have."""
     _described.update((e["name"], Metric.described(e)) for e in descriptions if e["name"] != COLLISION)

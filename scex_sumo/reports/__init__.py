@@ -1,4 +1,1 @@
-"""Reports for people: pictures and terminal tables. Only here: matplotlib.
-
-May import studies, results and all below; not ranking, commands.
-"""
+"""Reports: figures and terminal tables; the only package with matplotlib."""

@@ -1,4 +1,4 @@
-"""Scene of a picture from above: figure style, road, vehicles; matplotlib's backend stays the user's."""
+"""Matplotlib drawing of a traffic scene from above; the user's backend stays."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ STYLE: dict[Any, Any] = {
     "font.size": 8,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "svg.fonttype": "none",  # text stays text: searchable, and editable for a paper
-    "svg.hashsalt": "scex-sumo",  # the same picture has the same bytes
+    "svg.fonttype": "none",  # text stays editable
+    "svg.hashsalt": "scex-sumo",  # for reproducible bytes
     "figure.dpi": 100,
 }
 BOX = np.array([(0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
@@ -30,13 +30,13 @@ BOX = np.array([(0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
 
 @contextmanager
 def sheet(width_in: float, height_in: float) -> Iterator[Figure]:
-    """Yield an empty figure in the style of all pictures; draw and save it inside of the block."""
+    """Yield an empty figure in the common style; draw and save it inside of the block."""
     with mpl.rc_context(STYLE):
         yield Figure(figsize=(width_in, height_in), layout="constrained")
 
 
 def look_at(axes: Axes, low: FloatArray, high: FloatArray) -> None:
-    """Show a map from its lower left to its upper right corner, m."""
+    """Show a map between two corners, m."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
 
 
@@ -50,7 +50,7 @@ def draw_road(axes: Axes, road: Road) -> None:
 
 
 def draw_vehicles(axes: Axes, scene: SeedScene, **style: Any) -> None:
-    """Draw the vehicles of a seed scene as boxes, pedestrians and cyclists as magenta dots."""
+    """Draw vehicles as boxes, pedestrians and cyclists as magenta dots."""
     boxes = vehicle_outlines(scene, scene.now)
     axes.add_collection(PolyCollection(list(boxes), linewidths=0.6, **style))
     if scene.obstacles is not None:
@@ -60,11 +60,9 @@ def draw_vehicles(axes: Axes, scene: SeedScene, **style: Any) -> None:
 
 
 def vehicle_outlines(scene: SeedScene, states: States, outline: FloatArray = BOX) -> FloatArray:
-    """Return (V, P, 2) points of the vehicles' outlines, m.
+    """Return (V, P, 2) outlines in m of vehicles with (V,) states.
 
-    Args:
-        states: (V,) of the vehicles.
-        outline: (P, 2) shares of length and width.
+    ``outline`` holds (P, 2) shares of length and width.
     """
     along = np.stack([np.cos(states.heading), np.sin(states.heading)], axis=-1) * scene.length[:, None]
     across = np.stack([-np.sin(states.heading), np.cos(states.heading)], axis=-1) * scene.width[:, None]

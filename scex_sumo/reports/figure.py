@@ -1,4 +1,4 @@
-"""Figure of a run for a paper: densities or cumulative densities of one metric, or of all."""
+"""Figure of a run: densities or cumulative densities of its metrics."""
 
 from __future__ import annotations
 
@@ -24,20 +24,22 @@ from scex_sumo.statistics.density import Density
 _CURVE, _CRITICAL, _RECORDED, _LIKELY = "#1f4e79", "#c0392b", "#222222", "#2e8b57"
 _PANEL_IN = (2.9, 2.3)
 _ACROSS = 4
-_LABEL_SHARE = 0.11  # of a panel's width, taken by a label
+_LABEL_SHARE = 0.11  # width of a label, in panel widths
 
 
 def draw_figure(run: Run, curve: str, path: Path, *, metric: str | None = None) -> Path:
-    """Draw a figure and return its path; a figure of several metrics has a headline and a legend.
+    """Draw a figure and return its path.
 
     Args:
         curve: ``density`` or ``cumulative``.
         path: SVG, PNG or PDF file.
-        metric: one column; None draws all of them.
+        metric: one column; None draws all, with a headline and a legend.
     """
     columns = run.columns if metric is None else [run.column(metric)]
     if columns == [COLLISION]:
-        raise UsageError("--metric collision: is 0 or 1 in each child and has no density; name another")
+        raise UsageError(
+            "--metric collision: is 0 or 1 in each future and has no density; give another metric"
+        )
     samples = [run.samples(column) for column in columns]
     across = min(_ACROSS, len(columns))
     panel = _density_panel if curve == "density" else _cumulative_panel
@@ -45,7 +47,9 @@ def draw_figure(run: Run, curve: str, path: Path, *, metric: str | None = None) 
         panels = _metric_panels(figure, columns, across)
         for (axes, column), values in zip(panels, samples, strict=True):
             if not np.isfinite(values).any():
-                axes.text(0.5, 0.5, "defined in no child", ha="center", va="center", transform=axes.transAxes)
+                axes.text(
+                    0.5, 0.5, "defined in no future", ha="center", va="center", transform=axes.transAxes
+                )
                 axes.set_yticks([])
                 continue
             panel(run, column, axes)
@@ -88,7 +92,6 @@ def _explain_lines(run: Run, figure: Figure) -> None:
 
 
 def _density_panel(run: Run, column: str, axes: Axes) -> None:
-    """Draw the density of a metric, that of the human-like futures, its threshold and its recorded value."""
     curve = run.density(column)
     _fill(axes, curve.x, np.zeros_like(curve.x), curve.pdf, curve.pdf)
     if run.reference is not None and len(run.reference.samples(column)):
@@ -101,7 +104,6 @@ def _density_panel(run: Run, column: str, axes: Axes) -> None:
 
 
 def _cumulative_panel(run: Run, column: str, axes: Axes) -> None:
-    """Draw the cumulative density of a metric with its band, threshold and recorded value."""
     curve = run.density(column)
     _fill(axes, curve.x, *curve.band, curve.cdf)
     axes.set_ylim(0, 1)
@@ -114,7 +116,6 @@ def _fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: Fl
 
 
 def _write(axes: Axes, height: float, words: str, color: str = "#666666") -> None:
-    """Write words at the right edge of a panel; height from 0 (bottom) to 1."""
     place = "top" if height > 0.5 else "baseline"
     ground: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1}
     style: dict[str, Any] = {"ha": "right", "va": place, "bbox": ground, "zorder": 5, "fontsize": 7}
@@ -122,9 +123,9 @@ def _write(axes: Axes, height: float, words: str, color: str = "#666666") -> Non
 
 
 def _draw_atoms(curve: Density, axes: Axes) -> None:
-    """Draw values that many children share as stems, with the largest shares where there is room."""
+    """Draw values that many futures share as stems; label the largest where there is room."""
     (left, right), most = axes.get_xlim(), max((atom.share for atom in curve.atoms), default=1.0)
-    transform = axes.get_xaxis_transform()  # heights are shares of the panel: a stem has no density
+    transform = axes.get_xaxis_transform()  # heights in shares of the panel
     labelled: list[float] = []
     inside = [atom for atom in curve.atoms if left <= atom.value <= right]
     for atom in sorted(inside, key=lambda atom: -atom.share):
@@ -137,7 +138,7 @@ def _draw_atoms(curve: Density, axes: Axes) -> None:
 
 
 def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
-    """Draw threshold and recorded value as vertical lines; the view stays where most children are."""
+    """Draw threshold and recorded value as vertical lines; keep the view where most futures are."""
     recorded, threshold = run.recorded_value(column), run.thresholds.get(column)
     samples, limits = run.samples(column), (float(x[0]), float(x[-1]))
     left, right = value_range(samples, recorded, threshold, limits=limits)

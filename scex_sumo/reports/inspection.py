@@ -1,4 +1,4 @@
-"""Page of a recording: its moments, repairs, and the vehicles of each moment on the map."""
+"""Inspection page of a recording: moments, repairs, vehicles on the map."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
     """Write the page of a recording and return its path.
 
     Args:
-        moments: to choose from; at most 400 are shown, evenly chosen.
-        command: the command that runs a moment, without its time.
+        moments: at most 400 are shown, evenly chosen.
+        command: that runs a moment, without its time.
 
     Raises:
         TrackError: there is no moment.
     """
     if not moments:
-        raise TrackError(f"{loaded.recording.name}: no moment with a vehicle; there is nothing to show")
+        raise TrackError(f"{loaded.recording.name}: no moment with a vehicle; give another recording")
     numbers = np.linspace(0, len(moments) - 1, _MAX_MOMENTS).round().astype(int)
     kept = [moments[k] for k in np.unique(numbers)]
     arrays = _arrays(loaded, kept)
@@ -62,9 +62,9 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
 
 
 def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, IntArray]:
-    """Return (V, M, ...) ids, poses in cm and mrad, sizes in cm, speeds in cm/s, ... of vehicles by moment.
+    """Return (V, M, ...) arrays of vehicles by moment, by id: cm, mrad, cm/s, 0.1 s.
 
-    Vehicles of a moment are in the order of their ids; the id of a missing one is -1.
+    The id of a missing vehicle is -1.
     """
     table, rows = loaded.table, loaded.table.vehicles
     begin, end = rows.pieces
@@ -92,7 +92,6 @@ def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, Int
 
 
 def _rows_of(loaded: LoadedRecording, moment: Moment) -> IntArray:
-    """Return the rows of a moment in the order of track ids."""
     rows = loaded.table.vehicles
     then = np.abs(rows.timestamp_ms - 1000.0 * moment.time_s) < STAMP_MS
     chosen = np.flatnonzero(then & (rows.case == loaded.table.cases.index(moment.case)))
@@ -122,9 +121,9 @@ def _body(loaded: LoadedRecording, moments: int, shown: int) -> str:
         name=joined(loaded.recording.name),
         about=joined(about + (f", {shown} of them shown" if shown < moments else "")),
         legend=joined(*(_entry(number, words) for number, words in enumerate(KINDS))),
-        bars=joined("Bars: vehicles of each moment, in colour those that move and are recorded throughout."),
+        bars=joined("Bars: vehicles of each moment; coloured: moving and recorded throughout."),
         models=joined(*models),
-        findings=element("ul", *findings) if findings else element("p.soft", "Nothing had to be."),
+        findings=element("ul", *findings) if findings else element("p.soft", "No repair was needed."),
         foot=joined(f"scex-sumo {__version__} · {loaded.recording.map_path}"),
     )
 

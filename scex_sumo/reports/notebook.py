@@ -1,4 +1,4 @@
-"""Notebook views: runs and seed scenes as HTML, by formatters of IPython."""
+"""IPython formatters that show runs and seed scenes as HTML."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scex_sumo.reports.page.html import Html
     from scex_sumo.results.run import Run
     from scex_sumo.scene import SeedScene
 
@@ -14,7 +13,7 @@ _HEIGHT_PX = 900
 
 
 def register() -> None:
-    """Have IPython show runs and seed scenes as HTML, where it is running; imports nothing else now."""
+    """Register the formatters if IPython runs; imports nothing else."""
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     if shell is not None and shell.display_formatter is not None:
         html = shell.display_formatter.formatters["text/html"]
@@ -27,14 +26,14 @@ def run_html(run: Run) -> str:
     from scex_sumo.reports.page.html import element
     from scex_sumo.reports.page.report import report_html
 
-    # A frame of another origin: the report's script cannot reach the notebook.
+    # The sandbox keeps the report's script from the notebook.
     return element(
         "iframe", srcdoc=report_html(run), sandbox="allow-scripts", width="100%", height=_HEIGHT_PX
     )
 
 
 def scene_html(scene: SeedScene) -> str:
-    """Return a table of the vehicles of a seed scene with their states."""
+    """Return a table of the vehicles of a seed scene."""
     import numpy as np
 
     from scex_sumo.reports.page.html import element
@@ -42,15 +41,10 @@ def scene_html(scene: SeedScene) -> str:
     now = scene.now
     heads = ("track", "type", "x [m]", "y [m]", "speed [m/s]", "heading [°]", "length [m]", "width [m]")
     columns = (now.x, now.y, now.speed, np.degrees(now.heading), scene.length, scene.width)
-    rows = [
-        element("tr", *_cells([str(track), kind, *(f"{column[v]:.1f}" for column in columns)]))
+    table = [
+        [str(track), kind, *(f"{column[v]:.1f}" for column in columns)]
         for v, (track, kind) in enumerate(zip(scene.track_ids, scene.types, strict=True))
     ]
+    rows = [element("tr", *(element("td", cell) for cell in cells)) for cells in table]
     head = element("tr", *(element("th", name) for name in heads))
     return element("div", element("p", repr(scene)), element("table", head, *rows))
-
-
-def _cells(words: list[str]) -> list[Html]:
-    from scex_sumo.reports.page.html import element
-
-    return [element("td", word) for word in words]

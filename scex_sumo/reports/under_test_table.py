@@ -1,4 +1,4 @@
-"""Terminal table of vehicles under test: with their models and without, side by side."""
+"""Terminal table of vehicles under test, with their models and without."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from scex_sumo.statistics.paired import holm
 
 
 def print_under_test(tested: UnderTest, console: Console) -> None:
-    """Print the comparison, what its columns mean, and the answer."""
+    """Print the comparison, its explanation, and the answer."""
     print_table(under_test_table(tested), console, breaks=(" better",))
     for line in (
-        "only pairs that involve a vehicle under test; baseline: the same children, driven as drawn",
-        "worse : better: children that are more and less critical than in the baseline",
+        "only pairs that involve a vehicle under test; baseline: the same futures, driven as drawn",
+        "worse : better: futures that are more and less critical than in the baseline",
         "p: of no difference; signed-rank test of values, McNemar's of shares, corrected after Holm",
         *([verdict(tested)] if COLLISION in tested.columns else []),
     ):
@@ -31,12 +31,12 @@ def verdict(tested: UnderTest) -> str:
     """Return how often the vehicles under test collide, with their models and without."""
     one, other = tested.p_critical(COLLISION), tested.p_critical(COLLISION, "baseline")
     assert one is not None and other is not None
-    shares = f"{one.percent} of the children, in {other.percent} if driven as drawn"
+    shares = f"{one.percent} of futures, in {other.percent} if driven as drawn"
     return f"under test, {tested.label}: collides in {shares}"
 
 
 def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
-    """Return by metric the difference and the corrected p-values of its values and of its critical shares."""
+    """Return by metric the difference, and Holm-corrected p-values of values and critical shares."""
     by_metric = [tested.difference(column) for column in critical_columns(tested.columns)]
     values = holm([one.p_value for one in by_metric])
     shares = holm([one.critical_p_value for one in by_metric])
@@ -44,7 +44,7 @@ def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
 
 
 def under_test_table(tested: UnderTest) -> Table:
-    """Return the table: medians, critical shares, children that are worse and better, p-values."""
+    """Return medians, critical shares, worse and better futures, and p-values by metric."""
     children = counted(tested.metrics.num_rows, "future")
     table = Table(title=f"under test, {tested.label}: {children}", title_justify="left")
     table.add_column("metric")
@@ -68,7 +68,7 @@ def _share(share: Interval | None) -> str:
 
 
 def chance_text(p_value: float) -> str | None:
-    """Return a p-value as it is printed; None for NaN."""
+    """Return a p-value as text; None for NaN."""
     if math.isnan(p_value):
         return None
     return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"

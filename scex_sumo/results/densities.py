@@ -22,11 +22,10 @@ DENSITIES_SCHEMA = pa.schema(
 def metric_density(
     values: FloatArray, half_width: float, *, reflect: bool, bandwidth: float = BANDWIDTH
 ) -> Density:
-    """Return density and cumulative density of a metric with its 95 % band.
+    """Return density and cumulative density of a metric (C,), NaN where undefined, with its 95 % band.
 
     Args:
-        values: (C,) NaN where undefined.
-        reflect: separate atoms, and reflect at 0 what cannot be negative; False is the plain kernel.
+        reflect: separate atoms, and reflect at 0 if no value is negative; False is the plain kernel.
         bandwidth: of the kernel, in the metric's unit.
     """
     samples = values[~np.isnan(values)]
@@ -46,15 +45,10 @@ def half_widths(metrics: pa.Table, columns: Sequence[str], intervals: DesignInte
 def densities_table(
     metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals, *, reflect: bool
 ) -> pa.Table:
-    """Return the densities of metrics with their 95 % bands: metric, x, pdf, cdf, low, high, atom.
+    """Return the rows of ``densities.parquet``: metric, x, pdf, cdf, low, high, atom.
 
-    ``atom`` is the share of the defined children with exactly this x, if it is an atom, else 0. A metric that
-    is undefined in every child has no rows.
-
-    Args:
-        metrics: as `Run.metrics`.
-        intervals: of the children's design.
-        reflect: as of `metric_density`.
+    ``atom`` is the share of the defined children with exactly this x. A metric that is never defined has no
+    rows.
     """
     parts = [DENSITIES_SCHEMA.empty_table()]
     widths = half_widths(metrics, columns, intervals)

@@ -1,4 +1,4 @@
-"""Design of a run: how its models were drawn, and the intervals that follow from it."""
+"""Design of a run: how its models were drawn, and the intervals that follow."""
 
 from __future__ import annotations
 

@@ -21,10 +21,7 @@ from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 
 
 class ResultFolder(OutputFolder):
-    """Folder that a run is written into.
-
-    Finished batches of children lie in a hidden folder, from which the same run resumes.
-    """
+    """Folder that a run is written into; a hidden folder in it keeps finished batches."""
 
     info, what, another = "run.json", "result", "the result of another run"
     evidence = ("metrics.parquet", "assignments.parquet", "tracks.parquet", "seed.csv")
@@ -35,7 +32,7 @@ class ResultFolder(OutputFolder):
         for pattern in _PATTERNS:
             for file in self.path.glob(pattern):
                 file.unlink()
-        for name in (PARTS, "sumo", "baseline", "reference"):
+        for name in (PARTS, "sumo", "baseline", "reference", "exact"):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _prepare(self) -> None:
@@ -45,11 +42,7 @@ class ResultFolder(OutputFolder):
         remove_broken(self.path)
 
     def in_order(self, children: int, *, size: int, plans: bool = True) -> Iterator[Part]:
-        """Yield all children in order, whatever their batches, some at a time to save memory.
-
-        Raises:
-            ResultError: some are missing.
-        """
+        """Yield all children in order, some at a time; raise a `ResultError` if some are missing."""
         parts = Parts(self.path)
         there = int((parts.children < children).sum())
         if there != children:
@@ -105,6 +98,8 @@ _PATTERNS = (
     "scene.png",
     "under_test.*",
     "fallbacks.*",
+    "exact.json",
+    "evidence.html",
     "explain*",
     "sample_size*",
 )
@@ -118,10 +113,7 @@ _TABLES = tuple(
 
 
 def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
-    """Return children as INTERACTION cases, ordered by child, vehicle, frame.
-
-    Frames 1 to 10 are the seed's history, 10 the seed scene itself.
-    """
+    """Return children as INTERACTION cases, ordered by child, vehicle, frame; frame 10 is the seed scene."""
     count, steps, vehicles = part.states.shape
     past = scene.history[:, -LOGGED_HISTORY:]
     frames = LOGGED_HISTORY + steps
@@ -158,10 +150,7 @@ def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
 def values_table(
     columns: Sequence[str], values: FloatArray, defined: BoolArray, children: IntArray | None = None
 ) -> pa.Table:
-    """Return metric values (C, columns), one row per child, null where undefined.
-
-    With ``children`` (C,), their numbers are the first column.
-    """
+    """Return metric values (C, columns), one row per child, null where undefined."""
     data: dict[str, Any] = {} if children is None else {"child": children}
     for index, name in enumerate(columns):
         data[name] = pa.array(values[:, index], mask=~defined[:, index])
@@ -169,12 +158,7 @@ def values_table(
 
 
 def assignments_table(scene: SeedScene, assignment: IntArray, names: Sequence[str]) -> pa.Table:
-    """Return the model of each vehicle in each child: child, track_id, model.
-
-    Args:
-        assignment: (C, V) index into ``names``.
-        names: the models as given, with their parameters.
-    """
+    """Return ``assignments.parquet`` from indices (C, V) into ``names``."""
     count, vehicles = assignment.shape
     models = pa.DictionaryArray.from_arrays(
         pa.array(assignment.reshape(-1)), pa.array(list(names), pa.string())

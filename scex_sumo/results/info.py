@@ -1,4 +1,4 @@
-"""Contents of ``run.json``, checked, because files are edited, truncated, or of other programs."""
+"""Contents of ``run.json``, checked, because files are edited or truncated."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_COUNT: Final = 10**9
 
 
 class Info(dict[str, Any]):
-    """Object of a JSON file; a missing key is an error that names the file."""
+    """JSON object; a missing key is an error that names the file."""
 
     def __init__(self, content: Mapping[str, Any], file: Path) -> None:
         super().__init__({k: Info(v, file) if isinstance(v, dict) else v for k, v in content.items()})
@@ -41,11 +41,7 @@ def as_written(*folders: Path) -> Iterator[None]:
 
 
 def read_info(folder: Path) -> Info:
-    """Read ``run.json`` of a finished run.
-
-    Raises:
-        ResultError: there is no finished run, or no run wrote this file.
-    """
+    """Read ``run.json`` of a finished run; raise a `ResultError` if no run wrote it."""
     file = folder / "run.json"
     if not file.is_file():
         if (folder / "incomplete.json").is_file():
@@ -78,7 +74,6 @@ def _is_count(value: Any) -> bool:
 
 
 def _is_name(value: Any) -> bool:
-    """Return whether a text names a file in the folder, and nothing outside of it."""
     return isinstance(value, str) and value not in ("", ".", "..") and "/" not in value and "\0" not in value
 
 

@@ -12,31 +12,27 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import lock, unlock, write_atomic
 
 PENDING = "incomplete.json"
-_COPY = ".incomplete.json"  # from which a run goes on whose `PENDING` is damaged
+_COPY = ".incomplete.json"  # used if `PENDING` is damaged
 _DIGITS = 64  # of an identity, a SHA-256
 _Folder = TypeVar("_Folder", bound="OutputFolder")
 
 
 class OutputFolder:
-    """Has ``incomplete.json`` while it is written, and the file of its contents once it is finished.
+    """Folder with ``incomplete.json`` while it is written, and the file of its contents once it is finished.
 
-    Both hold the identity of what is written, by which the same command finds its own folder again.
+    Both hold the identity by which the same command finds its own folder again.
     """
 
     info: ClassVar[str]
-    """Name of the file that makes the folder a result."""
+    """File that makes the folder a result."""
     what: ClassVar[str]
     another: ClassVar[str]
-    """Words for what is written here, and for one that was made otherwise."""
+    """Words for the result, and for a result with another configuration."""
     evidence: ClassVar[tuple[str, ...]] = ()
-    """Files that show together that a folder is ours, should ``info`` be damaged."""
+    """Files that together show that a folder is ours if ``info`` is damaged."""
 
     def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
-        """Lock a folder and make it ready to be written.
-
-        Args:
-            path: the folder; it need not exist.
-            overwrite: replace what was made with another configuration.
+        """Lock a folder and make it ready to be written; ``overwrite`` replaces another result.
 
         Raises:
             ResultError: it holds something else, cannot be written, or another process writes it.
@@ -44,7 +40,7 @@ class OutputFolder:
         self.path = path
         self.identity = hashlib.sha256(as_json(configuration).encode()).hexdigest()
         try:
-            str(path).encode()  # SUMO and Arrow write to no other paths
+            str(path).encode()  # SUMO and Arrow need UTF-8
             path.mkdir(parents=True, exist_ok=True)
             lock(path)
             self._make_free(overwrite)
@@ -62,7 +58,7 @@ class OutputFolder:
             raise
 
     def _make_free(self, overwrite: bool) -> None:
-        """Clear the folder unless it holds the same, interrupted or finished; refuse a folder of others."""
+        """Clear the folder unless it holds the same result; refuse one of another program."""
         names = (PENDING, _COPY, self.info)
         there = [name for name in names if (self.path / name).is_file()]
         identities = [found for name in there if (found := _identity_in(self.path / name))]
@@ -84,7 +80,6 @@ class OutputFolder:
         self._clear()
 
     def _is_ours(self) -> bool:
-        """Return whether other files show that a folder is ours whose ``info`` is damaged."""
         return bool(self.evidence) and all((self.path / name).exists() for name in self.evidence)
 
     def _clear(self) -> None:
@@ -114,7 +109,6 @@ class OutputFolder:
 
 
 def _identity_in(file: Path) -> str | None:
-    """Return the identity in a file; None if it cannot be read."""
     try:
         identity = json.loads(file.read_bytes())["identity"]
     except (ValueError, KeyError, TypeError, RecursionError):
@@ -123,6 +117,6 @@ def _identity_in(file: Path) -> str | None:
 
 
 def as_json(content: Mapping[str, Any], *, indent: int | None = None, allow_nan: bool = True) -> str:
-    """Return an object as JSON in one line, with sorted keys, or indented."""
+    """Return an object as JSON: in one line with sorted keys, or indented."""
     sort = indent is None
     return json.dumps(content, sort_keys=sort, indent=indent, default=str, allow_nan=allow_nan) + "\n"

@@ -23,20 +23,14 @@ _STATES = ("x", "y", "heading", "speed")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Some children of a run, simulated and measured.
+    """Some children of a run, simulated and measured; states and plans as in `Rollout`.
 
     Attributes:
-        children: (C,) their numbers.
-        states: (C, T, V) simulated states.
         values: (C, M) metric values.
         defined: (C, M) False where a metric is defined in no scene of the child.
-        worst: rows of ``worst.parquet``.
-        plan_x: (C, R, V, H) centres planned at each of the R replans, m; None if plans are not kept.
-        plan_y: (C, R, V, H), m.
-        fallbacks: rows of ``fallbacks.parquet``; None for none.
+        worst: rows of ``worst.parquet``; so ``fallbacks``, ``collisions``.
         tested: (2, C, M) values, and 1 where defined, of the vehicles under test alone; None without any.
-        collisions: rows of ``collisions.parquet``.
-        encounters: rows of `encounter_rows`, one per child and pair with an encounter.
+        encounters: rows of `encounter_rows`.
     """
 
     children: IntArray
@@ -75,7 +69,7 @@ def save_part(folder: Path, part: Part) -> None:
 
 
 def remove_broken(folder: Path) -> None:
-    """Remove damaged parts of an interrupted run, whose children then run again."""
+    """Remove damaged parts of an interrupted run; their children run again."""
     remove_unfinished(folder / PARTS)
     for file in (folder / PARTS).glob("*.npz"):
         if not _is_whole(file):
@@ -83,7 +77,6 @@ def remove_broken(folder: Path) -> None:
 
 
 def _is_whole(file: Path) -> bool:
-    """Return whether a part can be read, and has all arrays for each of its children."""
     try:
         with file.open("rb") as opened, np.load(opened) as data:
             arrays = {name: data[name] for name in data}
@@ -149,7 +142,7 @@ class Parts:
         )
 
     def _taken(self, part: slice, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Return the arrays of some children that their files have; one file at a time."""
+        """Return the arrays of some children; one file at a time."""
         files, rows = self._file[part], self._row[part]
         whole: dict[str, NDArray[Any]] = {}
         for file in np.unique(files):
@@ -193,7 +186,6 @@ def joined_parts(parts: Sequence[Part]) -> Part:
 
 
 def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
-    """Join tables, with rows ordered by child and metric."""
     whole = pa.concat_tables(tables)
     names = np.asarray(whole["metric"])
     return whole.take(np.lexsort((names, np.asarray(whole["child"]))))

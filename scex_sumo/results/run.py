@@ -17,6 +17,7 @@ from scex_sumo.base.registry import Registry
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
+from scex_sumo.results.exact import CollisionShare, Encounter, Exact, read_exact
 from scex_sumo.results.info import read_info
 from scex_sumo.results.tables import (
     StateBlocks,
@@ -38,9 +39,8 @@ if TYPE_CHECKING:
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
 REFERENCE: Final = "reference"
-"""Folder of the human-like reference, in the folder of a run."""
 DRAWINGS: Final = Registry(group="scex_sumo.drawings", kind="drawing")
-"""Functions that draw a run; the reports register theirs, so that results need not know them."""
+"""Functions that draw a run; the reports register theirs."""
 
 
 class Run:
@@ -67,18 +67,14 @@ class Run:
         return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
 
     def plot(self, path: str | Path, *, metric: str | None = None, curve: str = "density") -> Path:
-        """Draw the densities of one metric or all into an SVG, PNG or PDF file; returns the file.
+        """Draw the densities of one metric or all into an SVG, PNG or PDF file; return the file.
 
         ``curve`` is ``density`` or ``cumulative``.
         """
         return Path(DRAWINGS.load("densities")(self, curve, Path(path), metric=metric))
 
     def to_pandas(self, table: str = "metrics") -> Any:
-        """Return one of `TABLES` as a pandas data frame.
-
-        Raises:
-            UsageError: there is no such table, or pandas is not installed.
-        """
+        """Return one of `TABLES` as a pandas data frame."""
         if table not in TABLES:
             raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
         return as_pandas(getattr(self, table))
@@ -123,14 +119,34 @@ class Run:
 
     @cached_property
     def intervals(self) -> DesignIntervals:
-        """Intervals of shares and distributions over the children, for their design."""
+        """Intervals for the children's design."""
         there = (self.folder / "assignments.parquet").is_file()
         return intervals_of(self.info, self.assignments if there else None, self.children)
 
     @cached_property
-    def p_collision(self) -> Interval:
-        """Share of the children in which two vehicles collide, with its 95 % interval."""
-        return self.intervals.share(np.asarray(self.metrics[COLLISION]))
+    def p_collision(self) -> CollisionShare:
+        """Share of the children in which two vehicles collide, with its 95 % interval.
+
+        Called, it returns the exact probability, with other weights of the models if they are given.
+        """
+        share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
+        return CollisionShare(**vars(share), tables=self.exact)
+
+    @cached_property
+    def exact(self) -> Exact | None:
+        """Exact probabilities of the encounters; None if the run has none."""
+        return read_exact(self.folder)
+
+    def encounter(self, one: int, other: int) -> Encounter:
+        """Return the encounter of two vehicles, with its influence table and cut sets.
+
+        Raises:
+            UsageError: these two meet in no child.
+        """
+        for row in self.encounters.to_pylist():
+            if {row["track_id"], row["other_id"]} == {one, other}:
+                return Encounter(row=row, exact=self.exact)
+        raise UsageError(f"{one}, {other}: these two vehicles meet in no child of the run")
 
     @cached_property
     def baseline(self) -> Run | None:
@@ -146,11 +162,7 @@ class Run:
 
     @cached_property
     def under_test(self) -> UnderTest:
-        """The vehicles under test, against the baseline.
-
-        Raises:
-            ResultError: the run has no vehicle under test, or no baseline.
-        """
+        """The vehicles under test, against the baseline; a `ResultError` without either."""
         known = self.info.get("under_test") or {}
         if not known:
             raise ResultError(
@@ -182,17 +194,13 @@ class Run:
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
 
     def states(self, child: int) -> States:
-        """Return the states (V, T) of a child; frames 1 to 10 are the history, 10 is the seed scene.
-
-        Raises:
-            UsageError: there is no such child.
-        """
+        """Return the states (V, T) of a child; frames 1 to 10 are the history, 10 is the seed scene."""
         if not 0 <= child < self.children:
             raise UsageError(f"no child {child} in {self.folder}; it has 0 to {self.children - 1}")
         return self._blocks.child(child)
 
     def state_blocks(self) -> Iterator[States]:
-        """Yield the states (C, V, T) of all children in order, some at a time to save memory."""
+        """Yield the states (C, V, T) of all children in order, some at a time."""
         return map(self._blocks.read, range(len(self._blocks.ends)))
 
     @cached_property
@@ -227,7 +235,7 @@ class Run:
         return dict(self.info["thresholds"])
 
     def column(self, text: str) -> str:
-        """Return the metric column of a name as it is printed; raises a `UsageError` if there is none."""
+        """Return the metric column of a printed name; raise a `UsageError` if there is none."""
         return COLLISION if text.strip().lower() in self.outcomes else column_named(text, self.columns)
 
     def values(self, column: str) -> FloatArray:
@@ -245,9 +253,6 @@ class Run:
         Args:
             bandwidth: of the kernel, in the metric's unit.
             reflect: as of `metric_density`; None: as set in the run.
-
-        Raises:
-            UsageError: ``collision``, which has no density.
         """
         folded = bool(self.info.get("reflect", True)) if reflect is None else reflect
         column = self.column(column)
@@ -261,9 +266,7 @@ class Run:
         return half_widths(self.metrics, self.columns, self.intervals)
 
     def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
-        """Return the share of critical children of a metric, with its 95 % interval.
-
-        A child in which the metric is undefined is not critical.
+        """Return the share of critical children with its 95 % interval; an undefined metric is not critical.
 
         Raises:
             UsageError: no ``threshold`` is given, and the run has none for this metric.
@@ -286,11 +289,7 @@ class Run:
         return None if value is None else float(value)
 
     def most_critical(self, column: str) -> int:
-        """Return the child with the most critical value of a metric.
-
-        Raises:
-            ResultError: the metric is defined in no child.
-        """
+        """Return the child with the most critical value; `ResultError` if the metric is never defined."""
         column = self.column(column)
         values = self.values(column)
         if np.isnan(values).all():
@@ -299,15 +298,12 @@ class Run:
         return int(self.metrics["child"][int(index)].as_py())
 
     def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
-        """Read one of the folder's Parquet files; raises a `ResultError` if columns or rows are missing."""
+        """Read one of the folder's Parquet files, checked for columns and number of rows."""
         return read_table(self.folder / name, columns=columns, rows=rows)
 
 
 def open_run(folder: str | Path) -> Run:
-    """Open a result folder.
-
-    Raises:
-        ResultError: no finished result is there.
+    """Open a result folder; raise a `ResultError` if it has no finished result.
 
     Example:
         >>> scex.open_run(run.folder).children

@@ -1,4 +1,4 @@
-"""Tables of a result folder, checked, because files are edited, truncated, or of other programs."""
+"""Tables of a result folder, checked, because files are edited or truncated."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
 
 
 def read_assignments(file: Path, *, rows: int) -> pa.Table:
-    """Read ``assignments.parquet``: models by their names."""
+    """Read ``assignments.parquet``."""
     table = read_table(file, columns=("child", "track_id", "model"), rows=rows)
     if not pa.types.is_string(table.schema.field("model").type) or table["model"].null_count:
         raise ResultError(f"{file}: column model holds no names; run again")
@@ -71,7 +71,7 @@ def read_assignments(file: Path, *, rows: int) -> pa.Table:
 
 
 def read_states(file: Path, *, rows: int) -> pa.Table:
-    """Read ``tracks.parquet``: states that are numbers, and no larger than those of a recording."""
+    """Read ``tracks.parquet``, with finite states no larger than those of a recording."""
     table = read_table(file, columns=("case_id", "track_id", *_STATES), rows=rows)
     _check_states(file, table)
     return table
@@ -85,10 +85,9 @@ def _check_states(file: Path, table: pa.Table) -> None:
 
 
 class StateBlocks:
-    """States in ``tracks.parquet``, read a row group at a time to save memory; only the last is kept."""
+    """States in ``tracks.parquet``, read a row group at a time to save memory."""
 
     def __init__(self, file: Path, *, children: int, vehicles: int, frames: int) -> None:
-        """Open the file; raises a `ResultError` if it has not the rows of so many children."""
         self._file, self._shape = file, (-1, vehicles, frames)
         rows = vehicles * frames
         with as_table(file):
@@ -136,7 +135,7 @@ def with_own_collisions(table: pa.Table, collisions: pa.Table, vehicles: Iterabl
 
 
 def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
-    """Read the seed scene from ``seed.csv``, with its vehicles in the order of ``run.json``."""
+    """Read the seed scene from ``seed.csv``, with vehicles in the order of ``run.json``."""
     from scex_sumo.converters.datasets.recordings import recorded_scene
 
     scene = recorded_scene(folder / known["name"], tracks=folder / "seed.csv", case="1.0", repair=False)
@@ -147,7 +146,7 @@ def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
 
 
 def as_pandas(table: pa.Table) -> Any:
-    """Return a pandas data frame; raises a `UsageError` if pandas is not installed."""
+    """Return a pandas data frame; raise a `UsageError` without pandas."""
     if importlib.util.find_spec("pandas") is None:
         raise UsageError("to_pandas needs pandas: pip install 'scex-sumo[notebook]'")
     return table.to_pandas()

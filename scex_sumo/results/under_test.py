@@ -1,8 +1,6 @@
 """Vehicles under test: the criticality of their encounters with and without the models under test.
 
-Metrics are restricted to pairs with a vehicle under test. The baseline has the same children with the same
-models for all others and the same random numbers, but drawn models for these vehicles. Each child is compared
-with its own baseline.
+Metrics count pairs with such a vehicle. In the baseline they have drawn models and all else is the same.
 """
 
 from __future__ import annotations
@@ -34,16 +32,12 @@ class Difference:
 
     Attributes:
         under_test: median with the models under test; NaN if defined in no child.
-        baseline: median without.
-        children: how many children have a value in both.
-        worse: in how many of them the models under test are more critical.
+        children: number of children with a value in both.
+        worse: children in which the models under test are more critical.
         p_value: Wilcoxon's signed-rank test for no difference in the values; NaN if no child differs.
         p_critical: share of critical children with the models under test; None without a threshold.
-        baseline_p_critical: share without.
         newly_critical: children that are critical with the models under test only.
-        no_longer_critical: children that are critical without them only.
-        critical_p_value: McNemar's exact test for no difference in the shares; NaN without a threshold or
-            such children.
+        critical_p_value: McNemar's exact test for no difference in the shares; NaN if undefined.
     """
 
     column: str
@@ -65,8 +59,7 @@ class UnderTest:
 
     Attributes:
         vehicles: model by track id; None: as drawn.
-        metrics: one row per child: ``child`` and the metric columns over the vehicles' own pairs, null where
-            undefined.
+        metrics: one row per child over the vehicles' own pairs, null where undefined.
         baseline: the same without the models under test.
 
     Example:
@@ -86,12 +79,6 @@ class UnderTest:
         without: DesignIntervals | None = None,
         reflect: bool = True,
     ) -> None:
-        """Compare two tables of the same children.
-
-        Args:
-            without: the same of the baseline, if its draws differ; None for the same.
-            reflect: as of `metric_density`.
-        """
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
         self.thresholds, self.reflect = thresholds, reflect
         self.intervals = {"under_test": intervals, "baseline": without or intervals}

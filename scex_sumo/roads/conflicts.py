@@ -1,4 +1,4 @@
-"""Conflicts of lanes: where two lanes come so close that cars on them would touch."""
+"""Conflicts of lanes: where cars on two lanes would touch."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.geometry.polylines import along, length_of, project_near, samples
 from scex_sumo.road import Lane
 
-CLEARANCE_M = 2.4  # centreline distance under which a wide car and a car do not pass each other
+CLEARANCE_M = 2.4  # of centrelines; a wide car and a car do not pass each other on less
 STEP_M = 0.25
-SLACK_M = 1e-3  # boxes are wider by this, so that rounding hides no crossing
-TOUCH_M = 0.1  # areas that reach into each other by twice this merely touch
-MIN_HEADROOM_M = 3.0  # lanes this far above one another do not conflict; bridges leave 4.5 m and more
+SLACK_M = 1e-3  # of boxes, against rounding
+TOUCH_M = 0.1  # areas that overlap by less than twice this only touch
+MIN_HEADROOM_M = 3.0  # bridges leave 4.5 m and more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class Conflict:
     """One stretch on which two lanes are in each other's way.
 
     Attributes:
-        kind: ``cross``, ``merge`` or ``diverge``; mere neighbours that touch have no conflict.
+        kind: ``cross``, ``merge`` or ``diverge``.
         spans: arc length (start, end) on each of the two, m.
     """
 
@@ -52,7 +52,7 @@ class SampledLine:
         return cls(s=s, points=points, line=whole, on_line=shapely.points(points))
 
     def near(self, other: SampledLine, reach_m: float) -> BoolArray:
-        """Return whether each point is nearer than this to another polyline, (N,)."""
+        """Return (N,) whether each point is nearer than ``reach_m`` to another polyline."""
         return np.asarray(shapely.dwithin(other.line, self.on_line, np.nextafter(reach_m, 0.0)))
 
 
@@ -60,8 +60,8 @@ def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[
     """Return all conflicts between lanes, ordered by lane ids.
 
     Args:
-        border_forks: include lanes that diverge from the map's border on. A junction cannot begin there, as
-            they have no common approach; to insert a vehicle one must check both lanes.
+        border_forks: include lanes that diverge at the map's border; to insert a vehicle one must check both
+            lanes.
     """
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
@@ -79,7 +79,7 @@ def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
     """Recognise forks and merges that run over several short lanes.
 
     Two lanes that overlap from their starts without crossing continue a fork if their predecessors are one
-    lane or diverge. The same holds for merges at the other end.
+    lane or diverge; merges in the same way.
     """
     changed = True
     while changed:
@@ -128,7 +128,6 @@ def lines_cross(a: FloatArray, b: FloatArray) -> bool:
 
 
 def _segments_in(line: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return starts and steps (S, 2) of a polyline's segments whose boxes reach into a box."""
     start, end = line[:-1], line[1:]
     meets = ((np.maximum(start, end) >= low) & (np.minimum(start, end) <= high)).all(axis=1)
     return start[meets], (end - start)[meets]
@@ -169,7 +168,7 @@ def _run_around(s: FloatArray, close: BoolArray, low: float, high: float) -> tup
 
 
 def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, float], gap: FloatArray) -> str:
-    """Classify a conflict by its stretch alone, as chains of short lanes need it."""
+    """Classify a conflict by its stretch alone."""
     if opposed(a.centreline, b.centreline, span_a, span_b):
         return "cross"
     ends = [length_of(a.centreline) - span_a[1], length_of(b.centreline) - span_b[1]]
@@ -179,7 +178,7 @@ def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, fl
         return "merge"
     if at_start and set(a.predecessors) & set(b.predecessors):
         return "diverge"
-    # Longer chains: the lanes come closest at the end where they meet the rest of the chain.
+    # In a longer chain the lanes are closest at the end where they meet its rest.
     low = float(gap.min()) + 0.1
     at_start, at_end = min(starts) < 2 * STEP_M, min(ends) < 2 * STEP_M
     if at_start and gap[0] <= low and not (at_end and gap[-1] < gap[0]):
@@ -199,11 +198,11 @@ def opposed(a: FloatArray, b: FloatArray, span_a: tuple[float, float], span_b: t
 def overlapping(lanes: Mapping[int, Lane], centres: Mapping[int, FloatArray]) -> dict[int, Lane]:
     """Return the lanes with ``conflicts`` set: vehicle lanes whose areas overlap.
 
-    As in Lanelet2's routing graph, lanes do not conflict if they follow one another, lie side by side in one
-    direction, or lie on different levels.
+    As in Lanelet2, lanes do not conflict if they follow one another, lie side by side in one direction, or
+    lie on different levels.
 
     Args:
-        centres: (P, 3) centreline with heights by lane id, or (P, 2) if heights are unknown.
+        centres: centreline by lane id, (P, 3) with heights or (P, 2).
     """
     ids = [i for i, lane in lanes.items() if lane.kind == "vehicle"]
     areas = [_area(lanes[i]) for i in ids]

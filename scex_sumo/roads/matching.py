@@ -1,7 +1,4 @@
-"""Map matching: the lanes that vehicles may be on, by position and heading.
-
-A pose is compared with the centreline segments near its cell of a grid over the map.
-"""
+"""Map matching: the lanes that vehicles may be on, by position and heading."""
 
 from __future__ import annotations
 
@@ -17,10 +14,10 @@ from scex_sumo.scene import SeedScene
 
 OFFSET_SIGMA_M = 0.8  # half a lane off is two sigma
 HEADING_SIGMA_RAD = 0.15  # 8.6 degrees
-OFFSET_MARGIN_M = 1.0  # centres this far outside the bounds still match: maps and tracks disagree that much
+OFFSET_MARGIN_M = 1.0  # maps and tracks disagree that much
 HEADING_LIMIT_RAD = np.deg2rad(60.0)
-CELL_M = 2.0  # a lane is wider: smaller cells would hold the same segments
-MAX_CELLS = 2**20  # very large maps get larger cells
+CELL_M = 2.0  # a lane is wider
+MAX_CELLS = 2**20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +26,7 @@ class Matches:
 
     Attributes:
         vehicle: index into the arguments of `match`.
-        s: arc length of the foot point on the lane's centreline, m.
+        s: arc length of the foot point on the centreline, m.
         offset: signed distance to the centreline, m, left positive.
         heading_error: vehicle minus lane, rad.
         probability: sums to 1 over the candidates of a vehicle.
@@ -63,7 +60,6 @@ def lane_segments(road: Road) -> LaneSegments:
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
     steps = [np.diff(lane.centreline, axis=0) for lane in lanes]
     lengths = [np.hypot(step[:, 0], step[:, 1]) for step in steps]
-    # Begun with an empty array for roads without lanes.
     step, length = np.concatenate([np.empty((0, 2)), *steps]), np.concatenate([np.empty(0), *lengths])
     s = np.concatenate([np.empty(0), *(np.cumsum(part) - part for part in lengths)])
     start = np.concatenate([np.empty((0, 2)), *(lane.centreline[:-1] for lane in lanes)])
@@ -91,8 +87,8 @@ class Grid:
         low: (2,) lower left corner of the map, m.
         size: of a cell, m.
         shape: cells along x and y.
-        first: (cells + 1,) where the segments of a cell begin in `segment`.
-        segment: (K,) indices of segments, ascending within a cell.
+        first: (cells + 1,) begin of each cell in `segment`.
+        segment: (K,) indices, ascending within a cell.
     """
 
     low: FloatArray
@@ -104,7 +100,6 @@ class Grid:
     def near(self, x: FloatArray, y: FloatArray) -> tuple[IntArray, IntArray]:
         """Return pairs of pose and segment that may match, by pose, then by segment."""
         column, row = np.floor((x - self.low[0]) / self.size), np.floor((y - self.low[1]) / self.size)
-        # A pose that is NaN is outside.
         inside = (column >= 0) & (column < self.shape[0]) & (row >= 0) & (row < self.shape[1])
         pose = np.flatnonzero(inside)
         cell = column[pose].astype(np.int64) * self.shape[1] + row[pose].astype(np.int64)
@@ -116,7 +111,7 @@ class Grid:
 
 @owner_cache
 def _grid(road: Road) -> Grid:
-    """Enter each segment in the cells with a point within its lane's reach, or a little more."""
+    """Enter each segment in the cells with a point within its lane's reach."""
     segments = lane_segments(road)
     if not len(segments.owner):
         nothing = np.zeros(1, dtype=np.int64)
@@ -145,17 +140,11 @@ def _grid(road: Road) -> Grid:
 
 
 def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matches:
-    """Find the lanes that vehicles may be on; a vehicle off the mapped lanes has none.
+    """Find the lanes that vehicles (n,) may be on; a vehicle off the mapped lanes has none.
 
     A lane is a candidate if the centre is at most `OFFSET_MARGIN_M` outside its bounds and the heading within
-    `HEADING_LIMIT_RAD` of the lane's. Each centreline segment gets the likelihood
-    exp(-(distance/0.8 m)^2/2 - (heading difference/0.15 rad)^2/2). A lane has the likelihood of its best
-    segment, so that short kinks do not disturb the match.
-
-    Args:
-        x: (n,) centres, m.
-        y: (n,) centres, m.
-        heading: (n,) rad.
+    `HEADING_LIMIT_RAD` of the lane's. Its likelihood is that of its best centreline segment:
+    exp(-(distance/0.8 m)^2/2 - (heading difference/0.15 rad)^2/2).
     """
     segments = lane_segments(road)
     pose, segment = _grid(road).near(x, y)
@@ -171,12 +160,11 @@ def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matc
     pose, segment, error, t = pose[near], segment[near], error[near], t[near]
     cost = (distance[near] / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
     lane = segments.owner[segment]
-    # Rows come by pose and segment, and the segments of a lane follow each other.
     changes = np.flatnonzero((np.diff(pose) != 0) | (np.diff(lane) != 0)) + 1
     starts = np.concatenate([np.zeros(min(1, len(pose)), dtype=np.int64), changes])
     best = _first_of_the_cheapest(cost, starts)
     pose, lane, segment = pose[best], lane[best], segment[best]
-    # Floored, since a likelihood that underflows to zero could not be normalised.
+    # A likelihood of zero could not be normalised.
     score = np.exp(-0.5 * np.minimum(cost[best], 600.0))
     order = np.lexsort((lane, -score, pose))
     best, pose, segment, score = best[order], pose[order], segment[order], score[order]

@@ -11,16 +11,16 @@ from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import conflicts
 from scex_sumo.roads.relations import ways_round
 
-MAX_RING_M = 400.0  # the way round; longer ways back to the same lane are blocks of streets
-AROUND_M = 5.0  # a crossing or merge reaches this far beyond the conflict of lanes
+MAX_RING_M = 400.0  # longer ways round are blocks of streets
+AROUND_M = 5.0
 PLACES = ("ring", "crossing", "merge", "lane")
 
 
 def places_of(road: Road, points: FloatArray) -> list[str | None]:
     """Return the kind of place of each point (N, 2), one of ``PLACES``; None off the lanes.
 
-    A ring is a lane from which a way of at most 400 m leads back to its start. A crossing or merge reaches
-    5 m beyond the lanes' conflict. An acceleration lane and the lane beside it are a merge.
+    A way of at most 400 m leads from a ring lane back to it. A crossing or merge reaches 5 m beyond the
+    lanes' conflict. An acceleration lane and the next lane are a merge.
     """
     rank = np.full(len(points), len(PLACES))
     rings, meetings = _rings(road), _meetings(road)
@@ -40,7 +40,6 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
 
 @owner_cache
 def _rings(road: Road) -> frozenset[int]:
-    """Return the lanes from which a short way leads back to their start."""
     lanes = list(road.vehicle_lanes.values())
     short = ways_round(lanes) <= MAX_RING_M
     return frozenset(lane.lane_id for lane, ring in zip(lanes, short.tolist(), strict=True) if ring)
@@ -56,7 +55,7 @@ def _meetings(road: Road) -> dict[int, list[tuple[str, float, float]]]:
         if conflict.kind in words:
             for number, (start, end) in zip(conflict.lanes, conflict.spans, strict=True):
                 meetings.setdefault(number, []).append((words[conflict.kind], start, end))
-    for lane in lanes.values():  # one that ends beside another that goes on: an acceleration lane
+    for lane in lanes.values():  # an acceleration lane ends beside another lane
         for beside in (lane.left, lane.right):
             if beside in lanes and lanes[beside].successors and not lane.successors:
                 for number in (lane.lane_id, beside):

@@ -14,11 +14,11 @@ from scex_sumo.geometry.polylines import along, arc_lengths, length_of
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.conflicts import Conflict, conflicts, lines_cross, opposed
 
-CONFLICT_M = 80.0  # how far ahead drivers look for a meeting place
-CONFLICTS = 4  # meeting places per pair of lanes, the nearest first
-BESIDE_M = 30.0  # how far along the lanes a vehicle on the next lane still counts as beside
-SIDEWAYS = 2  # lanes to either side
-SAMPLE_M = 0.5  # step in the search for the closest places of lanes that do not cross
+CONFLICT_M = 80.0  # sight of drivers
+CONFLICTS = 4  # meeting places per pair of lanes
+BESIDE_M = 30.0  # along the lanes
+SIDEWAYS = 2
+SAMPLE_M = 0.5  # of the search for closest places
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,18 +27,15 @@ class LaneRelations:
 
     Attributes:
         length: (L,) m.
-        ahead: (L, L) way from the start of a to the start of b along successors, m; inf without a way,
-            0 on the diagonal.
-        loop: (L,) shortest way from the start of a lane back to its start, m; inf without one.
+        ahead: (L, L) way from the start of a to the start of b along successors, m; else inf; 0 on the
+            diagonal.
+        loop: (L,) shortest way from the start of a lane back to its start, m; else inf.
         side: (L, L) number of lanes that b lies left (positive) or right of a, at most `BESIDE_M` before or
             after it; 0 if they are not neighbours.
-        lead: (L, L) with the next two, where `side` is not 0: a vehicle at ``s_b`` on b leads one at ``s_a``
-            on a by ``lead + stretch_b * s_b - stretch_a * s_a``, m.
-        stretch_a: (L, L).
-        stretch_b: (L, L).
-        meeting: (L, L, CONFLICTS, 2) way from the start of a, and of b, to the places where their ways ahead
-            meet, m: where centrelines cross, or where merging lanes first come too close for two vehicles.
-            The nearest first, by the sum of both; inf without a place.
+        lead: (L, L) if `side` is not 0: a vehicle at ``s_b`` on b leads one at ``s_a`` on a by ``lead +
+            stretch_b * s_b - stretch_a * s_a``, m.
+        meeting: (L, L, CONFLICTS, 2) ways from the start of a, and of b, to the places where they cross or
+            begin to merge, m; the nearest first, by the sum of both; else inf.
     """
 
     length: FloatArray
@@ -76,7 +73,6 @@ class RoadIndex:
     Attributes:
         lane_id: (L,) ascending; the other tables count lanes in this order.
         speed_limit: (L,) m/s.
-        relations: how each lane relates to each other one.
     """
 
     lane_id: IntArray
@@ -86,7 +82,7 @@ class RoadIndex:
 
 @owner_cache
 def road_index(road: Road) -> RoadIndex:
-    """Return the index of a road, kept with it."""
+    """Return the index of a road, cached with it."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
     return RoadIndex(
         lane_id=np.array([lane.lane_id for lane in lanes], dtype=np.int64),
@@ -111,7 +107,6 @@ def _loops(
 
 
 def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> FloatArray:
-    """Return the shortest ways along successors from start to start (L, L), m."""
     ways = np.full((len(lanes), len(lanes)), np.inf)
     np.fill_diagonal(ways, 0.0)
     links = {(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number}
@@ -154,7 +149,7 @@ def _beside(
     count = len(lanes)
     side, lead = np.zeros((count, count), dtype=np.int64), np.zeros((count, count))
     stretch_a, stretch_b = np.ones((count, count)), np.ones((count, count))
-    # From the end of one lane to the start of the other, whichever way round is shorter.
+    # From the end of one lane to the start of the other, the shorter way.
     onward = ahead - length[:, None]
     np.fill_diagonal(onward, 0.0)
     gap = np.minimum(onward, onward.T)
@@ -163,7 +158,6 @@ def _beside(
     every = np.arange(count)
     for a, b, hops in _neighbours(lanes, number):
         ratio = length[a] / length[b] if length[b] > 0 else 1.0
-        # A lane before or after a is beside b; a is beside a lane before or after b.
         for one, other, shift, from_a, from_b, way in (
             (every, b, position[:, a], 1.0, ratio, gap[:, a]),
             (a, every, position[b] * ratio, 1.0, ratio, gap[b]),
@@ -172,7 +166,7 @@ def _beside(
             for table, value in ((side, hops), (lead, shift), (stretch_a, from_a), (stretch_b, from_b)):
                 table[one, other] = np.where(better, value, table[one, other])
             nearest[one, other] = np.where(better, way, nearest[one, other])
-    lower = np.tril_indices(count, -1)  # the same lead seen from either vehicle
+    lower = np.tril_indices(count, -1)  # seen from the other vehicle
     side[lower], lead[lower] = -side.T[lower], -lead.T[lower]
     stretch_a[lower], stretch_b[lower] = stretch_b.T[lower], stretch_a.T[lower]
     np.fill_diagonal(side, 0)
@@ -210,14 +204,13 @@ def _meetings(
 
 
 def _conflicts_ahead(lanes: dict[int, Lane]) -> list[Conflict]:
-    """Return the conflicts that drivers approach: crossings and merges, not the branches of a fork.
+    """Return the crossings and merges that drivers approach, without the branches of a fork.
 
-    Branches may overlap for longer than their first lanes. A lane that overlaps from its start without
-    crossing continues a fork if a lane before it is a branch beside the same other lane.
+    A lane that overlaps from its start without crossing continues a fork.
     """
     every = conflicts(lanes)
     forks = {c.lanes for c in every if c.kind == "diverge"}
-    forks |= {  # at the map's border a fork has no lane before it
+    forks |= {  # forks at the map's border
         (min(i, j), max(i, j))
         for i, lane in lanes.items()
         for j in lane.conflicts
@@ -244,8 +237,7 @@ def _parts_further(conflict: Conflict, lanes: dict[int, Lane], forks: set[tuple[
 def _meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, float]:
     """Return where two lanes meet, as an arc length on each, m.
 
-    It is the beginning of a merge. Else it is the first crossing of the centrelines within the shared
-    stretch; without a crossing the place where they come closest, or the middle between opposed lanes.
+    A merge begins there; else the centrelines cross first, or are closest, or in the middle of opposed lanes.
     """
     (first_a, last_a), (first_b, last_b) = conflict.spans
     if conflict.kind == "merge":

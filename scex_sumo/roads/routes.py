@@ -1,4 +1,4 @@
-"""Routes of vehicles: sequences of lanes that they can take, and the centrelines under them."""
+"""Routes of vehicles: sequences of lanes that they can take, and their centrelines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from scex_sumo.road import Lane, Road
 from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match
 from scex_sumo.scene import SeedScene
 
-CHANGE_LENGTH_M = 40.0  # lane change at the end of a lane
+CHANGE_LENGTH_M = 40.0  # at the end of a lane
 MAX_ROUTES = 32
 HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path
 
@@ -32,8 +32,8 @@ class CandidatePath:
     """One way a vehicle can go.
 
     Attributes:
-        lanes: lane ids; the vehicle is on the first. Each next lane is a successor, or a neighbour if the
-            lane ends and a lane change is the only way on.
+        lanes: lane ids, from the vehicle's on; a next lane is a successor, or a neighbour if it is the only
+            way on.
         s: arc length of the vehicle's foot point on the first lane, m.
         probability: match probability, shared equally at every fork.
         angle: from the vehicle to the end of the path in the vehicle's frame, rad, left positive.
@@ -48,9 +48,8 @@ class CandidatePath:
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
     """Return all lane sequences from arc length ``s`` on a lane over a distance, at most `MAX_ROUTES`.
 
-    A route follows successors. If a lane has none, the route changes to the neighbour if allowed, left first.
-    It ends at the horizon or at the end of the mapped road; in a roundabout a lane can come twice. The order
-    is that of a depth-first search over ascending lane ids.
+    A route follows successors, else changes to a neighbour if allowed, left first. It ends at the horizon or
+    at the end of the road. The order is that of a depth-first search over ascending lane ids.
     """
     lanes, length = _known(road), _lengths(road)
     complete: list[tuple[int, ...]] = []
@@ -73,7 +72,7 @@ def onward(lanes: dict[int, Lane], route: tuple[int, ...]) -> tuple[list[int], b
     if ahead:
         return ahead, True
     beside = [i for i in (last.left, last.right) if i is not None and i in lanes and i not in route]
-    # A neighbour that ends too leads nowhere; two changes in a row are not tried.
+    # Two changes in a row are not tried.
     return [i for i in beside if lanes[i].successors][:1], False
 
 
@@ -84,7 +83,7 @@ def _known(road: Road) -> dict[int, Lane]:
 
 @owner_cache
 def _lengths(road: Road) -> dict[int, float]:
-    """Return the lengths of the vehicle lanes, m; never zero, so that every search along them ends."""
+    """Return the lengths of the vehicle lanes, m; never zero, so that every search ends."""
     steps = {i: np.diff(lane.centreline, axis=0) for i, lane in _known(road).items()}
     return {i: max(float(np.hypot(*step.T).sum()), 0.01) for i, step in steps.items()}
 
@@ -98,10 +97,9 @@ def _turn(road: Road, lane: int, other: int) -> float:
 
 
 def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, ...], ...]:
-    """Return the paths that each vehicle of a seed scene can take; none for a vehicle off the mapped lanes.
+    """Return the paths that each vehicle of a seed scene can take, from left to right; none off the lanes.
 
-    A path is 80 m long, or 6 s at the vehicle's speed if that is longer. Paths are ordered from left to
-    right: by falling angle from the vehicle to the path's end, then by lane ids.
+    A path is 80 m long, or 6 s at the vehicle's speed if that is longer.
     """
     now = scene.now
     found = match(road, now.x, now.y, now.heading)
@@ -129,9 +127,8 @@ def _past(scene: SeedScene, vehicle: int) -> FloatArray:
 def _starts(road: Road, found: Matches, mine: IntArray, past: FloatArray) -> list[tuple[int, float, float]]:
     """Return (lane, s, probability) of the lanes that a vehicle's routes start on, best first.
 
-    If several lanes match, each is weighted by the likelihood that the vehicle came along it: by the distance
-    of past places to it and its predecessors, at most two sigma each. Taken are the best lane and others at
-    least 0.3 times as probable, without lanes ahead of or behind a taken one: these give the same routes.
+    If several lanes match, the past decides. Lanes under 0.3 times as probable as the best, ahead of or
+    behind a taken one are left out.
     """
     options = [(int(found.lane_id[i]), float(found.s[i]), float(found.probability[i])) for i in mine]
     if len(options) > 1 and len(past):
@@ -166,7 +163,7 @@ def _paths_from(
     paths = []
     for route in options:
         share = probability
-        for i in range(1, len(route)):  # alternatives at each fork, counted among the routes found
+        for i in range(1, len(route)):  # alternatives at each fork
             share /= len({other[i] for other in options if other[:i] == route[:i] and len(other) > i})
         points, _ = centreline(road, route, s, 0.0, horizon)
         dx, dy = points[-1] - (x, y)
@@ -178,7 +175,7 @@ def _paths_from(
 def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, ...]:
     """Extend a route by the smallest turn at every fork, to a length or to the end of the road."""
     known, length = _known(road), _lengths(road)
-    # A lane beside the one before adds nothing: the change is made within its length.
+    # A lane change adds no length.
     covered = length[lanes[0]] + sum(length[b] for a, b in pairwise(lanes) if b in known[a].successors)
     while covered < length_m:
         following, gain = onward(known, lanes)
@@ -196,7 +193,7 @@ def centreline(
 ) -> tuple[FloatArray, IntArray]:
     """Return the centreline of a route from `behind_m` before to `ahead_m` after arc length `s`.
 
-    It follows the predecessors with the smallest turn, and goes straight on at the ends of the road.
+    It follows the smallest turns, and goes straight on at the ends of the road.
 
     Returns:
         (P, 2) points and (P,) the lane id under each.
@@ -219,7 +216,6 @@ def centreline(
 
 
 def _pieces(known: dict[int, Lane], sequence: tuple[int, ...]) -> tuple[list[FloatArray], list[int]]:
-    """Return the centrelines of a sequence of lanes; a lane change is blended over the lane's end."""
     pieces: list[FloatArray] = []
     rest = known[sequence[0]].centreline
     for a, b in pairwise(sequence):
@@ -239,7 +235,6 @@ def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tu
     inside = slice(int(np.searchsorted(arc, ends[0], side="right")), int(np.searchsorted(arc, ends[1])))
     at = np.clip(np.searchsorted(arc, ends, side="right") - 1, 0, len(points) - 1)
     edge = np.column_stack([np.interp(ends, arc, points[:, 0]), np.interp(ends, arc, points[:, 1])])
-    # Straight on past the ends, along the first and the last step.
     first, last = points[1] - points[0], points[-1] - points[-2]
     edge[0] += min(start, 0.0) * first / np.hypot(*first)
     edge[1] += max(start + length - arc[-1], 0.0) * last / np.hypot(*last)

@@ -1,4 +1,4 @@
-"""Example seeds of this package, recorded seeds, and synthetic seeds populated by SUMO."""
+"""Seed scenes: examples, recorded moments, synthetic traffic."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EXAMPLES = ("roundabout", "motorway_merge", "urban_intersection")
 
 
 def example_path(name: str) -> Path:
-    """Return the map of an example seed, one of ``EXAMPLES``; its tracks lie beside it as ``NAME.csv``.
+    """Return the map of an example of ``EXAMPLES``; its tracks lie beside it as ``NAME.csv``.
 
     Raises:
         UsageError: there is no such example.

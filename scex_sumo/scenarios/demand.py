@@ -1,8 +1,8 @@
-"""Traffic demand for any SUMO net: random routes from border to border of the map, random drivers."""
+"""Random traffic demand for a SUMO net: routes from border to border, random drivers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -15,11 +15,11 @@ from scex_sumo.base.errors import SimulationError
 from scex_sumo.converters.net.reader import NetContent, points_of, read_net
 from scex_sumo.geometry.polylines import begin_inside
 
-LATERAL_MPS2 = 2.5  # comfortable in a curve; most drivers stay between 2 and 3
-CURVE_WINDOW_M = 6.0  # shorter bends than a car are the map's, not the road's
+LATERAL_MPS2 = 2.5  # usual in curves: 2 to 3
+CURVE_WINDOW_M = 6.0  # shorter bends are kinks of the map
 MIN_LIMIT_MPS = 4.0
-CHANGE_M = 40.0  # shorter edges leave no room for a planned lane change
-MIN_ROAD_M = 30.0  # shorter single roads hold no traffic
+CHANGE_M = 40.0  # for a planned lane change
+MIN_ROAD_M = 30.0  # of a single road
 MAX_ROUTE = 80  # edges
 ROUND_TRIP = 12  # edges of a route in a net without exits
 ROUTE_TRIES = 40
@@ -33,13 +33,13 @@ Place: TypeAlias = tuple[str, int]
 
 @dataclass(frozen=True, kw_only=True)
 class Trip:
-    """One vehicle of the demand.
+    """Vehicle of the demand.
 
     Attributes:
-        depart_s: when it wants to enter.
-        lane: index of the lane it enters on.
+        depart_s: wanted time of entry.
+        lane: index of the entered lane.
         kind: ``car`` or ``truck``.
-        driver: attributes of the ``vType`` element.
+        driver: ``vType`` attributes.
     """
 
     depart_s: float
@@ -52,10 +52,10 @@ class Trip:
 
 
 class Network:
-    """Lanes of a SUMO net that cars may use, and random routes over them.
+    """Car lanes of a SUMO net, and random routes over them.
 
     Attributes:
-        origins: (edge, index) of the lanes into the map; none that begins on another lane.
+        origins: lanes into the map; none begins on another lane.
     """
 
     def __init__(self, net_path: Path) -> None:
@@ -79,7 +79,7 @@ class Network:
             self.origins = sorted(self._lanes if self._endless else roads)
 
     def random_route(self, origin: Place, rng: np.random.Generator) -> tuple[str, ...] | None:
-        """Return the edges of a random route from a lane to the map's border, each fork equally likely."""
+        """Return the edges of a random route to the map's border, each fork equally likely."""
         longest = ROUND_TRIP if self._endless else MAX_ROUTE
         for _ in range(ROUTE_TRIES):
             edges, here = [origin[0]], origin
@@ -94,8 +94,7 @@ class Network:
         return None
 
     def _next(self, here: Place, done: list[str]) -> list[Place]:
-        """Return one lane for each edge that can come next."""
-        # Without room for a lane change, only the vehicle's own lane counts, unless it ends here.
+        # Without room for a lane change the vehicle stays on its lane, unless it ends.
         room = self._lanes[here].length_m >= CHANGE_M or not self._onward[here]
         choices: dict[str, Place] = {}
         for place in self._reachable(here) if room else [here]:
@@ -105,7 +104,7 @@ class Network:
         return list(choices.values())
 
     def _reachable(self, here: Place) -> Iterator[Place]:
-        """Yield the lanes of an edge that can be reached from one of them, itself first."""
+        """Yield the lanes of an edge in reach of one of them, itself first."""
         yield here
         for step, may_change in ((1, "change_left"), (-1, "change_right")):
             edge, index = here
@@ -115,19 +114,31 @@ class Network:
 
 
 def random_trips(
-    network: Network, *, until_s: float, every_s: tuple[float, float], rng: np.random.Generator
+    network: Network,
+    *,
+    until_s: float,
+    every_s: tuple[float, float],
+    rng: np.random.Generator,
+    most_origins: int = 1_000,
+    check: Callable[[], None] = lambda: None,
 ) -> list[Trip]:
     """Return random vehicles by time of departure.
 
     Args:
-        every_s: mean time between vehicles on a lane into the map, at the beginning and at the end; it
-            changes geometrically, and differs between lanes at random.
+        every_s: mean time between vehicles on an entry lane at the beginning and at the end; it changes
+            geometrically and differs between lanes.
+        most_origins: number of entry lanes, drawn at random if the net has more.
+        check: called often; may raise.
 
     Raises:
         SimulationError: the net has no route through it.
     """
     trips: list[Trip] = []
-    for origin in network.origins:
+    origins = network.origins
+    if len(origins) > most_origins:
+        origins = [origins[k] for k in np.sort(rng.choice(len(origins), most_origins, replace=False))]
+    for origin in origins:
+        check()
         share, clock = rng.uniform(0.6, 1.6), 0.0
         while True:
             mean = every_s[0] * (every_s[1] / every_s[0]) ** (clock / until_s)
@@ -166,7 +177,7 @@ def write_trips(path: Path, trips: list[Trip]) -> None:
 
 
 def write_curve_limits(net_path: Path, target: Path) -> None:
-    """Copy a net with every lane's speed limited to what its curves allow; SUMO itself ignores curves."""
+    """Copy a net with speed limits for its curves, which SUMO ignores."""
     tree = ElementTree.parse(net_path)
     for lane in tree.getroot().iter("lane"):
         sharpest = _sharpest(points_of(lane.get("shape", "")))
@@ -181,7 +192,7 @@ def _place(name: str) -> Place:
 
 
 def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]:
-    """Return the lanes that begin on other lanes: a vehicle that enters there stands in traffic."""
+    """Return lanes that begin on other lanes: vehicles there would enter into traffic."""
     edges = {edge for edge, _ in starts}
     apart = {f"{edge}_{index}": set(net.edges[edge]) for edge, index in starts}
     for link in net.links:
@@ -193,7 +204,7 @@ def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]
 
 
 def _sharpest(shape: FloatArray) -> float:
-    """Return the largest curvature of a polyline over stretches of a car's length, 1/m."""
+    """Return the largest curvature of a polyline over a car's length, 1/m."""
     step = np.diff(shape, axis=0)
     length = np.hypot(step[:, 0], step[:, 1])
     step, length = step[length > 1e-6], length[length > 1e-6]
@@ -219,7 +230,7 @@ def _trip(depart_s: float, lane: int, edges: tuple[str, ...], rng: np.random.Gen
         "minGap": f"{np.clip(rng.normal(2.2, 0.5), 1.2, 4.0):.2f}",
         "speedFactor": f"{np.clip(rng.normal(0.98, 0.1), 0.75, 1.25):.3f}",
         "maxSpeed": f"{TRUCK_TOP_MPS if truck else 60.0:.1f}",
-        # Cars change lanes by driving, not by sliding: lateral speed in proportion to speed.
+        # Lateral speed in proportion to speed: cars do not slide.
         "lcMaxSpeedLatStanding": "0",
         "lcMaxSpeedLatFactor": "0.15",
         "jmTimegapMinor": f"{np.clip(rng.normal(1.0, 0.3), 0.4, 2.0):.2f}",

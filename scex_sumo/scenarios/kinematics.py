@@ -1,4 +1,4 @@
-"""Kinematics of a car: its poses from the path of its front bumper, which SUMO simulates."""
+"""Kinematics of a car: poses from the path of its front bumper, which SUMO simulates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.scene import STEP_S, States
 
-REAR_AXLE_SHARE = 0.8  # rear axle behind the front bumper, in vehicle lengths
+REAR_AXLE_SHARE = 0.8  # behind the front bumper, in lengths
 SUBSTEPS = 4
 EVEN_STEPS = 3  # on either side
 PATH_STEP_M, PATH_STEPS = 0.25, 8  # 2 m on either side
@@ -19,21 +19,21 @@ PATH_STEP_M, PATH_STEPS = 0.25, 8  # 2 m on either side
 def body_states(
     fronts: Sequence[FloatArray], headings: Sequence[float], lengths_m: Sequence[float]
 ) -> list[States]:
-    """Return the centre, heading and speed of vehicles whose front bumper follows a path.
+    """Return states of vehicles whose front bumper follows a path.
 
-    The rear axle of a car rolls along the car's axis: it follows a tractrix of the front. SUMO turns a car as
-    if both bumpers lay on the lane, which jumps at the kinks of a polyline and at lane changes.
+    The rear axle follows a tractrix of the front. SUMO puts both bumpers on the lane, which jumps at kinks
+    and lane changes.
 
     Args:
-        fronts: (T, 2) front bumper of each vehicle at each step, m; T differs between vehicles.
-        headings: of each vehicle at its first step, rad.
+        fronts: (T, 2) front bumper of each vehicle, m; T differs between vehicles.
+        headings: at the first step, rad.
 
     Returns:
         (T,) states of each vehicle; the first speed repeats the second.
     """
     fronts = [_even(front) for front in fronts]
     steps = max(map(len, fronts), default=0)
-    # All vehicles at once; those with shorter paths stand at the end of theirs.
+    # Vehicles with shorter paths stand at the end of theirs.
     path = np.stack([np.pad(front, ((0, steps - len(front)), (0, 0)), "edge") for front in fronts], axis=1)
     angles = np.empty(path.shape[:2])
     angles[0] = headings
@@ -54,10 +54,10 @@ def body_states(
 
 
 def _even(front: FloatArray) -> FloatArray:
-    """Smooth a drive over the map's kinks, by less than a recording's tracker does.
+    """Smooth a drive over the map's kinks, by less than a tracker does.
 
-    Where lanes meet, steps are centimetres too long or short, and lanes are polylines. So the arc length is
-    averaged over time, and the path over arc length.
+    Where lanes meet, steps are centimetres too long or short, and lanes have kinks. So arc length is averaged
+    over time, and the path over arc length.
     """
     s = arc_lengths(front)
     moving = np.concatenate([[True], np.diff(s) > 0])
@@ -73,7 +73,6 @@ def _even(front: FloatArray) -> FloatArray:
 
 
 def _averaged(values: FloatArray, reach: int) -> FloatArray:
-    """Return weighted means over ``reach`` neighbours on either side; the ends stay where they are."""
     ends = np.arange(1, reach + 1)
     before = values[0] - ends[::-1] * (values[1] - values[0])
     after = values[-1] + ends * (values[-1] - values[-2])
@@ -84,7 +83,6 @@ def _averaged(values: FloatArray, reach: int) -> FloatArray:
 
 
 def _speeds(centre: FloatArray, headings: FloatArray) -> FloatArray:
-    """Return the displacement per step along the step's mean heading, never negative, m/s."""
     if len(centre) < 2:
         return np.zeros(len(centre))
     step = np.diff(centre, axis=0)

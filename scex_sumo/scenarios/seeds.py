@@ -1,4 +1,4 @@
-"""Seed scenes with their map: read from recordings, or populated by SUMO."""
+"""Seed scenes with their map: recorded, or populated by SUMO."""
 
 from __future__ import annotations
 
@@ -28,15 +28,14 @@ def read_seed(
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
-        tracks: a track file in INTERACTION format, a CommonRoad scenario, or a folder with the chunks of one
-            CommonRoad recording; None looks where the dataset's folder layout has it, and takes a CommonRoad
-            map's own vehicles.
-        case: the case of a file with ``case_id``; None for the busiest one.
-        time: the moment in seconds of the recording; None for frame 10 of a case, or for the moment of a
-            recording with most moving vehicles recorded from 1 s before to 3 s after.
+        tracks: a track file in INTERACTION format, a CommonRoad scenario, or a folder with the chunks of a
+            CommonRoad recording; None: the dataset's folder layout, or a CommonRoad map's vehicles.
+        case: of a file with ``case_id``; None: the busiest one.
+        time: seconds in the recording; None: frame 10 of a case, or the moment with most moving vehicles
+            recorded from 1 s before to 3 s after.
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
-        align: move tracks that lie beside the map's lanes onto them, see `align_tracks`.
-        cache: keep the road in ``~/.cache/scex-sumo`` for the next run on the same map.
+        align: move tracks beside the lanes onto them, see `align_tracks`.
+        cache: keep the road in ``~/.cache/scex-sumo``.
 
     Raises:
         MapError: the map cannot be read.
@@ -54,7 +53,7 @@ def read_seed(
     try:
         track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
     except TrackError:
-        read_map(map_path)  # a file that is no map is the likelier reason, and says so
+        read_map(map_path)  # no map is the likelier reason
         raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False, keep=cache)
     scene = recorded_scene(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
@@ -70,20 +69,19 @@ def synthetic_seed(
     cache: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> SeedScene:
-    """Populate a map by SUMO's own demand and car-following, and take one moment with history and future.
+    """Populate a map by SUMO's demand and car-following, and return one moment with history and future.
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
-        vehicles: number of vehicles in the seed scene.
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
-        cache: keep road, net and scene in ``~/.cache/scex-sumo`` for the next run on the same map.
-        progress: called with the moments tried and the most that will be.
+        cache: keep road, net and scene in ``~/.cache/scex-sumo``.
+        progress: called with the seconds spent and their limit.
 
     Raises:
         MapError: the map cannot be read.
-        SimulationError: the map cannot hold so many vehicles.
+        SimulationError: the map cannot hold so many vehicles, or is not populated within 10 s.
 
     Example:
         >>> scex.synthetic_seed(scex.example_path("roundabout"), vehicles=3).vehicles

@@ -1,7 +1,8 @@
-"""Synthetic seed scenes: a converted map, populated by SUMO's own demand and car-following."""
+"""Synthetic seed scenes: a net, populated by SUMO's demand and car-following."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,14 +17,14 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 WARM_UP_S = 30.0
 FUTURE_STEPS = 100
-# Traffic grows until the map holds enough: duration, and time between vehicles on a lane into the map at the
-# beginning and at the end. The second attempt is as much as fits.
+# Duration, and time between vehicles on an entry lane at the beginning and at the end, s.
 _ATTEMPTS = ((150.0, (40.0, 3.0)), (240.0, (6.0, 1.5)))
-MAX_MOMENTS, MAX_ALIKE = 500, 100  # tried in an attempt, and of these with the same number of vehicles
+MAX_MOMENTS, MAX_ALIKE = 500, 100  # per attempt, and per number of vehicles
 CHECKED_STEPS, CHECKED_STRIDE = 30, 2
-MAX_CURVATURE = 0.25  # 1/m; a passenger car's turning circle has 5 m radius
+MAX_CURVATURE = 0.25  # 1/m; a car's turning radius is 5 m
 SLOW_M = 0.1  # per step: 1 m/s
 MAX_VEHICLES = 5_000
+LIMIT_S = 10
 
 
 def synthetic_scene(
@@ -35,18 +36,17 @@ def synthetic_scene(
     name: str,
     progress: Callable[[int, int], None] | None = None,
 ) -> SeedScene:
-    """Populate a road's SUMO net and take one moment, with 10 steps of history and up to 100 of future.
+    """Populate a road's SUMO net and return one moment, with 10 steps of history and up to 100 of future.
 
-    Traffic enters on all lanes into the map at random, ever denser, and follows random routes with different
-    drivers (EIDM). After the warm-up a moment is drawn among those with just enough vehicles present for a
-    second, in the faster half. If all moments have more vehicles, those of the seed are drawn from them.
+    Ever denser traffic enters on all lanes into the map, with random routes and drivers (EIDM). The moment is
+    drawn among the faster half of those with just enough vehicles; if all have more, vehicles are drawn.
 
     Args:
-        progress: called with the moments tried and the most that will be.
+        progress: called with the seconds spent and their limit.
 
     Raises:
         UsageError: fewer than one vehicle.
-        SimulationError: SUMO refused the net, or the map cannot hold so many vehicles.
+        SimulationError: SUMO refused the net, the map cannot hold so many vehicles, or time is up.
     """
     if vehicles < 1:
         raise UsageError(f"a synthetic seed needs at least 1 vehicle, not {vehicles}")
@@ -55,17 +55,27 @@ def synthetic_scene(
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
     rng = np.random.default_rng([seed, vehicles])
-    most, tried, spare = 0, 0, None
+    most, tried, spare, begun = 0, 0, None, time.monotonic()
+
+    def check() -> None:
+        spent = time.monotonic() - begun
+        if progress is not None:
+            progress(min(int(spent), LIMIT_S), LIMIT_S)
+        if spent > LIMIT_S:
+            raise SimulationError(
+                f"{road.name}: no moment with {vehicles} vehicles within {LIMIT_S} s ({tried} tried); "
+                "ask for fewer, or give a smaller map"
+            )
+
     for duration_s, every_s in _ATTEMPTS:
-        at_most = vehicles + max(3, vehicles // 2)  # more would only take time
-        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng)
+        at_most = vehicles + max(3, vehicles // 2)
+        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng, check=check)
         ready = recording.steady()
         usable = ready[int(WARM_UP_S / STEP_S) : len(ready) - FUTURE_STEPS]
         most = max(most, int(usable.sum(axis=1).max(initial=0)))
         for step, chosen in _moments(recording, ready, vehicles, rng):
             tried += 1
-            if progress is not None:
-                progress(tried, len(_ATTEMPTS) * MAX_MOMENTS)
+            check()
             scene = _scene(recording, step, chosen, name=name, location=road.name)
             sharp = _sharpest(scene) > MAX_CURVATURE
             if (sharp and spare is not None) or _overlap(scene):
@@ -86,7 +96,6 @@ def synthetic_scene(
 
 
 def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location: str) -> SeedScene:
-    """Return the seed scene of the chosen vehicles (V,) at a step; all are present for the last 10 steps."""
     steps = np.arange(step - HISTORY_STEPS, step + FUTURE_STEPS + 1)[:, None]
     driven = recording.stretch[steps, chosen] == recording.stretch[step, chosen]
     last = driven.sum(axis=0) - 1
@@ -121,9 +130,9 @@ def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location
 def _moments(
     recording: Drive, ready: BoolArray, vehicles: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, IntArray]]:
-    """Yield moments with enough vehicles and the chosen ones, by surplus, else in random order.
+    """Yield moments with enough vehicles and the chosen ones, by surplus, then at random.
 
-    Only the faster half: on a full map most moments are standing queues.
+    Only the faster half: on a full map most moments are queues.
     """
     steps = np.arange(round(WARM_UP_S / STEP_S), len(ready) - FUTURE_STEPS)
     steps = steps[ready[steps].sum(axis=1) >= vehicles]
@@ -141,7 +150,7 @@ def _moments(
 
 
 def _sharpest(scene: SeedScene) -> float:
-    """Return the largest curvature that a moving vehicle drives, 1/m; maps have kinks no car can follow."""
+    """Return the largest curvature of a moving vehicle, 1/m; maps have kinks no car can follow."""
     assert scene.future is not None
     states = States.concatenate([scene.history, scene.future], 1)
     turned = np.abs(np.angle(np.exp(1j * np.diff(states.heading))))
@@ -152,8 +161,7 @@ def _sharpest(scene: SeedScene) -> float:
 def _overlap(scene: SeedScene) -> bool:
     """Return whether two vehicles overlap from 1 s before the moment to 3 s after it.
 
-    SUMO looks for collisions along lanes only: if a net's junctions hide a conflict, cars pass through each
-    other.
+    SUMO looks for collisions along lanes only, and misses conflicts that a junction hides.
     """
     assert scene.future is not None
     states = States.concatenate([scene.history, scene.future[:, :CHECKED_STEPS]], 1)[:, ::CHECKED_STRIDE]

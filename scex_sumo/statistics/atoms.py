@@ -1,6 +1,6 @@
 """Atoms: values that many children share exactly, separate from the density of the rest.
 
-A kernel would smear a WTTC of 0 that half of the children have over values that no child has.
+A kernel would smear the WTTC of 0 of half of the children over values of no child.
 """
 
 from __future__ import annotations
@@ -23,27 +23,21 @@ from scex_sumo.statistics.density import (
 )
 
 MIN_SHARE: Final = 0.02
-"""A finite value that more of the samples share exactly is an atom."""
 
 
 def split_atoms(samples: ArrayLike, least: float = MIN_SHARE) -> tuple[tuple[Atom, ...], FloatArray]:
-    """Split samples into atoms and the other samples, infinite ones included.
+    """Split samples (n,) into atoms and the other samples, infinite ones included.
 
     Args:
-        samples: (n,) values; inf allowed.
-        least: an atom is a finite value with more than this share of the samples, and at least two.
+        least: an atom is a finite value of more than this share of the samples, and of at least two.
     """
     values = checked(samples, "atoms")
     if not 0 < least < 1:
         raise InputError(f"atoms: least share {least}; choose one between 0 and 1, e.g. {MIN_SHARE}")
-    # -0.0 and 0.0 are one value.
-    at, counts = np.unique(values + 0.0, return_counts=True)
+    at, counts = np.unique(values + 0.0, return_counts=True)  # -0.0 becomes 0.0
     many = (counts > np.maximum(least * values.size, 1)) & np.isfinite(at)
-    found = tuple(
-        Atom(value=float(value), share=float(count / values.size))
-        for value, count in zip(at[many], counts[many], strict=True)
-    )
-    return found, values[~np.isin(values, at[many])]
+    each = zip(at[many].tolist(), (counts[many] / values.size).tolist(), strict=True)
+    return tuple(Atom(value=v, share=s) for v, s in each), values[~np.isin(values, at[many])]
 
 
 def mixed_density(
@@ -54,13 +48,10 @@ def mixed_density(
     half_width: float | None = None,
     least: float = MIN_SHARE,
 ) -> Density:
-    """Atoms and the kernel density of the rest.
+    """Return atoms and the kernel density of the rest; arguments as of `density`.
 
     Args:
-        samples: (n,) values; inf allowed.
-        bandwidth: h, in the unit of the samples.
-        reflect: fold what the kernel puts below 0 back; by default where no sample is negative.
-        half_width: of the band under a design; by default that of independent draws.
+        reflect: fold the density below 0 back; by default if no sample is negative.
         least: share above which a value is an atom.
     """
     values = checked(samples, "density")

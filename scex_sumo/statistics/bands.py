@@ -15,7 +15,7 @@ from scex_sumo.statistics.intervals import DesignIntervals
 FIRST_LOOK: Final = 100
 MAX_CHILDREN: Final = 10_000
 RARE: Final = 0.2
-"""A metric that is defined in a smaller share of the children does not hold up a run."""
+"""Metrics that are defined in a smaller share of the children do not count."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, col
 
     Args:
         values: (C, M) of each metric.
-        defined: (C, M) False where undefined.
+        defined: (C, M).
         columns: (M,) names of the metrics.
     """
     share = defined.mean(axis=0)
@@ -68,7 +68,7 @@ def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
     The next number depends on the values only, not on workers, batches or interruptions.
 
     Args:
-        measure: runs the first N children, where they have not run yet, and looks at them.
+        measure: runs the first N children if they have not run yet, and looks at all.
         most: children at which it ends in any case.
     """
     count = min(FIRST_LOOK, most)

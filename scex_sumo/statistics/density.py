@@ -1,7 +1,6 @@
 """Densities of metric values and their uncertainty.
 
-Samples are the values of the children in which a metric is defined: drop the others first and report their
-share. Infinite samples count in every denominator: a density integrates to the share of finite samples.
+Infinite samples count in every denominator: a density integrates to the share of finite samples.
 """
 
 from __future__ import annotations
@@ -11,10 +10,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError
-from scex_sumo.statistics.normal import normal_cdf, normal_quantile
 
 BANDWIDTH: Final = 0.1
 CONFIDENCE: Final = 0.95
@@ -40,9 +39,8 @@ class Density:
         x: (G,) ascending, in the metric's unit.
         pdf: (G,) density, 1 / unit.
         cdf: (G,) cumulative distribution with the same kernel.
-        band: (G,) lower and (G,) upper limit of the cumulative distribution.
-        atoms: ascending; ``pdf`` is the density of the other samples and integrates to their share, ``cdf``
-            and ``band`` are of all samples, with a step at every atom.
+        band: (G,) lower and (G,) upper limit of ``cdf``.
+        atoms: ascending; ``pdf`` integrates to the share of the other samples, ``cdf`` has a step at each.
     """
 
     x: FloatArray
@@ -63,7 +61,7 @@ class Interval:
 
     @property
     def percent(self) -> str:
-        """In words, e.g. ``12 % [9–16]``; with one decimal where the interval is below 2 % wide."""
+        """In words, e.g. ``12 % [9–16]``; with one decimal if the interval is below 2 % wide."""
         digits = 0 if self.high - self.low >= 0.02 else 1
         value, low, high = (f"{100 * x:.{digits}f}" for x in (self.value, self.low, self.high))
         return f"{value} %" if self.low == self.high else f"{value} % [{low}–{high}]"
@@ -78,17 +76,17 @@ def density(
     half_width: float | None = None,
     confidence: float = CONFIDENCE,
 ) -> Density:
-    """Gaussian kernel density with an absolute bandwidth.
+    """Return the Gaussian kernel density with an absolute bandwidth.
 
     f(x) = sum of phi((x - x_i) / h) / (n h), F(x) = mean of Phi((x - x_i) / h). The band is F +- the
-    Dvoretzky-Kiefer-Wolfowitz half-width. It holds for the smoothed truth, too: smoothing with one kernel
-    does not increase the distance of two distributions.
+    Dvoretzky-Kiefer-Wolfowitz half-width. It holds for the smoothed truth, too: smoothing does not increase
+    the distance of two distributions.
 
     Args:
         samples: (n,) values; inf allowed.
         bandwidth: h, in the unit of the samples.
         x: where to evaluate, ascending; by default a grid of h / 4 around the samples.
-        reflect: fold the part of the density below 0 back, for values that cannot be negative.
+        reflect: fold the density below 0 back.
         half_width: of the band; by default that of independent draws.
     """
     values = checked(samples, "density")
@@ -119,7 +117,7 @@ def density(
 
 
 def dkw_half_width(count: int, confidence: float = CONFIDENCE) -> float:
-    """Half-width of the band around a cumulative distribution of ``count`` independent samples.
+    """Return the half-width of the band around a cumulative distribution of ``count`` independent samples.
 
     Source: Dvoretzky, Kiefer, Wolfowitz 1956, with the constant of Massart 1990.
     """
@@ -127,47 +125,29 @@ def dkw_half_width(count: int, confidence: float = CONFIDENCE) -> float:
     return float(np.sqrt(np.log(2 / (1 - confidence)) / (2 * count)))
 
 
-def p_critical(
-    samples: ArrayLike,
-    threshold: float,
-    side: str = "left",
-    *,
-    confidence: float = CONFIDENCE,
-) -> Interval:
-    """Share of critical samples with its Wilson score interval; NaN in 0 to 1 without samples.
-
-    A value on the threshold is critical. Infinite values count as not critical on the left.
-
-    Args:
-        samples: (n,) values of the children in which the metric is defined; inf allowed.
-        side: ``left`` where values at or below the threshold are critical, ``right`` where those at or above.
-    """
-    values = checked(samples, "p_critical")
-    if side not in ("left", "right"):
-        raise InputError(f"p_critical: side {side!r}; choose left or right")
-    if np.isnan(threshold):
-        raise InputError("p_critical: the threshold is not a number; give one in the metric's unit")
-    critical = np.count_nonzero(values <= threshold if side == "left" else values >= threshold)
-    return wilson(int(critical), int(values.size), confidence)
-
-
 def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> Interval:
-    """Share of successes with its score interval (Wilson 1927); NaN in 0 to 1 for no trials."""
+    """Return the share of successes with its score interval (Wilson 1927); NaN in 0 to 1 for no trials."""
     _check_confidence(confidence)
     if count == 0:
         return Interval(value=float("nan"), low=0.0, high=1.0, count=0)
-    z2 = normal_quantile(0.5 + confidence / 2) ** 2
-    share = successes / count
-    centre = (successes + z2 / 2) / (count + z2)
-    half = np.sqrt(z2 * (share * (1 - share) * count + z2 / 4)) / (count + z2)
-    # The interval reaches the end of the range exactly where all samples agree.
-    low = 0.0 if successes == 0 else max(float(centre - half), 0.0)
-    high = 1.0 if successes == count else min(float(centre + half), 1.0)
-    return Interval(value=share, low=low, high=high, count=count)
+    low, high = wilson_of(successes / count, count, confidence)
+    return Interval(value=successes / count, low=low, high=high, count=count)
+
+
+def wilson_of(share: float, number: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return Wilson's interval of a share of ``number`` trials, whole or not; inf gives the share alone."""
+    if not np.isfinite(number):
+        return share, share
+    z2 = float(ndtri(0.5 + confidence / 2)) ** 2
+    centre = (share * number + z2 / 2) / (number + z2)
+    half = np.sqrt(z2 * (share * (1 - share) * number + z2 / 4)) / (number + z2)
+    low = 0.0 if share == 0 else max(float(centre - half), 0.0)
+    high = 1.0 if share == 1 else min(float(centre + half), 1.0)
+    return low, high
 
 
 def checked(samples: ArrayLike, what: str) -> FloatArray:
-    """(N,) samples of any shape; raise an `InputError` that begins with ``what`` where some are NaN."""
+    """Return samples as (N,); raise an `InputError` that begins with ``what`` if some are NaN."""
     values = np.asarray(samples, dtype=np.float64).reshape(-1)
     missing = int(np.count_nonzero(np.isnan(values)))
     if missing:
@@ -181,14 +161,13 @@ def _check_confidence(confidence: float) -> None:
 
 
 def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
-    """(G,) multiples of h / 4 within 5 h of any sample, without the space between distant clusters."""
+    """Return (G,) multiples of h / 4 within 5 h of any sample, without the space between distant clusters."""
     step = bandwidth / _GRID_PER_BANDWIDTH
     reach = _GRID_MARGIN * _GRID_PER_BANDWIDTH
-    largest = np.finfo(np.float64).max / 4 * min(step, 1.0)  # of larger values, numbers of steps overflow
+    largest = np.finfo(np.float64).max / 4 * min(step, 1.0)  # larger ones overflow
     centre = np.unique(np.rint(np.clip(finite, -largest, largest) / step))
     if centre.size == 0:
         return np.empty(0)
-    # Neighbouring samples share most of their surroundings: only the ends of the merged ranges matter.
     apart = np.flatnonzero(np.diff(centre) > 2 * reach) + 1
     starts = centre[np.concatenate([[0], apart])] - reach
     ends = centre[np.concatenate([apart - 1, [centre.size - 1]])] + reach
@@ -196,7 +175,7 @@ def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
 
 
 def _kernel_sums(finite: FloatArray, grid: FloatArray, bandwidth: float) -> tuple[FloatArray, FloatArray]:
-    """(G,) sums over the samples of phi((x - x_i) / h) and of Phi((x - x_i) / h)."""
+    """Return (G,) sums over the samples of phi((x - x_i) / h) and of Phi((x - x_i) / h)."""
     reach = _KERNEL_REACH * bandwidth
     start = np.searchsorted(grid, finite - reach)
     stop = np.searchsorted(grid, finite + reach)
@@ -204,15 +183,15 @@ def _kernel_sums(finite: FloatArray, grid: FloatArray, bandwidth: float) -> tupl
     z = (grid[column] - finite[sample]) / bandwidth
     heights = np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi)
     pdf = np.asarray(np.bincount(column, heights, minlength=grid.size), dtype=np.float64)
-    below = np.asarray(np.bincount(column, normal_cdf(z), minlength=grid.size), dtype=np.float64)
-    # Samples that the grid has left behind count fully.
+    below = np.asarray(np.bincount(column, ndtr(z), minlength=grid.size), dtype=np.float64)
+    # Samples behind the grid count fully.
     passed = np.bincount(stop, minlength=grid.size + 1)[: grid.size]
     below += np.cumsum(passed)
     return pdf, below
 
 
 def _ranges(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
-    """Row numbers and columns of half-open ranges, one range per row."""
+    """Return row numbers and columns of half-open ranges, one range per row."""
     length = stop - start
     row = np.repeat(np.arange(length.size), length)
     offset = np.repeat(np.cumsum(length) - length, length)

@@ -1,8 +1,6 @@
 """Designs of assignments: independent draws, and balanced ones, which need fewer children.
 
-A design says for every child (row) which level, a behaviour model, each factor, a vehicle, has. It is judged
-by the shares of all level combinations against those expected of independent draws, few factors counting
-more than many.
+A design gives every child (row) a level, a behaviour model, for each factor, a vehicle.
 """
 
 from __future__ import annotations
@@ -16,11 +14,11 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 
 DECAY: Final = 0.3
-"""How much a combination of k + 1 factors counts against one of k; found by ``benchmarks/designs.py``."""
+"""Weight of a combination of k + 1 factors against one of k; found by ``benchmarks/designs.py``."""
 
 BLOCK_ROWS: Final = 1024
 _STARTS, _SWEEPS = 3, 3
-_TIE: Final = 1e-9  # scores this close are equal, whatever the order in which a machine adds them up
+_TIE: Final = 1e-9  # scores this close are equal
 
 Shares = Sequence[Sequence[float]] | Sequence[FloatArray]
 
@@ -29,21 +27,20 @@ def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: floa
     """Draw balanced rows one by one, so that each prefix is balanced, too.
 
     With the product kernel k(x, z) = prod over factors of (1 + decay * ([x = z] / share - 1)), the squared
-    discrepancy of the rows from the product of the shares is the mean of k over all pairs of rows, less one.
-    It adds up the squared deviations of the shares of all combinations of k factors, weighted by decay^k. The
-    next row is the best one that a coordinate search from random starts finds (kernel herding). Blocks of
-    1024 rows are independent of each other.
+    discrepancy of the rows from the product of the shares is the mean of k over all pairs of rows, less one:
+    the squared deviations of the shares of all combinations of k factors, weighted by decay^k. The next row
+    is the best one of a coordinate search from random starts (kernel herding). Blocks of 1024 rows are
+    independent.
 
     Args:
         shares: per factor, the share of each of its levels; each sums to 1, none is 0.
-        rng: draws ties and starts. With equal shares, each single row is distributed as an independent draw.
+        rng: draws ties and starts.
         decay: above 0 and below 1.
 
     Returns:
         (R, F) level of each factor in each row.
 
-    Source: kernel herding, Chen, Welling, Smola 2010; discrepancies of designs with qualitative factors as
-    reproducing kernels, Hickernell, Liu 2002.
+    Source: kernel herding, Chen, Welling, Smola 2010; qualitative factors, Hickernell, Liu 2002.
     """
     if not 0 < decay < 1:
         raise UsageError(f"decay of a design: got {decay}, needs to be between 0 and 1")
@@ -53,7 +50,7 @@ def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: floa
     out = np.empty((rows, len(weights)), dtype=np.int64)
     for start in range(0, rows, BLOCK_ROWS):
         block = out[start : start + BLOCK_ROWS]
-        # Column 0 of a kernel is that of each level with itself, for the new row's own share.
+        # Column 0 is the kernel of each level with itself.
         kernels = [np.full((len(w), len(block) + 1), 1 - decay) for w in weights]
         for kernel, diagonal in zip(kernels, own, strict=True):
             kernel[:, 0] = diagonal
@@ -67,11 +64,11 @@ def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: floa
 def _next_row(
     kernels: Sequence[FloatArray], edges: Sequence[FloatArray], rng: np.random.Generator
 ) -> IntArray:
-    """(F,) levels of the row that lowers the discrepancy most, as far as a search from a few starts finds it.
+    """Return (F,) levels of the row that lowers the discrepancy most, by a search from a few starts.
 
     Args:
         kernels: per factor, (L, 1 + R) of its levels with themselves, and with those of the rows so far.
-        edges: per factor, (L - 1,) bounds between its levels, as `_edges`.
+        edges: per factor, (L - 1,) bounds between its levels.
     """
     starts = _STARTS if kernels[0].shape[1] > 1 else 1
     rows = _between(edges, rng.random((starts, len(edges))))
@@ -99,14 +96,14 @@ def _next_row(
                 settled = False
                 like[factor] = kernels[factor][mine]
                 product = rest * like[factor]
-        if settled:  # further sweeps would change nothing either
+        if settled:
             break
     best = next(start for start in range(starts) if added[start] <= min(added) + _TIE)
     return np.array([mine[best] for mine in levels], dtype=np.int64)
 
 
 def independent(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
-    """(R, F) independent draws of levels; arguments as of `balanced`."""
+    """Return (R, F) independent draws of levels; arguments as of `balanced`."""
     return _between(_edges(shares), rng.random((rows, len(shares))))
 
 
@@ -126,13 +123,12 @@ def check_design(name: str) -> None:
 
 
 def _edges(shares: Shares) -> list[FloatArray]:
-    """Per factor, the bounds between the shares of its levels."""
     upper = [np.cumsum(np.asarray(share, dtype=np.float64)) for share in shares]
     return [sums[:-1] / sums[-1] for sums in upper]
 
 
 def _between(edges: Sequence[FloatArray], points: FloatArray) -> IntArray:
-    """(R, F) levels of (R, F) numbers in [0, 1)."""
+    """Return (R, F) levels of (R, F) numbers in [0, 1)."""
     levels = np.empty(points.shape, dtype=np.int64)
     for factor, bounds in enumerate(edges):
         levels[:, factor] = bounds.searchsorted(points[:, factor], side="right")

@@ -2,19 +2,16 @@
 
 Independent draws have Wilson's interval and the band of Dvoretzky, Kiefer and Wolfowitz. A balanced design
 leaves less uncertainty. With y = mean + effects of single vehicles' models + interactions of two, three and
-more vehicles' models, the variance of the mean over the rows of the design is
+more, the variance of the mean over the rows of the design is
 
     sum over orders k of s²(k) · b(k),
 
 s²(k) the variance of interactions of k vehicles, b(k) the mean of the normed kernel of order k over all pairs
-of rows (1 / N for independent rows, 0 where the design balances the order). The design gives b. The
-components s² are estimated from products of residuals of pairs of rows, which are the more alike, the more
-models two rows share; typical components are mixed in as if seen in a few children. The effective number of
-independent children is p (1 - p) / variance: it gives Wilson's interval; the band is in proportion to the
-standard deviation.
+of rows (1 / N for independent rows, 0 if the design balances the order). s² is estimated from products of
+residuals of pairs of rows; typical components count like a few children. p (1 - p) / variance is the number
+of children in Wilson's interval. The band is proportional to the standard deviation.
 
-Source: variance components by quadratic forms, Rao 1971 (MINQUE); Wilson 1927; the coverage is measured by
-``benchmarks/intervals.py``.
+Source: Rao 1971 (MINQUE); Wilson 1927. ``benchmarks/intervals.py`` measures the coverage.
 """
 
 from __future__ import annotations
@@ -22,30 +19,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import combinations
 from math import comb
+from tempfile import TemporaryFile
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import InputError
-from scex_sumo.statistics.density import CONFIDENCE, Interval, dkw_half_width
-from scex_sumo.statistics.normal import normal_quantile
+from scex_sumo.statistics.density import CONFIDENCE, Interval, dkw_half_width, wilson_of
 
 ORDERS: Final = 3
-"""Interactions of more vehicles are not told apart from noise of single children."""
+"""Interactions of more vehicles count as noise of single children."""
 
 FEWEST_CHILDREN: Final = 30
-"""With fewer, nothing is said about the components: the interval is that of independent draws."""
+"""With fewer, the interval is that of independent draws."""
 
-_FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, that the forms are best for
-_TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # components of shares before anything is seen
-_PRIOR_CHILDREN: Final = 30  # as many children are worth the typical components
-_BLOCK_ROWS: Final = 1024  # blocks of a design are independent of each other
+_FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, for which the forms are best
+_TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # prior components of shares
+_PRIOR_CHILDREN: Final = 30  # weight of the typical components
+_BLOCK_ROWS: Final = 1024
 MAX_DOUBLE: Final = 4096
-"""Children up to which matrices of blocks are kept in double precision; of 10 000 they take 400 MB."""
+"""Children up to which memory keeps the matrices of blocks; for more, a file does, in single precision."""
 
 _THRESHOLDS: Final = 33
-_WIDEST: Final = 0.9  # quantile of the standard deviations over thresholds that makes the band
+_WIDEST: Final = 0.9  # quantile over thresholds
 
 
 class DesignIntervals:
@@ -53,7 +51,7 @@ class DesignIntervals:
 
     Attributes:
         balanced: False for independent draws, which have the ordinary intervals.
-        whole: True where all assignments occur once: then nothing is uncertain.
+        whole: True if all assignments occur once: then nothing is uncertain.
     """
 
     def __init__(
@@ -88,7 +86,7 @@ class DesignIntervals:
             ]
 
     def among(self, vehicle: int, child: int) -> DesignIntervals:
-        """Intervals of the children in which a vehicle has the model that it has in one of them."""
+        """Return the intervals of the children in which a vehicle has the same model as in ``child``."""
         key = (vehicle, int(self._levels[child, vehicle]))
         if key not in self._parts:
             shares, levels = self._shares, self._levels[self._levels[:, vehicle] == key[1]]
@@ -100,7 +98,7 @@ class DesignIntervals:
         return self._parts[key]
 
     def variance(self, values: FloatArray) -> FloatArray:
-        """(M,) variance of the means of values (C, M) over the children under the design."""
+        """Return (M,) variances of the means of values (C, M) over the children under the design."""
         if self.whole:
             return np.zeros(values.shape[1])
         if not self.balanced:
@@ -111,19 +109,16 @@ class DesignIntervals:
         return np.asarray(np.maximum(self._weight() @ components, 0.0))
 
     def _weight(self) -> FloatArray:
-        """(K + 1,) variance of the mean that components of 1 make."""
+        """Return (K + 1,) variances of the mean for components of 1."""
         parts = [block.kernel_means * (block.size / self.count) ** 2 for block in self._blocks]
         return np.asarray(np.sum(parts, axis=0))
 
     def share(self, critical: BoolArray) -> Interval:
-        """Share of the critical children (C,) with its interval; NaN in 0 to 1 without children.
-
-        Undefined metrics are not critical.
-        """
+        """Return the share of the critical children (C,) with its interval; NaN without children."""
         return self.all_shares(np.asarray(critical)[:, None])[0]
 
     def all_shares(self, critical: BoolArray) -> list[Interval]:
-        """Shares of many questions at once, (C, M)."""
+        """Return the shares of many questions at once, (C, M)."""
         hits = np.asarray(critical, dtype=np.float64)
         if len(hits) != self.count:
             raise InputError(f"intervals: {len(hits)} values for the {self.count} children of the design")
@@ -140,7 +135,7 @@ class DesignIntervals:
         ]
 
     def effective_number(self, critical: FloatArray) -> FloatArray:
-        """(M,) independent children that would be as certain of shares (C, M); no fewer than there are."""
+        """Return (M,) numbers of independent children that would be as certain of shares (C, M)."""
         share = critical.mean(axis=0)
         spread = share * (1 - share)
         number = np.full(spread.shape, np.inf if self.whole else float(self.count))
@@ -152,22 +147,18 @@ class DesignIntervals:
         seen = self.count / (self.count + _PRIOR_CHILDREN)
         typical = spread[some] * float(self._weight() @ self._blocks[0].of_orders(_TYPICAL))
         variance = seen * self.variance(critical[:, some]) + (1 - seen) * typical
-        # A design of all assignments leaves nothing but rounding.
+        # A design of all assignments leaves only rounding.
         known = variance <= 1e-12 * spread[some]
         ratio = spread[some] / np.where(known, 1.0, variance)
         number[some] = np.where(known, np.inf, np.maximum(ratio, self.count))
         return number
 
     def half_width(self, values: FloatArray) -> float:
-        """Half-width, 0 to 1, of the band around the cumulative distribution of a metric.
-
-        Args:
-            values: (C,) NaN where undefined; 1 where it is undefined everywhere.
-        """
+        """Return the half-width of the band around the distribution of values (C,), NaN where undefined."""
         return float(self.half_widths(np.asarray(values)[:, None])[0])
 
     def half_widths(self, values: FloatArray) -> FloatArray:
-        """(M,) half-widths of many metrics at once, (C, M)."""
+        """Return (M,) half-widths, 0 to 1, of many metrics at once, (C, M); 1 for a column of NaN."""
         known = ~np.isnan(values)
         counts = known.sum(axis=0)
         widths = np.array([min(dkw_half_width(n, self._confidence), 1.0) if n else 1.0 for n in counts])
@@ -180,17 +171,14 @@ class DesignIntervals:
         spreads = np.sqrt(self.variance(np.concatenate(linear, axis=1)))
         ends = np.cumsum([part.shape[1] for part in linear])[:-1]
         for m, spread in zip(some, np.split(spreads, ends), strict=True):
-            # The band of independent draws is so many of the largest deviation that a share can have.
+            # The band of independent draws, in largest standard deviations of a share.
             width = 2 * float(np.quantile(spread, _WIDEST)) * dkw_half_width(1, self._confidence)
             widths[m] = min(widths[m], width)
         return widths
 
 
 def _linearised(values: FloatArray, known: BoolArray) -> FloatArray:
-    """(C, thresholds) each child's part of the share below thresholds among the defined children.
-
-    That share is a ratio of two means; this is its linearised value.
-    """
+    """Return (C, thresholds) each child's linearised part of the share below thresholds."""
     levels = np.arange(1, _THRESHOLDS + 1) / (_THRESHOLDS + 1)
     limits = np.unique(np.quantile(values[known], levels, method="inverted_cdf"))
     below = np.where(known[:, None], values[:, None] <= limits, 0.0)
@@ -198,20 +186,8 @@ def _linearised(values: FloatArray, known: BoolArray) -> FloatArray:
     return linear
 
 
-def wilson_of(share: float, number: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Wilson's interval of a share of trials whose number need not be whole; inf gives the share alone."""
-    if not np.isfinite(number):
-        return share, share
-    z2 = normal_quantile(0.5 + confidence / 2) ** 2
-    centre = (share * number + z2 / 2) / (number + z2)
-    half = np.sqrt(z2 * (share * (1 - share) * number + z2 / 4)) / (number + z2)
-    low = 0.0 if share == 0 else max(float(centre - half), 0.0)
-    high = 1.0 if share == 1 else min(float(centre + half), 1.0)
-    return low, high
-
-
 def _factors(levels: IntArray, shares: Sequence[FloatArray] | None) -> list[tuple[IntArray, FloatArray]]:
-    """Levels and their shares of the vehicles that are drawn at all."""
+    """Return levels and their shares of the vehicles that are drawn at all."""
     found = []
     for vehicle in range(levels.shape[1] if levels.size else 0):
         names, level = np.unique(levels[:, vehicle], return_inverse=True)
@@ -227,45 +203,52 @@ class _Block:
     """Rows of a design whose products are looked at together.
 
     Attributes:
-        kernel_means: (K + 1,) mean of the normed kernel of each order over all pairs of rows, then the rest.
+        kernel_means: (K + 1,) mean of the normed kernel of each order over all pairs of rows, and the rest's.
         design: (K + 1, K + 1) the quadratic forms for components of 1.
     """
 
     def __init__(
         self, factors: Sequence[tuple[IntArray, FloatArray]], rows: slice, *, compact: bool = False
     ) -> None:
-        """Prepare rows of a design; ``compact`` keeps matrices of single precision."""
         self.rows, self.size = rows, len(factors[0][0])
         every = _kernels(factors)
         kernels = [*every[:ORDERS], np.eye(self.size)]
         means = [float(kernel.mean()) for kernel in every]
-        # The rest is mostly of the next order, where there is one, then of the one after, or of routes drawn.
+        # The rest is mostly of the next order, then of the one after or of random routes.
         after = [*means[ORDERS:], 1 / self.size, 1 / self.size]
         self.kernel_means = np.array([*means[:ORDERS], (2 * after[0] + after[1]) / 3])
         prior = self.of_orders(_FORMS_FOR)
+        del every  # the highest orders
         inverse = np.linalg.inv(sum(p * k for p, k in zip(prior, kernels, strict=True)))
         sums = inverse.sum(axis=1)
-        # Projects the mean out: residuals of a mean that is itself estimated.
-        self._projection = inverse - np.outer(sums, sums) / sums.sum()
-        parts = [self._projection @ kernel for kernel in kernels]
+        # Projects the estimated mean out.
+        inverse -= np.outer(sums, sums) / sums.sum()
+        parts = [inverse @ kernel for kernel in kernels]
         self.design = np.array([[np.sum(a * b.T) for b in parts] for a in parts])
-        if compact:
-            self._projection = self._projection.astype(np.float32)
-        self._kernels = [kernel.astype(self._projection.dtype, copy=False) for kernel in kernels[:-1]]
+        self._matrices: Sequence[NDArray[np.floating]] = [inverse, *kernels[:-1]]
+        self._file = TemporaryFile() if compact else None  # noqa: SIM115 - open as long as the block
+        if self._file is not None:
+            for matrix in self._matrices:
+                matrix.astype(np.float32).tofile(self._file)
+            self._matrices = ()
 
     def of_orders(self, components: Sequence[float]) -> FloatArray:
-        """(K + 1,) components of the orders that occur, and of the rest."""
+        """Return (K + 1,) components of the orders that occur, and of the rest."""
         return np.array([*components[: len(self.kernel_means) - 1], components[-1]])
 
     def forms(self, values: FloatArray) -> FloatArray:
-        """(K + 1, M) quadratic forms of the residuals of values (R, M)."""
-        residuals = self._projection @ values
-        alike = [kernel @ residuals for kernel in self._kernels]  # that of the rest is the identity
+        """Return (K + 1, M) quadratic forms of the residuals of values (R, M)."""
+        matrices = self._matrices
+        if self._file is not None:
+            self._file.seek(0)
+            matrices = list(np.fromfile(self._file, np.float32).reshape(-1, self.size, self.size))
+        residuals = matrices[0] @ values
+        alike = [kernel @ residuals for kernel in matrices[1:]]  # the rest has the identity
         return np.stack([(residuals * part).sum(axis=0) for part in (*alike, residuals)])
 
 
 def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]:
-    """(R, R) mean over all groups of k vehicles of how alike two rows are in all k, by order k."""
+    """Return (R, R) means over all groups of k vehicles of how alike two rows are in all k, by order k."""
     rows, most = len(factors[0][0]), min(ORDERS + 2, len(factors))
     sums = [np.ones((rows, rows)), *(np.zeros((rows, rows)) for _ in range(most))]
     for level, share in factors:
@@ -280,7 +263,7 @@ def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]
 
 
 def _nonnegative(design: FloatArray, forms: FloatArray) -> FloatArray:
-    """(K, M) least squares solution of design @ x = forms with x >= 0: the best of all sets of components."""
+    """Return the (K, M) least squares solution of design @ x = forms with x >= 0."""
     count = len(design)
     best, found = np.zeros(forms.shape[1]), np.zeros(forms.shape)
     for size in range(1, count + 1):

@@ -9,21 +9,21 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 
-ROUNDING: Final = 1e-9  # in the metric's unit; libraries may round another way among other vehicles
+ROUNDING: Final = 1e-9  # in the metric's unit
 
 
 def signs(one: FloatArray, two: FloatArray) -> FloatArray:
-    """(n,) sign of one - two; 0 for equal infinities, and for differences by rounding."""
+    """Return (n,) signs of one - two; 0 for equal infinities and differences by rounding."""
     with np.errstate(invalid="ignore"):
         same = (one == two) | (np.abs(one - two) < ROUNDING)
     return np.where(same, 0.0, np.where(one > two, 1.0, -1.0))
 
 
 def signed_rank(one: FloatArray, two: FloatArray) -> float:
-    """Two-sided p of Wilcoxon's signed-rank test, zeros after Pratt; NaN where all pairs are equal.
+    """Return the two-sided p of Wilcoxon's signed-rank test, zeros after Pratt; NaN if all pairs are equal.
 
-    Infinite differences are the largest. Normal approximation with the variance of the present ranks.
-    Source: Wilcoxon 1945, Pratt 1959.
+    Infinite differences are the largest. Normal approximation with the variance of the present ranks. Source:
+    Wilcoxon 1945, Pratt 1959.
     """
     from scipy.special import ndtr
     from scipy.stats import rankdata
@@ -39,11 +39,10 @@ def signed_rank(one: FloatArray, two: FloatArray) -> float:
 
 
 def mcnemar(first_only: int, second_only: int) -> float:
-    """Two-sided p of McNemar's exact test (1947); 1 where no child differs.
+    """Return the two-sided p of McNemar's exact test (1947); 1 if no child differs.
 
     Args:
-        first_only: children that are critical in the first run only.
-        second_only: in the second run only.
+        first_only: children that are critical in the first run only; ``second_only`` in the second.
     """
     from scipy.special import bdtr
 

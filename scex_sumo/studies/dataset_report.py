@@ -28,11 +28,11 @@ class TrackQuality:
     """Agreement of tracks with themselves and with their map.
 
     Attributes:
-        factor: driven path over the integral of the speed, of moving samples; 1 if both agree.
+        factor: driven path over the integral of the speed.
         braking: 1st percentile of the acceleration, m/s².
         accelerating: 99th percentile of the acceleration, m/s².
-        turned: median unsigned angle between heading and motion above 3 m/s, rad.
-        off_lane: median distance to the middle of the matched lane, m.
+        turned: median angle between heading and motion, rad.
+        off_lane: median distance to the middle of the lane, m.
     """
 
     factor: float
@@ -43,7 +43,7 @@ class TrackQuality:
 
 
 def track_quality(rows: TrackRows, road: Road) -> TrackQuality:
-    """Measure the tracks of vehicles, raw or cleaned; nan if nothing moves."""
+    """Measure tracks, raw or cleaned; nan if nothing moves."""
     step_s = np.diff(rows.timestamp_ms) / 1000.0
     dx, dy = np.diff(rows.x), np.diff(rows.y)
     mean = (rows.speed[1:] + rows.speed[:-1]) / 2.0
@@ -67,12 +67,12 @@ def track_quality(rows: TrackRows, road: Road) -> TrackQuality:
 
 
 def dataset_report(roots: Sequence[str | Path]) -> str:
-    """Markdown table of all recordings below folders, before and after cleaning, with their findings.
+    """Return a Markdown table of all recordings below folders, before and after cleaning.
 
     A recording that cannot be read is listed with the reason.
 
     Raises:
-        TrackError: there is no recording at all.
+        TrackError: there is no recording.
 
     Example:
         >>> scex.dataset_report([scex.example_path("roundabout")]).splitlines()[0][:22]

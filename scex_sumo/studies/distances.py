@@ -1,7 +1,4 @@
-"""Distances between distributions of one metric: of several runs, and of samples from all children.
-
-Axes are R (run), C (child), D (draw).
-"""
+"""Distances between distributions of one metric. Axes are R (run), C (child), D (draw)."""
 
 from __future__ import annotations
 
@@ -27,13 +24,13 @@ _KERNEL_REACH = 8  # bandwidths; beyond, the kernel is below 1e-14 of its height
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """Unit in which the values of one metric are measured, from the values of all runs together.
+    """Unit of one metric, from the values of all runs together.
 
     Attributes:
         unit: 1 of distance, in the metric's unit; positive.
-        middle: pooled median; stands for children in which the metric is undefined.
+        middle: pooled median; stands for undefined values.
         low: lower values count as this one.
-        high: higher values count as this one, infinite ones too.
+        high: higher values, also inf, count as this one.
     """
 
     unit: float
@@ -42,7 +39,7 @@ class Scale:
     high: float
 
     def place(self, column: FloatArray) -> FloatArray:
-        """(C,) values within the fences in units of the scale; undefined ones lie at the middle."""
+        """Return values (C,) within the fences in units of the scale; undefined ones lie at the middle."""
         known = np.where(np.isnan(column), self.middle, column)
         return (np.clip(known, self.low, self.high) - self.middle) / self.unit
 
@@ -53,10 +50,11 @@ class Scale:
 
 
 def pooled_scale(columns: Columns) -> Scale:
-    """Scale of a metric from the finite values of all runs, every run with the same weight.
+    """Return the scale of a metric from the finite values of all runs, each run with the same weight.
 
-    The unit is the width of the middle 80 % of the values; where these are equal, of all values; where all
-    are equal, 1. The fences lie one unit beyond the middle 80 %.
+    The unit is the width of the middle 80 % of the values, or of all values if that is 0, or 1. The fences
+    lie
+    one unit beyond the middle 80 %.
     """
     finite = [np.clip(column[np.isfinite(column)], -_LARGEST, _LARGEST) for column in columns]
     pool = np.concatenate(finite)
@@ -71,9 +69,9 @@ def pooled_scale(columns: Columns) -> Scale:
 
 
 def wasserstein_distances(columns: Columns, scale: Scale) -> FloatArray:
-    """(R, R) Wasserstein-1 of one metric in units of its scale: the area between the distributions.
+    """Return the Wasserstein-1 distances (R, R) of one metric in units of its scale.
 
-    Every child counts, at the place that the scale gives it, so the triangle inequality holds.
+    Every child counts, so the triangle inequality holds.
     """
     placed = [np.sort(scale.place(column)) for column in columns]
     at = np.unique(np.concatenate(placed))
@@ -86,10 +84,11 @@ def wasserstein_distances(columns: Columns, scale: Scale) -> FloatArray:
 
 
 def jensen_shannon_distances(columns: Columns, bandwidth: float = BANDWIDTH) -> FloatArray:
-    """(R, R) square root of the Jensen-Shannon divergence (base 2) of one metric; 0 equal, 1 disjoint.
+    """Return the square roots (R, R) of the Jensen-Shannon divergences (base 2) of one metric.
 
-    Densities are evaluated on a common grid; undefined and infinite values are classes of their own. The
-    square root is a metric (Endres and Schindelin 2003).
+    0 for equal, 1 for disjoint densities. Undefined and infinite values are classes of their own.
+
+    Source: Endres and Schindelin 2003.
     """
     finite = [column[np.isfinite(column)] for column in columns]
     pool = np.concatenate(finite)
@@ -112,7 +111,6 @@ def jensen_shannon_distances(columns: Columns, bandwidth: float = BANDWIDTH) -> 
 
 
 def _quantiles(values: FloatArray, weight: FloatArray, levels: Sequence[float]) -> list[float]:
-    """Quantiles of weighted values: the smallest value with at least this share of the weight up to it."""
     # Runs given in another order must find the same value, and sums in another order round differently.
     at, group = np.unique(values, return_inverse=True)
     share = np.cumsum(np.bincount(group, weight)) / weight.sum()
@@ -120,7 +118,6 @@ def _quantiles(values: FloatArray, weight: FloatArray, levels: Sequence[float]) 
 
 
 def _entropy(masses: FloatArray) -> FloatArray:
-    """(R,) entropy in bits of the rows."""
     logarithm = np.log2(masses, where=masses > 0, out=np.zeros_like(masses))
     return np.asarray(-np.sum(masses * logarithm, axis=1))
 
@@ -130,7 +127,7 @@ class Errors:
     """Distances of draws from the truth, in one metric.
 
     Attributes:
-        ks: (D,) Kolmogorov-Smirnov; NaN where the metric is defined in no child of a draw.
+        ks: (D,) Kolmogorov-Smirnov; NaN if the metric is defined in no child of a draw.
         w1: (D,) Wasserstein-1, in the metric's unit.
         jsd: (D,) Jensen-Shannon divergence, base 2, of the kernel densities.
     """
@@ -140,13 +137,12 @@ class Errors:
     jsd: FloatArray
 
 
-def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray, *, with_jsd: bool = True) -> Errors:
-    """Distances between the distribution of a metric over some children and over all of them.
+def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray) -> Errors:
+    """Compute distances between the distribution of a metric over some children and over all.
 
     Args:
-        values: (N,) of all children; those without a finite value are left out on both sides.
-        draws: D arrays of children; a child may occur more than once.
-        with_jsd: False leaves the Jensen-Shannon divergence, which takes longest, NaN.
+        values: (N,) of all children; only finite ones count.
+        draws: D arrays of children.
     """
     defined = np.flatnonzero(np.isfinite(values))
     nothing = np.full(len(draws), np.nan)
@@ -164,13 +160,12 @@ def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray, *, with_jsd
     ks, w1, jsd = nothing, nothing.copy(), nothing.copy()
     ks[some] = apart.max(axis=1)
     w1[some] = apart[:, :-1] @ np.diff(at)
-    if with_jsd:
-        jsd[some] = _divergence(at, share, whole)
+    jsd[some] = _divergence(at, share, whole)
     return Errors(ks=ks, w1=w1, jsd=jsd)
 
 
 def _divergence(at: FloatArray, share: FloatArray, whole: FloatArray) -> FloatArray:
-    """(D,) Jensen-Shannon divergence of the kernel densities of weighted samples from that of all.
+    """Return divergences (D,) of weighted samples from the truth.
 
     Args:
         at: (U,) values, ascending.

@@ -1,4 +1,4 @@
-"""Picture of the Graph Image Predictor's plans of one moment for several attention weights."""
+"""Picture of the Graph Image Predictor's plans for several attention weights."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def plot_attention(
 ) -> Path:
     """Draw the plans of a seed scene's vehicles for several attention weights, and return the file.
 
-    The picture is centred on the vehicle whose plans differ most. Beside it are the planned speeds of the
-    three visible vehicles whose plans differ most. A plan ends in the outline of the vehicle after 3 s.
+    The picture is centred on the vehicle whose plans differ most, beside the planned speeds of the three
+    visible vehicles whose plans differ most. A plan ends in the outline of the vehicle after 3 s.
 
     Args:
-        scene: the seed scene, with its road.
-        weights: file of weights of the Graph Image Predictor; empty takes the shipped ones.
+        scene: with its road.
+        weights: of the Graph Image Predictor; empty takes the shipped ones.
         values: attention weights w in [0, 1]; 1 uses the scene graph alone.
-        head: ``bounded`` or ``free``, as of the model.
+        head: ``bounded`` or ``free``.
         around_m: visible distance to each side, m.
 
     Raises:
@@ -79,7 +79,7 @@ def _plan(scene: SeedScene, model: str, weights: str | Path) -> Plan:
 
 
 def _most_different(plans: Sequence[Plan]) -> list[int]:
-    """Return the vehicles by the distance between the ends of their plans, the largest first."""
+    """Return the vehicles by the spread of their plans' ends, largest first."""
     ends = np.stack([np.stack([plan.x[:, -1], plan.y[:, -1]], -1) for plan in plans])
     spread = np.hypot(*(ends.max(axis=0) - ends.min(axis=0)).T)
     return [int(v) for v in np.argsort(-spread, kind="stable")]
@@ -124,7 +124,7 @@ def _color(w: float) -> tuple[float, float, float, float]:
 
 
 def _middle(scene: SeedScene, plans: Sequence[Plan], vehicle: int) -> FloatArray:
-    """Return the point halfway from a vehicle to the end of its longest plan, (2,) m."""
+    """Return the point halfway to the end of a vehicle's longest plan, (2,) m."""
     here = np.array([scene.now.x[vehicle], scene.now.y[vehicle]])
     ends = np.array([(plan.x[vehicle, -1], plan.y[vehicle, -1]) for plan in plans])
     middle: FloatArray = (here + ends[np.argmax(np.hypot(*(ends - here).T))]) / 2

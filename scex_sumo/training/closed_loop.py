@@ -1,4 +1,4 @@
-"""Closed loop without SUMO: samples from where a driver drifts to when it drives itself."""
+"""Closed loop without SUMO: samples from places to which a driver drifts."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
-from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.learned.weights import MODELS
 from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.extrapolation.rollout import Batch, roll_out
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from scex_sumo.training.train import Drift
 
 REPLAN = 5
-DRIFT_STEPS = (5, 10, 20)  # after so much driving by itself a driver is asked what it should have done
+DRIFT_STEPS = (5, 10, 20)  # that a driver drives before a sample is made
 MAX_SCENES = 10  # of a site and round
 EVERY_S = 1.0
 
@@ -36,11 +35,11 @@ EVERY_S = 1.0
 def closed_loop(
     recordings: Sequence[Recording], sampling: SampleOptions, dataset: Dataset, options: TrainOptions
 ) -> Drift:
-    """Return the function that makes the samples of a round, in which the network drives training scenes."""
+    """Return the function that makes the samples of a round."""
 
     def drift(file: Path, number: int) -> TrainingSamples | None:
         rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
-        found = []
+        parts = []
         for index, site in enumerate(dataset.sites):
             here: list[SeedScene] = []
             for recording in recordings:
@@ -53,29 +52,24 @@ def closed_loop(
                 assert road is not None
                 samples = drifted_samples(here[k], road, model, sampling.perturbation, rng)
                 shift = map_shift(dataset.roads[index], road)
-                found += [one.at(index, shift) for one in samples]
-        return TrainingSamples.concatenate(found) if found else None
+                parts += [one.at(index, shift) for one in samples]
+        return TrainingSamples.concatenate(parts) if parts else None
 
     return drift
 
 
 def driver(kind: str, file: Path) -> Behavior:
-    """Build the behaviour model that drives with a file of weights, on its likeliest path."""
-    if kind == "graph":
-        return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file)))
-    return GraphImagePredictor(GraphImagePredictorProfile(path="likeliest", weights=str(file)))
+    """Build the model that drives with a file of weights, on its likeliest path."""
+    return build(ModelSpec(name=MODELS[kind], parameters={"path": "likeliest", "weights": str(file)}))
 
 
 def drifted_samples(
     scene: SeedScene, road: Road, model: Behavior, perturbation: Perturbation, rng: np.random.Generator
 ) -> list[TrainingSamples]:
-    """Make samples where a driver gets to by itself; the target is the way back to the recorded drivers.
-
-    Where standing vehicles are in the way, the target is to stop behind them.
-    """
+    """Make samples where a driver drifts to; targets are the way back, or a stop behind standing vehicles."""
     starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
     stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
-    found = []
+    drifted = []
     for start, blocked in [*starts, *([] if stop is None else [stop])]:
         held = start.vehicles - scene.vehicles
         driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held).swapaxes(1, 2)
@@ -83,16 +77,12 @@ def drifted_samples(
         for step in DRIFT_STEPS:
             window = whole[:, :, step : step + HISTORY_STEPS + 1]
             samples = scene_samples(start, road, window, blocked=blocked, step=step)
-            found += [samples] if samples is not None else []
-    return found
+            drifted += [samples] if samples is not None else []
+    return drifted
 
 
 def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0) -> States:
-    """Let one model drive all vehicles of a seed scene; the last ``held`` vehicles keep their velocity.
-
-    Returns:
-        (1, steps, V) states after each step.
-    """
+    """Let one model drive all vehicles, (1, steps, V); the last ``held`` ones keep their velocity."""
     mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)
     batch = Batch(
         children=np.zeros(1, dtype=np.int64),

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from scex_sumo.training.train import Progress, Trainer
 
 NETWORKS = ("graph", "hybrid")
-
-
 EXAMPLE = "graph --data INTERACTION --out mine.safetensors"
 
 
@@ -40,8 +38,7 @@ def train_command(
     minutes: Annotated[float, Option(help="Stop after so many minutes; 0 does not.")] = 0.0,
     every: Annotated[float, Option(metavar="S", help="Seconds between two scenes.")] = 0.5,
     leave_out: Annotated[
-        list[str] | None,
-        Option(metavar="NAME", help="Do not train on this site or recording; repeatable."),
+        list[str] | None, Option(metavar="NAME", help="Do not train on this site or recording; repeatable.")
     ] = None,
     validation: Annotated[
         list[str] | None,
@@ -59,8 +56,6 @@ def train_command(
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
-    if (epochs is not None and epochs < 1) or (rounds or 0) < 0:
-        raise UsageError("train: --epochs needs at least 1, --rounds at least 0")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
     from scex_sumo.converters.datasets.split import Split
@@ -69,11 +64,6 @@ def train_command(
     from scex_sumo.training.options import TrainOptions
     from scex_sumo.training.train import Trainer, device_of
 
-    where = device_of(device)
-    recordings = _recordings(data or [], leave_out or [], validation or [])
-    sampling = SampleOptions(every_s=every, split=Split(kept_validation=tuple(validation or ())))
-    with progress_bar("samples") as tick:
-        dataset = make_dataset(recordings, sampling, cache=cache or cache_folder(), tick=tick)
     options = TrainOptions(
         kind=kind,  # type: ignore[arg-type]  # checked above
         seed=seed,
@@ -82,6 +72,11 @@ def train_command(
         rounds=TrainOptions.rounds if rounds is None else rounds,
         sizes={} if edges else {"edges": False},
     )
+    where = device_of(device)
+    recordings = _recordings(data or [], leave_out or [], validation or [])
+    sampling = SampleOptions(every_s=every, split=Split(kept_validation=tuple(validation or ())))
+    with progress_bar("samples") as tick:
+        dataset = make_dataset(recordings, sampling, cache=cache or cache_folder(), tick=tick)
     folder = _checkpoints(weights)
     drift = closed_loop(recordings, sampling, dataset, options)
     run = Trainer(dataset, options, device=where, drift=drift, folder=folder)
@@ -95,7 +90,7 @@ def train_command(
     except KeyboardInterrupt:
         warn([f"{folder}: has the checkpoint after epoch {run.epoch}; go on with --resume"])
         raise
-    words = [  # the command line without what the result does not depend on
+    words = [  # the options on which the result depends
         f"scex-sumo train {kind}",
         *(f"--data {root.name}" for root in data or ()),
         f"--seed {seed}",
@@ -123,7 +118,7 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
     missing = next((root for root in roots if not root.exists()), None)
     if missing is not None:
         raise UsageError(f"--data {missing}: no such folder")
-    goes_on = resume and _checkpoints(out).exists()  # a finished training has none
+    goes_on = resume and _checkpoints(out).exists()  # a finished training has no checkpoints
     if out.exists() and not (overwrite or goes_on):
         raise ResultError(f"{out}: exists; --overwrite replaces it")
     if not out.parent.is_dir():
@@ -132,14 +127,12 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
 
 
 def _checkpoints(out: Path) -> Path:
-    """The folder of a training under way."""
     return out.with_name(out.name + ".training")
 
 
 def _recordings(
     roots: Sequence[Path], leave_out: Sequence[str], validation: Sequence[str]
 ) -> tuple[Recording, ...]:
-    """What to train on, and what to choose by."""
     from scex_sumo.converters.datasets.recordings import find_recordings
 
     recordings = find_recordings(roots)
@@ -201,8 +194,5 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
     }
     save_net(out, run.finished(), meta)
     print(f"{out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
-    for site, found in figures.items():
-        print(
-            f"  {site}: ADE {found['ade_m']:.2f} m, FDE {found['fde_m']:.2f} m, "
-            f"best of six {found['best_of_6_m']:.2f} m"
-        )
+    for site, (ade, fde, best) in ((site, each.values()) for site, each in figures.items()):
+        print(f"  {site}: ADE {ade:.2f} m, FDE {fde:.2f} m, best of six {best:.2f} m")

@@ -1,9 +1,4 @@
-"""Loss that a network is trained for.
-
-The mode nearest to the recorded future is pulled there, the others a little (soft winner takes all), and mode
-0, the expected one, always. Probabilities of modes: cross-entropy against how near each came. Paths:
-cross-entropy over a vehicle's candidates. Hard accelerations and jerks cost.
-"""
+"""Loss: the mode nearest to the recorded future, and mode 0, are pulled to it (soft winner takes all)."""
 
 from __future__ import annotations
 
@@ -20,43 +15,25 @@ from scex_sumo.training.networks.graph import ModeTensors
 
 @dataclass(frozen=True, kw_only=True)
 class LossWeights:
-    """Weights of the parts of the loss.
+    """Weights of the parts of the loss."""
 
-    Attributes:
-        expected: mode 0 against the recorded future.
-        winner: the nearest mode against it.
-        relaxed: share of the winner's weight that all modes have.
-        final: weight of the last step besides the mean over all.
-        sharp_m: difference of errors that separates two modes, m.
-        round_m: smaller errors count by their square, m.
-        acceleration: per (m/s²)² beyond `hard`.
-        jerk: per (m/s³)².
-        sideways: per (m/s²)² of the second change of the offset.
-        hard: accelerations up to it cost nothing, m/s².
-    """
-
-    expected: float = 1.0
-    winner: float = 0.5
-    relaxed: float = 0.03
+    expected: float = 1.0  # mode 0 against the recorded future
+    winner: float = 0.5  # the nearest mode against it
+    relaxed: float = 0.03  # share of the winner's weight that all modes have
     mode: float = 0.15
     path: float = 0.3
     free: float = 0.5
-    final: float = 0.5
-    sharp_m: float = 0.1
-    round_m: float = 0.2
-    acceleration: float = 0.02
-    jerk: float = 0.0005
-    sideways: float = 0.002
+    final: float = 0.5  # weight of the last step besides the mean over all
+    sharp_m: float = 0.1  # difference of errors that separates two modes, m
+    round_m: float = 0.2  # smaller errors count by their square, m
+    acceleration: float = 0.02  # per (m/s²)² beyond `hard`, m/s²
+    jerk: float = 0.0005  # per (m/s³)²
+    sideways: float = 0.002  # per (m/s²)² of the second change of the offset
     hard: float = 3.0
 
 
 def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
-    """(n, M, H) m along the path, as `motion.drive` moves: a vehicle stops, and does not reverse.
-
-    Args:
-        speed: (n,) m/s now.
-        acceleration: (n, M, H) m/s².
-    """
+    """Return (n, M, H) m along the path from (n,) m/s and (n, M, H) m/s², as `motion.drive` moves."""
     # v' = max(v + a·dt, 0) for all steps at once: the running sum, reflected at its running minimum.
     free = speed[:, None, None] + torch.cumsum(acceleration, 2) * STEP_S
     lowest = torch.clamp(torch.cummin(free, 2).values, max=0.0)
@@ -66,18 +43,17 @@ def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
 
 
 def trajectory_errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Tensor:
-    """(n, M) rounded errors of trajectories (n, M, H), m: mean over the steps, plus the last one."""
+    """Return (n, M) rounded errors of trajectories (n, M, H), m: mean over the steps, plus the last one."""
     r = weights.round_m
     distance = torch.sqrt(ahead**2 + aside**2 + r**2) - r
     return distance.mean(2) + weights.final * distance[..., -1]
 
 
 def loss(modes: ModeTensors, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict[str, float]]:
-    """Return the loss of a batch, and its parts by name for the log."""
+    """Return the loss of a batch, and its parts for the log."""
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     way = displacement(batch.start[:, 0], modes.acceleration)
-    aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
-    off = trajectory_errors(way - batch.s[:, None], aside, weights)
+    off = trajectory_errors(way - batch.s[:, None], modes.offset - batch.d[:, None], weights)
     parts = {
         "expected": weights.expected * _mean(off[:, 0], share, total),
         "winner": weights.winner * _mean(_winner(off, weights), share, total),
@@ -98,19 +74,16 @@ def _mean(values: Tensor, share: Tensor, total: Tensor) -> Tensor:
 
 
 def _winner(off: Tensor, weights: LossWeights) -> Tensor:
-    """(n,) error of the nearest mode, and a little of all."""
     nearest = off.min(1).values
     return (1 - weights.relaxed) * nearest + weights.relaxed * off.mean(1)
 
 
 def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:
-    """(n,) cross-entropy against the probability of each mode given how near it came."""
     wanted = torch.softmax(-off.detach() / weights.sharp_m, 1)
     return -(wanted * log_softmax(logits, 1)).sum(1)
 
 
 def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
-    """Cross-entropy of the right paths together among their vehicle's candidates, mean over vehicles."""
     node = batch.path.node
     count = int(node.max()) + 1 if len(node) else 0
     highest = torch.full((count,), -torch.inf, device=logit.device, dtype=logit.dtype)
@@ -125,12 +98,9 @@ def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
 
 
 def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
-    """(n,) cost of hard accelerations, of jerk and of jerky steering, mean over modes and steps."""
     a = modes.acceleration
     cost = weights.acceleration * (relu(a.abs() - weights.hard) ** 2).mean((1, 2))
     jerk = torch.diff(a, dim=2) / STEP_S
     cost = cost + weights.jerk * (jerk**2).mean((1, 2))
-    if modes.offset is not None:
-        bend = torch.diff(modes.offset, n=2, dim=2) / STEP_S**2
-        cost = cost + weights.sideways * (bend**2).mean((1, 2))
-    return cost
+    bend = torch.diff(modes.offset, n=2, dim=2) / STEP_S**2
+    return cost + weights.sideways * (bend**2).mean((1, 2))

@@ -1,4 +1,4 @@
-"""Options of a training run, and their effect: learning rate, weights of sites, regularisation."""
+"""Options of a training run, and their effects."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.data.dataset import Dataset
 from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.loss import LossWeights
-from scex_sumo.training.networks.graph_image import NETWORKS, Net
-from scex_sumo.training.networks.layers import ScalerModule
+from scex_sumo.training.networks.graph import ScalerModule
+from scex_sumo.training.networks.graph_image import Net
 
 Kind: TypeAlias = Literal["graph", "hybrid"]
 
@@ -28,53 +28,39 @@ class TrainOptions:
     """Options of a training run.
 
     Attributes:
-        seed: of the first weights, the order of batches and all draws.
-        minutes: stop before the epoch that would end later than this; 0 does not.
-        rounds: rounds in closed loop, evenly spread over the epochs.
-        patience: stop after so many epochs without a better validation.
-        nodes: vehicles per batch, about.
-        rate: highest learning rate; falls to zero like a cosine.
-        average: share of the running mean of the weights that stays at each step; the mean is what is kept.
-        dropout: share of hidden values that is dropped in training.
-        noise: spread of the noise on all scaled inputs, in their standard deviations.
-        balance: a site counts like the number of its vehicles to the power of 1 minus this.
-        unlinked: share of the graph's edges that is dropped in training.
-        mirror: share of the batches that are mirrored in training.
+        average: share of the running mean of the weights that stays at each step; the mean is kept.
         sizes: numbers of `Architecture` that differ from the shipped ones.
-        weights: of the parts of the loss.
     """
 
     kind: Kind
-    seed: int = 0
+    seed: int = 0  # of the first weights, the order of batches and all draws
     epochs: int = 6
-    minutes: float = 0.0
-    rounds: int = 1
-    patience: int = 6
-    nodes: int = 800
-    rate: float = 2e-3
+    minutes: float = 0.0  # stop before the epoch that would end later than this; 0 does not
+    rounds: int = 1  # in closed loop, evenly spread over the epochs
+    patience: int = 6  # stop after so many epochs without a better validation
+    nodes: int = 800  # vehicles per batch, about
+    rate: float = 2e-3  # highest learning rate; falls to zero like a cosine
     decay: float = 0.1
     average: float = 0.99
     gradient: float = 1.0
-    dropout: float = 0.2
-    noise: float = 0.05
-    unlinked: float = 0.2
-    mirror: float = 0.5
-    balance: float = 0.25
+    dropout: float = 0.2  # share of hidden values that is dropped
+    noise: float = 0.05  # spread of the noise on scaled inputs, in standard deviations
+    unlinked: float = 0.2  # share of the graph's edges that is dropped
+    mirror: float = 0.5  # share of the batches that are mirrored
+    balance: float = 0.25  # a site counts like the number of its vehicles to the power of 1 minus this
     sizes: dict[str, Any] = field(default_factory=dict)
-    weights: LossWeights = field(default_factory=LossWeights)
+    weights: LossWeights = field(default_factory=LossWeights)  # of the parts of the loss
 
     def __post_init__(self) -> None:
-        if self.kind not in NETWORKS:
-            raise UsageError(f"train: unknown network {self.kind!r}; known: {', '.join(NETWORKS)}")
         if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:
             raise UsageError(
-                f"train: {self.epochs} epochs with {self.rounds} rounds in closed loop; give at least one "
-                "epoch before and after each round"
+                f"train: --epochs needs at least 1 and more than --rounds, --rounds at least 0; "
+                f"got {self.epochs} and {self.rounds}"
             )
 
 
 def site_weights(dataset: Dataset, balance: float) -> FloatArray:
-    """(S,) weights of a site's vehicles, 1 on average over sites of one size; see `TrainOptions.balance`."""
+    """Return (S,) weights of a site's vehicles; see `TrainOptions.balance`."""
     train = dataset.train
     site = np.repeat(train.site, train.pairs)[train.right]
     count = np.bincount(site, minlength=len(dataset.sites))
@@ -84,13 +70,13 @@ def site_weights(dataset: Dataset, balance: float) -> FloatArray:
 
 
 def learning_rate(options: TrainOptions, done: float) -> float:
-    """Learning rate after a share of the training: a short rise, then a cosine down."""
+    """Return the learning rate after a share of the training."""
     rise = min(1.0, (done * options.epochs + 0.02) / 1.0)
     return options.rate * rise * 0.5 * (1 + math.cos(math.pi * done))
 
 
 def weight_groups(net: nn.Module, decay: float) -> list[dict[str, Any]]:
-    """Parameters for the optimizer; only matrices decay."""
+    """Return parameters for the optimizer; only matrices decay."""
     matrices = [p for p in net.parameters() if p.dim() >= 2]
     others = [p for p in net.parameters() if p.dim() < 2]
     return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
@@ -102,7 +88,7 @@ def copied(net: Net) -> Net:
 
 
 def roughen(net: Net, options: TrainOptions) -> None:
-    """Add dropout after every ReLU and noise on scaled inputs, as hooks that act in training only."""
+    """Add dropout after every ReLU and noise on scaled inputs, in training only."""
 
     def drop(module: nn.Module, given: Any, out: Tensor) -> Tensor:
         return nn.functional.dropout(out, options.dropout, module.training)

@@ -1,8 +1,9 @@
-"""Train a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
+"""Training of a learned driver: epochs over samples, rounds in closed loop, checkpoints."""
 
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 import time
 from collections.abc import Callable
@@ -15,13 +16,13 @@ import torch
 from torch import nn
 
 from scex_sumo.base.cache import code_key
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.files import write_atomic
 from scex_sumo.behaviors.learned.architecture import Architecture
-from scex_sumo.training.checkpoint import read_checkpoint, write_checkpoint
 from scex_sumo.training.data.augment import Images, mirrored
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.data.dataset import Dataset
-from scex_sumo.training.data.samples import TrainingSamples
+from scex_sumo.training.data.samples import TrainingSamples, load_samples, save_samples
 from scex_sumo.training.loss import loss
 from scex_sumo.training.networks.graph import ModeTensors
 from scex_sumo.training.networks.graph_image import NETWORKS, Net, save_net
@@ -44,11 +45,12 @@ _MODULES = ("net", "mean", "optimizer")
 _NUMBERS = ("epoch", "seconds", "best_epoch", "best_loss")
 STATE = {"identity", "best", *_MODULES, *_NUMBERS}
 """Entries of a checkpoint."""
+FILE = "checkpoint.pt"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Progress:
-    """One epoch, for the log and the progress bar."""
+    """One epoch, for the log."""
 
     epoch: int
     epochs: int
@@ -59,11 +61,7 @@ class Progress:
 
 
 def device_of(name: str) -> torch.device:
-    """Return the device of a name; ``auto`` takes a GPU where there is one.
-
-    Raises:
-        UsageError: it cannot be used here.
-    """
+    """Return a device by name; ``auto`` takes a GPU if there is one."""
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     try:
@@ -112,25 +110,20 @@ class Trainer:
         self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
 
     def run(self, report: Callable[[Progress], None], tick: Callable[[int, int], None] | None = None) -> None:
-        """Train until epochs, time or patience end; `best` then has the weights.
-
-        Args:
-            tick: called with the number of batches done, and of all.
-        """
+        """Train until epochs, time or patience end; ``tick`` gets the number of batches done, and of all."""
         options, begun = self.options, time.monotonic() - self.seconds
         while self.epoch < options.epochs:
             self._round()
             parts = self._epoch(tick)
             self.epoch += 1
             score = score_network(self.predict_mean, self.validation, options.weights)
-            # Samples from closed loop make the task harder, not the validation: patience starts anew.
             better = score.loss < self.best_loss
             if better:
                 self.best_loss, self.best_epoch = score.loss, self.epoch
                 self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
             self.seconds = time.monotonic() - begun
             if self.folder is not None:
-                write_checkpoint(self.folder, self._state(), self.drifted)
+                _write_checkpoint(self.folder, self._state(), self.drifted)
             report(Progress(epoch=self.epoch, epochs=options.epochs, seconds=self.seconds, parts=parts,
                             score=score, better=better))  # fmt: skip
             if self.epoch - self.best_epoch >= options.patience:
@@ -139,7 +132,6 @@ class Trainer:
                 return
 
     def _round(self) -> None:
-        """In some epochs, drive with the present weights first, and learn from where that leads to."""
         options = self.options
         due = [round((k + 1) * options.epochs / (options.rounds + 1)) for k in range(options.rounds)]
         if self.drift is None or self.folder is None or self.epoch not in due:
@@ -153,14 +145,14 @@ class Trainer:
             if samples is not None:
                 self.drifted.append(samples)
                 self._use_drifted()
-        self.best_loss = math.inf  # what was best before has not learned to come back
+        self.best_loss = math.inf  # the best so far has not learned to come back
 
     def _use_drifted(self) -> None:
         whole = TrainingSamples.concatenate([self.dataset.train, *self.drifted])
         self.train = Batches(whole, self.site_weight, self.device)
 
     def _epoch(self, tick: Callable[[int, int], None] | None) -> dict[str, float]:
-        """One pass over the samples; all draws follow from seed and epoch alone, so that runs resume."""
+        """Train one epoch; all draws follow from seed and epoch alone, so that runs resume."""
         options = self.options
         rng = np.random.default_rng([options.seed, self.epoch])
         torch.manual_seed(options.seed * 100_003 + self.epoch)
@@ -188,7 +180,7 @@ class Trainer:
         return sums
 
     def _groups(self, rng: np.random.Generator) -> list[Any]:
-        """Batches of an epoch; those of the hybrid have one site each, for a map costs the same for all."""
+        """Return batches of an epoch; those of the hybrid have one site each, to share the map's cost."""
         order = rng.permutation(len(self.train.samples))
         if self.images is None:
             return self.train.groups(order, self.options.nodes)
@@ -219,7 +211,6 @@ class Trainer:
 
     @torch.no_grad()
     def _average(self, step: int) -> None:
-        """Move the running mean of the weights a little towards the present ones."""
         keep = min(self.options.average, (1 + step) / (10 + step))
         for mean, present in zip(self.mean.parameters(), self.net.parameters(), strict=True):
             mean.lerp_(present, 1 - keep)
@@ -231,29 +222,24 @@ class Trainer:
         return net.cpu().eval()
 
     def resume(self) -> bool:
-        """Go on from the checkpoint in the folder; False where there is none.
-
-        Raises:
-            ResultError: it belongs to another run.
-        """
+        """Go on from the checkpoint in the folder; return False if there is none."""
         if self.folder is None:
             return False
-        found = read_checkpoint(self.folder, self.identity(), STATE)
-        if found is None:
+        checkpoint = _read_checkpoint(self.folder, self.identity())
+        if checkpoint is None:
             return False
-        state, self.drifted = found
+        state, self.drifted = checkpoint
         self._restore(state)
         if self.drifted:
             self._use_drifted()
         return True
 
     def identity(self) -> dict[str, Any]:
-        """What a checkpoint must agree in with the run that goes on from it."""
+        """Return what a checkpoint and the run that goes on from it have in common."""
         code = hashlib.sha256(code_key()).hexdigest()
         return {"dataset": self.dataset.digest, "code": code, **asdict(self.options), "minutes": 0.0}
 
     def _state(self) -> dict[str, Any]:
-        """Return what a checkpoint holds, see `STATE`."""
         modules = {name: getattr(self, name).state_dict() for name in _MODULES}
         numbers = {name: getattr(self, name) for name in _NUMBERS}
         return {"identity": self.identity(), "best": self.best, **modules, **numbers}
@@ -264,3 +250,44 @@ class Trainer:
         for name in _NUMBERS:
             setattr(self, name, state[name])
         self.best = {k: v.to(self.device) for k, v in state["best"].items()}
+
+
+def _write_checkpoint(folder: Path, state: dict[str, Any], drifted: list[TrainingSamples]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, samples in enumerate(drifted):
+        file = folder / f"round{number}.npz"
+        if not file.exists():
+            save_samples(file, samples)
+    buffer = io.BytesIO()
+    torch.save({**state, "rounds": len(drifted)}, buffer)
+    write_atomic(folder / FILE, buffer.getvalue())
+
+
+def _read_checkpoint(
+    folder: Path, identity: dict[str, Any]
+) -> tuple[dict[str, Any], list[TrainingSamples]] | None:
+    """Return the state in a folder and the samples of its rounds; None without a checkpoint."""
+    file = folder / FILE
+    if not file.exists():
+        return None
+    try:
+        state: dict[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
+        if set(state) != {*STATE, "rounds"}:
+            raise ValueError
+    except Exception as error:  # torch raises whatever its unpickler meets
+        raise ResultError(
+            f"{file}: not a checkpoint of this version ({type(error).__name__}); train without --resume"
+        ) from None
+    other = sorted(key for key in identity if state["identity"].get(key) != identity[key])
+    if other:
+        raise ResultError(
+            f"{file}: a checkpoint of a run with another {', '.join(other)}; give the same options and data, "
+            "or train without --resume"
+        )
+    drifted = []
+    for number in range(state["rounds"]):
+        samples = load_samples(folder / f"round{number}.npz")
+        if samples is None:
+            raise ResultError(f"{folder}: round{number}.npz cannot be read; train without --resume")
+        drifted.append(samples)
+    return state, drifted

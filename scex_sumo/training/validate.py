@@ -1,4 +1,4 @@
-"""Validation of a network: how well it predicts that part of the recordings, without driving."""
+"""Validation of a network on its part of the recordings, without driving."""
 
 from __future__ import annotations
 
@@ -23,19 +23,16 @@ class Score:
     """Errors over the vehicles of some samples, in m and by site.
 
     Attributes:
-        loss: mean over batches, weighted as in training.
-        ade: mean distance over 3 s of the expected mode on the likeliest path.
-        fde: its distance after 3 s.
         best: distance after 3 s of the best of the six likeliest combinations of path and mode.
     """
 
-    loss: float
-    ade: dict[int, float]
-    fde: dict[int, float]
+    loss: float  # mean over batches, weighted as in training
+    ade: dict[int, float]  # mean distance over 3 s of the expected mode on the likeliest path
+    fde: dict[int, float]  # its distance after 3 s
     best: dict[int, float]
 
     def __str__(self) -> str:
-        """One line: ADE/FDE/best of six by site."""
+        """ADE/FDE/best of six by site."""
         return "  ".join(f"{self.ade[s]:.2f}/{self.fde[s]:.2f}/{self.best[s]:.2f}" for s in self.ade)
 
 
@@ -44,7 +41,7 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
     """Score a network on all samples of `batches`."""
     rows: list[Tensor] = []
     total = count = 0.0
-    # Sites apart, as the image branch has them in training.
+    # one site per batch, as the image branch has them in training
     order = np.argsort(batches.samples.site, kind="stable")
     for graphs in batches.groups(order, NODES):
         batch = batches.take(graphs)
@@ -65,11 +62,11 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
 
 
 def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
-    """(k, 4) site, ADE, FDE, best of six."""
+    """Return (k, 4) site, ADE, FDE, best of six."""
     off = _distances(modes, batch)
     node, ends = batch.path.node, off[..., -1]
     count = int(node.max()) + 1
-    # Sorted by vehicle, and within a vehicle by falling logit: the first of each is its likeliest path.
+    # Sorted by vehicle, then by falling logit: the first of each vehicle is its likeliest path.
     order = torch.argsort(modes.path_logit, descending=True, stable=True)
     order = order[torch.argsort(node[order], stable=True)]
     owner = node[order]
@@ -80,21 +77,20 @@ def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
 
 
 def _distances(modes: ModeTensors, batch: Batch) -> Tensor:
-    """(n, M, H) m between each mode and the recorded future, in the coordinates of the pair's path."""
+    """Return (n, M, H) m between each mode and the recorded future."""
     way = displacement(batch.start[:, 0], modes.acceleration)
-    aside = torch.zeros_like(way) if modes.offset is None else modes.offset - batch.d[:, None]
-    return torch.hypot(way - batch.s[:, None], aside)
+    return torch.hypot(way - batch.s[:, None], modes.offset - batch.d[:, None])
 
 
 def _best(modes: ModeTensors, node: Tensor, ends: Tensor, count: int) -> Tensor:
-    """(N,) smallest distance after 3 s among a vehicle's six likeliest combinations of path and mode."""
+    """Return (N,) smallest distances after 3 s of the six likeliest combinations."""
     highest = torch.full((count,), -torch.inf, device=node.device)
     highest = highest.scatter_reduce(0, node, modes.path_logit, "amax")
     each = torch.exp(modes.path_logit - highest[node])
     every = torch.zeros(count, device=node.device).index_add(0, node, each)
     likely = torch.softmax(modes.logits, 1) * (each / every[node])[:, None]
     owner = node[:, None].expand_as(likely).reshape(-1)
-    # By vehicle, and within a vehicle by falling probability.
+    # By vehicle, then by falling probability.
     order = torch.argsort(likely.reshape(-1), descending=True, stable=True)
     order = order[torch.argsort(owner[order], stable=True)]
     owner = owner[order]

@@ -1,4 +1,1 @@
-"""Views of children in plain sumo-gui: replay files and floating car data.
-
-May import world, results and all below; not behaviors.
-"""
+"""Views of children in plain sumo-gui."""

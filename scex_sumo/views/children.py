@@ -1,4 +1,4 @@
-"""Children of a run as files for sumo-gui: one child, an encounter, or several children side by side."""
+"""Children of a run as sumo-gui files: one child, an encounter, or several side by side."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from scex_sumo.world.gui_drawings import ChildView
 
 
 def write_critical(run: Run) -> list[Path]:
-    """Write the most critical child by each metric that is defined in any child.
+    """Write the most critical child by each metric.
 
-    A child that is the most critical by several metrics stops at its worst step by the last of them.
+    A child that is worst by several metrics stops at its worst step by the last of them.
     """
     files, net = [], ReadNet.of(run.net.path)
     columns = [c for c in run.columns if not c.endswith("_mean") and len(run.samples(c))]
@@ -37,23 +37,23 @@ def write_critical(run: Run) -> list[Path]:
 
 
 def write_critical_of(folder: Path) -> None:
-    """Write the same for the run in a folder, e.g. in another process."""
+    """Write the most critical children of the run in a folder, e.g. in another process."""
     write_critical(open_run(folder))
 
 
 def write_child(run: Run, number: int) -> Path:
-    """Write the view of one child; return the file to open."""
+    """Write the view of one child, and return the file to open."""
     return _write(run, [_child_view(run, number)])
 
 
 def event_of(
     run: Run, number: int, *, critical: str | None = None, encounter: tuple[int, int] | None = None
 ) -> tuple[list[int], str]:
-    """Return the track ids to look at in a child, none for all vehicles, and the event in words.
+    """Return the track ids of a child's event, none for all vehicles, and the event in words.
 
     Args:
-        critical: metric whose extremum of the child is the event.
-        encounter: two track ids whose encounter is the event.
+        critical: metric whose extremum is the event.
+        encounter: two track ids.
     """
     if encounter is not None:
         return list(encounter), _named(encounter)
@@ -79,10 +79,9 @@ def _named(tracks: Sequence[int]) -> str:
 
 
 def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
-    """Write the view of the most critical child by a metric, at its worst step; return the file to open.
+    """Write the most critical child by a metric at its worst step, and return the file to open.
 
-    Args:
-        net: of the run, if it has been read already.
+    ``net`` is the run's, if already read.
     """
     column = run.column(column)
     number = run.most_critical(column)
@@ -95,7 +94,7 @@ def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
-    """Write the view of a typical child in which two vehicles meet; return the file to open.
+    """Write a typical child in which two vehicles meet, and return the file to open.
 
     Raises:
         ResultError: they meet in no child.
@@ -111,10 +110,10 @@ def write_encounter(run: Run, first: int, second: int) -> Path:
 
 
 def write_grid(run: Run, count: int, column: str | None = None) -> Path:
-    """Write the view of children side by side; return the file to open.
+    """Write children side by side, and return the file to open.
 
     Args:
-        column: takes the most critical children by this metric; None takes the most different ones.
+        column: most critical children by this metric; None: most different children.
 
     Raises:
         UsageError: fewer than two children, or more than the run has.
@@ -129,7 +128,7 @@ def write_grid(run: Run, count: int, column: str | None = None) -> Path:
 def most_different(run: Run, count: int) -> IntArray:
     """Return (count,) children whose vehicles end in the most different places.
 
-    Each one is the farthest from those chosen before; the first is the farthest from the mean.
+    Each is the farthest from those before it; the first is the farthest from the mean.
     """
     ends = [np.stack([block.x[:, :, -1], block.y[:, :, -1]], axis=-1) for block in run.state_blocks()]
     places = np.concatenate(ends).reshape(run.children, -1)
@@ -144,7 +143,7 @@ def most_different(run: Run, count: int) -> IntArray:
 
 
 def most_critical(run: Run, count: int, column: str) -> IntArray:
-    """Return (count,) children ordered by a metric, the most critical first, undefined ones last."""
+    """Return (count,) children by a metric, the most critical first, undefined ones last."""
     column = run.column(column)
     values = run.values(column) * (1 if side_of(column) == "left" else -1)
     return np.argsort(values, kind="stable")[:count].astype(np.int64)
@@ -155,7 +154,6 @@ def _value(run: Run, number: int, column: str | None) -> str:
 
 
 def _value_text(column: str, value: float) -> str:
-    """Return the value of a metric as the tables print it, with its unit."""
     metric, mean = metric_of(column), " mean" if column.endswith("_mean") else ""
     return f"{metric.words}{mean} {value:.3g} {metric.column_unit or ''}".rstrip()
 
@@ -179,7 +177,7 @@ def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: s
 
 
 def colors_of(run: Run) -> dict[str, Rgb]:
-    """Return the colour of each model of a run in sumo-gui and videos, 0 to 255."""
+    """Return the colour of each model, 0 to 255."""
     names = sorted(set(run.assignments["model"].unique().to_pylist()))
     return dict(zip(names, model_colors(names), strict=True))
 

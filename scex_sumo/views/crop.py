@@ -1,7 +1,6 @@
-"""Cropped net for children side by side: the lanes and markings around the vehicles, not what is far away.
+"""Cropped net for children side by side.
 
-Only shapes change: what is outside of the box is drawn together on its border, too small to be seen, so that
-SUMO finds every lane and connection of the net.
+Only shapes change: lanes outside of the box shrink to dots on its border, so that ids and connections stay.
 """
 
 from __future__ import annotations
@@ -20,11 +19,7 @@ _DOT_M = 0.1
 
 
 def crop_net(net: Path, box: Box, out: Path) -> Path:
-    """Write a net whose shapes are cropped to a box; returns the file.
-
-    Args:
-        box: smallest x, y and largest x, y, m.
-    """
+    """Write a net with shapes cropped to a box (smallest x, y, largest x, y, m), and return the file."""
     root = net_root(net)
     for lane in root.iter("lane"):
         lane.attrib.pop("outlineShape", None)
@@ -45,7 +40,7 @@ def crop_net(net: Path, box: Box, out: Path) -> Path:
 
 
 def crop_extras(extras: Path, box: Box, out: Path) -> Path:
-    """Write the part of an additional file's lines and areas within a box; returns the file."""
+    """Write the lines and areas of an additional file within a box, and return the file."""
     root = ElementTree.parse(extras).getroot()
     kept = [poly for poly in root.iter("poly") if _crop_shape(poly, box, closed=poly.get("fill") == "1")]
     _write(out, "additional", root, kept)
@@ -59,12 +54,12 @@ def _write(out: Path, tag: str, root: ElementTree.Element, children: Iterable[El
 
 
 def _into(box: Box, x: float, y: float) -> tuple[float, float]:
-    """The nearest place within a box, a dot's length from its eastern border."""
+    """Return the nearest place in a box, a dot's length from its eastern border."""
     return min(max(x, box[0]), box[2] - _DOT_M), min(max(y, box[1]), box[3])
 
 
 def _crop_shape(element: ElementTree.Element, box: Box, *, closed: bool) -> bool:
-    """Crop the shape of an element to its longest or largest part within; False where nothing is left."""
+    """Crop a shape to its longest part within the box; False if nothing is left."""
     points = points_of(element.get("shape", ""))
     if len(points) < (4 if closed else 2):
         return False

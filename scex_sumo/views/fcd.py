@@ -1,7 +1,7 @@
-"""Floating car data (FCD), SUMO's format for trajectories, which sumo-gui replays and SUMO's tools plot.
+"""Floating car data (FCD): SUMO's format of trajectories, for replays in sumo-gui.
 
-Positions and speeds are the logged ones. SUMO needs a lane for every position: the nearest one with a similar
-direction. The first lane of a vehicle is outside of junctions, where SUMO inserts no vehicle.
+SUMO needs a lane for every position: the nearest one with a similar direction. A vehicle's first lane is
+outside of junctions, where SUMO inserts no vehicle.
 """
 
 from __future__ import annotations
@@ -16,14 +16,12 @@ import shapely
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
-from scex_sumo.base.errors import ResultError
 from scex_sumo.converters.net.reader import read_net
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.frame import to_sumo
 from scex_sumo.world.tiles import tile_id
 
 _TURN_COST_M_PER_RAD = 3.0  # a lane in another direction costs as much as one farther away
-_MAX_COORDINATE_M = 1e8
 _NEAR_M = 8.0
 
 
@@ -32,13 +30,11 @@ class FcdTracks:
     """Tracks of N vehicles in one tile.
 
     Attributes:
-        ids: (N,) SUMO's ids.
-        types: (N,) ids of vehicle types.
         length: (N,) m.
-        states: (N, T) centres, in the net's coordinates.
-        present: (N, T) True from a vehicle's first to its last appearance.
-        tile: slot of the tile; None in a net without tiles.
-        offset: x and y of the tile, m.
+        states: (N, T) centres in the net's coordinates.
+        present: (N, T) from first to last appearance.
+        tile: slot; None in a net without tiles.
+        offset: of the tile, m.
     """
 
     ids: Sequence[str]
@@ -51,14 +47,11 @@ class FcdTracks:
 
 
 class LaneFinder:
-    """Index of the lanes of a SUMO net by position and heading."""
+    """Index of a SUMO net's lanes by position and heading."""
 
     def __init__(self, net_path: Path) -> None:
-        """Read the net's lanes; a `ResultError` names a lane with impossible coordinates."""
+        """Read the lanes; a `MapError` names one that cannot be read."""
         lanes = [x for x in read_net(net_path).lanes.values() if x.function in ("normal", "internal")]
-        far = [lane.lane_id for lane in lanes if not (np.abs(lane.shape) < _MAX_COORDINATE_M).all()]
-        if far:
-            raise ResultError(f"{net_path}: lane {far[0]} leaves the Earth; run again")
         self._names = [lane.lane_id for lane in lanes]
         self._lines = np.array([lane.line for lane in lanes])
         self._inside = np.array([lane.internal for lane in lanes])
@@ -69,13 +62,9 @@ class LaneFinder:
     def find(
         self, x: FloatArray, y: FloatArray, heading: FloatArray, first: BoolArray
     ) -> tuple[list[str], FloatArray]:
-        """Return the lane id of each place, and (n,) positions along the lanes, m.
+        """Return (n) lane ids of places, and (n,) positions along the lanes, m.
 
-        Args:
-            x: (n,) m.
-            y: (n,) m.
-            heading: (n,) rad.
-            first: (n,) True for the first place of a vehicle.
+        ``first`` (n,) marks the first place of a vehicle.
         """
         places = shapely.points(x, y)
         place, lane = self._tree.query(places, predicate="dwithin", distance=_NEAR_M)
@@ -105,12 +94,7 @@ class LaneFinder:
 
 
 def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> None:
-    """Write tracks as SUMO's FCD, the first step at 0.1 s.
-
-    Args:
-        groups: tracks with the same number of steps.
-        lanes: of the net without tiles.
-    """
+    """Write tracks with equal numbers of steps as FCD, the first step at 0.1 s; ``lanes`` has no tiles."""
     steps = groups[0].states.shape[1]
     rows: list[list[str]] = [[] for _ in range(steps)]
     for group in groups:

@@ -1,7 +1,6 @@
-"""Replay of child scenarios in sumo-gui without Python: ``sumo-gui -c child_0007.sumocfg``.
+"""Replay of children in sumo-gui without Python: ``sumo-gui -c child_0007.sumocfg``.
 
-sumo-gui replays the logged trajectories (FCD) on the converted net with its markings. Vehicles have the
-colour of their behaviour model; thin lines show their paths from the seed scene on.
+Colours show the behaviour models, thin lines the paths from the seed scene on.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ _WINDOW = "1400,900"
 
 
 class ReadNet(NamedTuple):
-    """A net that has been read: index of its lanes, and template of its tiles."""
+    """Net, read once: index of its lanes, and template of its tiles."""
 
     lanes: LaneFinder
     template: TileTemplate
@@ -65,16 +64,11 @@ def write_view(
     snapshots: tuple[tuple[float, str], ...] = (),
     again: ReadNet | None = None,
 ) -> Path:
-    """Write the files that show one child in sumo-gui, or several side by side in reading order.
+    """Write files that show one child in sumo-gui, or several side by side, and return the file to open.
 
     Args:
-        folder: where to write; the net is referred to by a relative path.
-        colors: RGB of each behaviour model, 0 to 255.
-        snapshots: times in s and names of pictures that sumo-gui writes.
-        again: the net, if it has been read for another view of one child.
-
-    Returns:
-        The file to open: ``child_NUMBER.sumocfg``, or ``grid_N.sumocfg`` of N children.
+        snapshots: times in s and picture names for sumo-gui.
+        again: the net, if already read for one child.
     """
     grid = len(children) > 1
     name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
@@ -130,11 +124,7 @@ def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[P
 def _choose_ids(
     path: Path, groups: Sequence[FcdTracks], child: ChildView, letter_m: float, frame: Frame
 ) -> str:
-    """Select the vehicles whose ids sumo-gui writes: those that are readable where the replay stops.
-
-    Returns:
-        Drawings of the event's ids beside their rings, if they overprint others.
-    """
+    """Select the vehicle ids that are readable at the stop, and return drawings of overprinted event ids."""
     at, here = child.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
     here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in child.event)
     here = [(group, n) for group, n in here if group.present[n, at]]
@@ -190,7 +180,7 @@ def _groups(scene: SeedScene, tiled: TiledChild) -> list[FcdTracks]:
 
 
 def _without_gaps(present: BoolArray) -> BoolArray:
-    """Return presence from first to last appearance: SUMO would close a gap by a jump in time."""
+    """Return presence from first to last appearance: SUMO would jump over a gap in time."""
     return (
         np.logical_or.accumulate(present, axis=1)
         & np.logical_or.accumulate(present[:, ::-1], axis=1)[:, ::-1]
@@ -202,7 +192,6 @@ def _type_id(model: str, vehicle: int) -> str:
 
 
 def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str, Rgb]) -> str:
-    """Return a SUMO type for each vehicle and model, with the vehicle's size and the model's colour."""
     lines = []
     for v in range(scene.vehicles):
         size = scene.types[v], float(scene.length[v]), float(scene.width[v])
@@ -218,8 +207,6 @@ def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str,
 def _write_configuration(
     folder: Path, name: str, net: Path, additional: Sequence[Path], steps: int, *, ids: bool
 ) -> Path:
-    """Write the file that sumo-gui opens; it names the others by relative paths."""
-
     def relative(path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 

@@ -1,4 +1,4 @@
-"""Lines of a road to be drawn, from the net and the markings that sumo-gui draws."""
+"""Road lines to draw, from a net and its markings."""
 
 from __future__ import annotations
 
@@ -17,12 +17,7 @@ SURFACE, AREA, MARKING, BORDER, STOP = range(5)
 
 
 class RoadLine(NamedTuple):
-    """A line of the road.
-
-    Attributes:
-        width_m: of a surface, else 0.
-        points: (P, 2) m.
-    """
+    """Line of a road: points (P, 2) in m, and the width of a surface, else 0."""
 
     kind: int
     width_m: float
@@ -30,11 +25,11 @@ class RoadLine(NamedTuple):
 
 
 def road_lines(net: Path, box: tuple[float, float, float, float]) -> list[RoadLine]:
-    """Everything of a road that there is to draw; nothing of a file that is not there.
+    """Return the road lines that touch a box; none of a missing file.
 
     Args:
         net: NET.net.xml, with NET.add.xml beside it.
-        box: least and largest x, least and largest y, m, that lines must touch.
+        box: least and largest x, least and largest y, m.
     """
     lines = []
     if net.is_file():

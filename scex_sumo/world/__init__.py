@@ -1,4 +1,1 @@
-"""Worlds that children run in: SUMO through libsumo or sumo-gui, or plain arrays. Only here: libsumo, traci.
-
-May import converters, roads and all below; not behaviors.
-"""
+"""Worlds of children: SUMO (libsumo, sumo-gui) or plain arrays; the only package with libsumo and traci."""

@@ -1,7 +1,6 @@
-"""World and simulator protocols, and the registry of simulators: entry points in ``scex_sumo.worlds``.
+"""World and simulator protocols, and the registry of simulators (entry points in ``scex_sumo.worlds``).
 
-The closed loop moves vehicles in a `World`. A `Simulator` makes a world for each batch of children.
-``--world NAME`` names an entry of the registry, or the import path of a simulator's class.
+``--world`` takes a name of the registry, or ``package.module:Class``.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ WORLDS = Registry(
 
 
 class World(Protocol):
-    """A batch of children in closed loop, set to the seed scene."""
+    """Batch of children in closed loop, set to the seed scene."""
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) of the vehicles in the mask; SUMO drives the others."""
+        """Set the next states (C, V) where ``mask`` is True; SUMO drives the others."""
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Set the next states (O,) of the replayed pedestrians and cyclists."""
+        """Set the next states (O,) of replayed pedestrians and cyclists."""
 
     def step(self) -> None:
         """Advance by 0.1 s."""
@@ -47,13 +46,12 @@ class World(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class SumoDriven:
-    """A vehicle that one of SUMO's car-following models drives.
+    """Vehicle with a car-following model of SUMO, e.g. ``EIDM``.
 
     Attributes:
         vehicle: index in the seed scene.
-        model: SUMO's name of the model, e.g. ``EIDM``.
-        parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
-        edges: route in SUMO's edges; the vehicle is on the first one.
+        parameters: ``vType`` attributes.
+        edges: route; the vehicle is on the first edge.
     """
 
     child: int
@@ -65,14 +63,11 @@ class SumoDriven:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorldRequest:
-    """What a simulator is made for.
+    """Request for a simulator.
 
     Attributes:
-        net: its map as a SUMO net.
-        models: names of the behaviour models.
-        slots: tile slots that the children may have.
-        sumo_drives: whether SUMO drives some vehicles.
-        gui: show the run live in sumo-gui.
+        models: names of behaviour models.
+        slots: tile slots of all children.
         compared: whether a checked world is compared with SUMO's.
     """
 
@@ -87,12 +82,11 @@ class WorldRequest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BatchStart:
-    """The children of a batch.
+    """Children of a batch.
 
     Attributes:
-        slots: (C,) tile slot of each child. Children share one if SUMO drives nobody and nobody watches.
+        slots: (C,) tile slots; children share one if SUMO drives nobody and nobody watches.
         assignment: (C, V) index into the models of the request.
-        driven: the vehicles that SUMO drives.
     """
 
     slots: IntArray
@@ -101,7 +95,7 @@ class BatchStart:
 
 
 class Simulator(Protocol):
-    """Simulator of the children of one seed scene: a context manager, one per process."""
+    """Simulator of one seed scene: a context manager, one per process."""
 
     has_sumo: ClassVar[bool]
     """Whether SUMO can drive vehicles in it, and show it in sumo-gui."""
@@ -113,4 +107,4 @@ class Simulator(Protocol):
     def __exit__(self, *error: object) -> None: ...
 
     def begin(self, batch: BatchStart) -> World:
-        """Return a world with all vehicles of the batch at the seed scene; the one before has ended."""
+        """Return a world with all vehicles at the seed scene; the previous world has ended."""

@@ -1,11 +1,11 @@
-"""Running batch of SUMO's world: its vehicles, and the vehicles that SUMO drives."""
+"""Running batch of SUMO's world: its vehicles, and those with SUMO drivers."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,17 +16,16 @@ from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.base import SumoDriven
 from scex_sumo.world.tiles import tile_id
 
-# moveToXY's keepRoute: where SUMO looks for the lane of a vehicle, whose exact position is kept (2).
-# 1 = only along the vehicle's route; 4 = lanes of any permission.
+# moveToXY's keepRoute: 1 = lane on the route, 2 = exact position, 4 = lane of any permission.
 ANY_LANE = 2 + 4
 _OWN_ROUTE = 2 + 1
 
-_MAX_GAIN_MPS = 1.0  # no driver of SUMO's gains more speed in one step
-_ARRIVAL_M = 0.2  # SUMO removes a vehicle 0.1 m before the end of its route
+_MAX_GAIN_MPS = 1.0  # in one step
+_ARRIVAL_M = 0.2  # SUMO removes vehicles 0.1 m before the end
 
 
 def vehicle_ids(slots: Sequence[int], track_ids: IntArray) -> list[str]:
-    """Return SUMO's ids of the vehicles, child by child, different for children that share a tile."""
+    """Return unique SUMO ids, child by child; children may share a tile."""
     ids, before = [], Counter[int]()
     for slot in slots:
         mark = f"~{before[slot]}" if before[slot] else ""
@@ -37,15 +36,7 @@ def vehicle_ids(slots: Sequence[int], track_ids: IntArray) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Pose of a vehicle in SUMO's frame.
-
-    Attributes:
-        key: SUMO's id of the vehicle.
-        x: front bumper, m.
-        y: front bumper, m.
-        angle: degrees, 0 = north, clockwise.
-        speed: m/s.
-    """
+    """Pose of a vehicle in SUMO's frame: front bumper in m, degrees clockwise from north, m/s."""
 
     key: str
     x: float
@@ -54,35 +45,27 @@ class Pose:
     speed: float
 
     def ahead(self) -> Pose:
-        """Return the pose one step later, straight on at the same speed."""
+        """Return the pose after one step, straight on at constant speed."""
         heading, way = math.radians(90.0 - self.angle), self.speed * STEP_S
-        x, y = self.x + way * math.cos(heading), self.y + way * math.sin(heading)
-        return Pose(key=self.key, x=x, y=y, angle=self.angle, speed=self.speed)
+        return replace(self, x=self.x + way * math.cos(heading), y=self.y + way * math.sin(heading))
 
 
 class SharedVehicles:
-    """Vehicles of N that share one vehicle in SUMO: all that were moved to the same places, to the bit.
-
-    Children begin in one scene and differ only where the drivers near a vehicle differ: the 5 390 vehicles of
-    385 children of the example roundabout take 336 different ways.
+    """Vehicles of N with bit-equal poses so far, which share one vehicle in SUMO.
 
     Attributes:
-        held: (k,) the vehicles that SUMO holds, ascending; none leaves.
-        place: (N,) index of the shared vehicle among those.
+        held: (k,) vehicles in SUMO, ascending; none leaves.
+        place: (N,) index of the shared vehicle in ``held``.
     """
 
     def __init__(self, group: IntArray) -> None:
-        """Start without vehicles in SUMO; only vehicles with an equal ``group`` (N,) may share one."""
+        """Start without vehicles; only vehicles with equal ``group`` (N,) may share."""
         self.held = np.zeros(0, dtype=np.int64)
         self.place = np.zeros(len(group), dtype=np.int64)
         self._group = group
 
     def split(self, poses: Sequence[FloatArray]) -> IntArray:
-        """Separate the vehicles that are moved to different poses, each (N,), from now on.
-
-        Returns:
-            The vehicles that SUMO has to hold in addition.
-        """
+        """Separate vehicles with different poses, each (N,), and return those new to SUMO."""
         if len(self.held) == len(self._group):
             return np.zeros(0, dtype=np.int64)
         first, self.place = distinct(np.stack([self._group, *poses], axis=1))
@@ -93,13 +76,13 @@ class SharedVehicles:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Selection:
-    """Selection of n vehicles that SUMO holds.
+    """Selection of n vehicles in SUMO.
 
     Attributes:
         index: (n,) flat index into (C, V).
         ids: (n) SUMO's ids.
         lanes: (n) moveToXY's ``keepRoute``.
-        watched: indices among the n of those in children with SUMO drivers or a watcher.
+        watched: indices into n of vehicles in mixed children.
     """
 
     index: IntArray
@@ -110,21 +93,18 @@ class Selection:
 
 @dataclass(kw_only=True, eq=False)
 class RunningBatch:
-    """The running batch.
+    """Running batch of C children.
 
     Attributes:
-        slots: tile slot of each child.
-        ids: SUMO's ids of the vehicles, child by child.
-        offset: (2, C, 1) x and y of the tiles, m.
+        offset: (2, C, 1) of the tiles, m.
         overridden: (C, V) False where SUMO drives.
-        mixed: (C,) True where there are SUMO drivers or a watcher.
+        mixed: (C,) True with SUMO drivers or a watcher.
         lanes: (C, V) moveToXY's ``keepRoute``.
-        speed: (C, V) the speed last set, where overridden.
+        speed: (C, V) last speed set, where overridden.
         held: (C, V) the same after the last step, never negative.
-        shared: the vehicles that SUMO holds, by flat index into (C, V).
-        route_ends: last edge of the route of SUMO-driven vehicles, by id.
-        straight_on: vehicles whose route has ended and that SUMO drives no longer.
-        obstacles: ids of the pedestrians and cyclists present.
+        route_ends: last edge of SUMO-driven vehicles, by id.
+        straight_on: vehicles beyond the end of their route.
+        obstacles: ids of present pedestrians and cyclists.
     """
 
     slots: list[int]
@@ -148,12 +128,12 @@ class RunningBatch:
 
     @property
     def everybody(self) -> Selection:
-        """All vehicles that SUMO holds."""
+        """Vehicles in SUMO."""
         return self._select(driven=True)
 
     @property
     def moved(self) -> Selection:
-        """Those of them that SUMO does not drive."""
+        """Vehicles in SUMO that it does not drive."""
         return self._select(driven=False)
 
     def _select(self, *, driven: bool) -> Selection:
@@ -170,14 +150,14 @@ class RunningBatch:
         return self._selected[driven]
 
     def split(self, poses: Sequence[FloatArray]) -> IntArray:
-        """Separate vehicles that are moved to different poses (C, V); returns those new to SUMO (flat)."""
+        """Separate vehicles with different poses (C, V), and return the flat indices of those new to SUMO."""
         new = self.shared.split([values.reshape(-1) for values in poses])
         if len(new):
             self._selected.clear()
         return new
 
     def hand_over(self, driven: Sequence[SumoDriven], sumo: Any) -> None:
-        """Let SUMO drive from here on; a vehicle that is on none of its lanes goes straight on instead."""
+        """Let SUMO drive from now on; a vehicle on no lane goes straight on."""
         for d in driven:
             key = self.id_of(d.child, d.vehicle)
             if sumo.vehicle.getLaneID(key):
@@ -186,7 +166,7 @@ class RunningBatch:
                 self._take_back(key, sumo)
 
     def watch_route_ends(self, sumo: Any) -> None:
-        """Take back the vehicles that SUMO would remove at the next step, at the end of their route."""
+        """Take back vehicles that SUMO would remove at the next step."""
         for key, edge in list(self.route_ends.items()):
             left = sumo.vehicle.getDrivingDistance(key, edge, sumo.lane.getLength(f"{edge}_0"))
             if 0 <= left <= (sumo.vehicle.getSpeed(key) + _MAX_GAIN_MPS) * STEP_S + _ARRIVAL_M:
@@ -194,22 +174,22 @@ class RunningBatch:
                 self._take_back(key, sumo)
 
     def go_straight_on(self) -> Iterator[Pose]:
-        """Yield the next poses of the vehicles that were taken back."""
+        """Yield the next poses of vehicles that were taken back."""
         self.straight_on = [pose.ahead() for pose in self.straight_on]
         yield from self.straight_on
 
     def refuse_shared_slots(self) -> None:
-        """Raise a `SimulationError` if children share a slot and one of them has SUMO drivers."""
+        """Raise a `SimulationError` if a child with SUMO drivers shares its slot."""
         count = Counter(self.slots)
         mixed = {slot for slot, m in zip(self.slots, self.mixed, strict=True) if m}
         if shared := sorted(slot for slot in mixed if count[slot] > 1):
             raise SimulationError(
-                f"slots {shared} hold several children, one of them with drivers of SUMO's or shown in "
-                "sumo-gui; give each a slot of its own"
+                f"slots {shared} hold several children, one with SUMO drivers or shown in sumo-gui; "
+                "give each its own slot"
             )
 
     def refuse_losses(self, held: Sequence[str]) -> None:
-        """Raise a `SimulationError` that names the vehicles missing from those that SUMO holds."""
+        """Raise a `SimulationError` with the vehicles that SUMO lost."""
         all_of_us = {*self.everybody.ids, *self.obstacles}
         lost = sorted(all_of_us - set(held))
         raise SimulationError(
@@ -232,12 +212,11 @@ def new_batch(
     offsets: Sequence[tuple[float, float]],
     watched: bool,
 ) -> RunningBatch:
-    """Make a batch that has not begun; ``watched`` says whether sumo-gui shows it."""
+    """Return a batch before its start; ``watched``: sumo-gui shows it."""
     overridden = np.ones(start.shape, dtype=bool)
     for d in driven:
         overridden[d.child, d.vehicle] = False
-    # Looking for lanes takes three quarters of the time. Only SUMO's drivers need it, to see vehicles on
-    # their lanes; elsewhere SUMO need not look beyond one lane.
+    # Looking for lanes takes three quarters of the time, and only SUMO's drivers need it.
     mixed = np.full(len(slots), watched) | ~overridden.all(axis=1)
     children, vehicles = start.shape
     own = np.arange(children * vehicles).reshape(start.shape)

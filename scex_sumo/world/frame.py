@@ -1,4 +1,4 @@
-"""Poses: ours (centre, counter-clockwise from east), SUMO's (front bumper, clockwise from north)."""
+"""Poses: ours (centre, counter-clockwise from east) and SUMO's (front bumper, clockwise from north)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from scex_sumo.scene import States
 
 
 def to_sumo(states: States, length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Convert states (..., V) of vehicles of a length (V,) in m to SUMO's frame.
+    """Return x, y (m) and angle (degrees in [0, 360)) in SUMO's frame of states (..., V).
 
-    Returns:
-        x and y of the front bumper in m, and the angle in degrees, 0 = north, clockwise, in [0, 360).
+    ``length`` is (V,) in m.
     """
     x = states.x + 0.5 * length * np.cos(states.heading)
     y = states.y + 0.5 * length * np.sin(states.heading)
@@ -20,7 +19,7 @@ def to_sumo(states: States, length: FloatArray) -> tuple[FloatArray, FloatArray,
 
 
 def angle_read_back(angle: FloatArray) -> FloatArray:
-    """Return the angle in degrees that SUMO gives back for an angle: it stores radians, 0 = east."""
+    """Return the angle in degrees as SUMO returns it: SUMO stores radians, 0 = east."""
     stored = np.pi / 2 - angle * np.pi / 180
     back = (np.pi / 2 - stored) * 180 / np.pi
     back = np.where(back >= 360.0, back - 360.0, back)
@@ -31,7 +30,7 @@ def angle_read_back(angle: FloatArray) -> FloatArray:
 def from_sumo(
     front_x: FloatArray, front_y: FloatArray, angle: FloatArray, speed: FloatArray, length: FloatArray
 ) -> States:
-    """Convert from SUMO's frame, the inverse of `to_sumo`; headings are in (-pi, pi]."""
+    """Return states from SUMO's frame, the inverse of `to_sumo`; headings in (-pi, pi]."""
     heading = np.pi - np.mod(np.pi - np.radians(90.0 - angle), 2.0 * np.pi)
     return States(
         x=front_x - 0.5 * length * np.cos(heading),

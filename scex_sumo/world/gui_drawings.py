@@ -1,4 +1,4 @@
-"""Drawings in sumo-gui: tracks of vehicles, rings, titles of children, legend, ids."""
+"""Drawings in sumo-gui: tracks, rings, titles, legend, ids."""
 
 from __future__ import annotations
 
@@ -16,31 +16,29 @@ from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
 
 Bounds = tuple[float, float, float, float]
 OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
-_LINE = 1.4  # from line to line of text, in heights of a letter
+_LINE = 1.4  # line height, in letters
 _LETTER = 0.4  # width of a letter, in heights
 _LEGEND_COLUMNS = 3
-_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # widths by heights of windows that people use
-_LETTER_SHARE = 0.03  # height of a letter in a window
-_AROUND_M = 25.0  # of the map to be seen around vehicles
+_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # usual widths by heights
+_LETTER_SHARE = 0.03  # of the window's height
+_AROUND_M = 25.0  # vehicles
 _RING_M, _RING_WIDTH_M, _RING_POINTS, _RING_RGB = 4.0, 0.3, 48, (214, 64, 58)
-_TRACK_LAYER = 30  # above the markings, below the vehicles
+_TRACK_LAYER = 30  # between markings and vehicles
 
-LETTER_M = 2.0  # height of letters in the ids of vehicles; leaves the ends of a car free
-_WIDE_M = 2.6  # of an id with its background, to fit into a lane
-_ID_WIDTH, _ID_HEIGHT = 0.52, 1.1  # of sumo-gui's letters with their background, in heights of a letter
+LETTER_M = 2.0  # letters of vehicle ids
+_WIDE_M = 2.6  # widest id in a lane
+_ID_WIDTH, _ID_HEIGHT = 0.52, 1.1  # of sumo-gui's letters, in heights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChildView:
-    """Child scenario to be shown.
+    """Child to be shown.
 
     Attributes:
-        number: the child's number.
-        states: (V, T) from 0.1 s on: the past, the seed scene, the future.
-        models: (V,) the behaviour model of each vehicle.
-        title: text beside it, e.g. its most critical value.
-        past: number of past states; the last of them is the seed scene.
-        event: vehicles with a ring; if there are none, all are in view.
+        states: (V, T) from 0.1 s on: past, seed scene, future.
+        models: (V,) behaviour models.
+        past: number of past states; the last one is the seed scene.
+        event: vehicles with a ring; without them all are in view.
         stop: index of the state to stop at; None: the last one.
     """
 
@@ -54,7 +52,7 @@ class ChildView:
 
     @property
     def looked_at(self) -> States:
-        """States to have in view: all, or those of the event at the stop."""
+        """States in view: all, or those of the event at the stop."""
         if not self.event:
             return self.states
         return self.states[list(self.event), self.stop_state : self.stop_state + 1]
@@ -67,11 +65,11 @@ class ChildView:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TiledChild:
-    """Child and the tile that shows it.
+    """Child with its tile.
 
     Attributes:
-        slot: of its tile; None in a net without tiles.
-        offset: of its tile, m.
+        slot: None in a net without tiles.
+        offset: m.
     """
 
     child: ChildView
@@ -85,11 +83,11 @@ class TiledChild:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Frame in view: tiles, titles above them and a legend below.
+    """Visible frame: tiles, titles above them, legend below.
 
     Attributes:
-        net: smallest x, y and largest x, y of all tiles, m; sumo-gui shows them at a zoom of 100 %.
-        view: the same of the part in view.
+        net: smallest x, y and largest x, y of all tiles, m.
+        view: the same of the visible part.
         line_m: height of a letter, m.
         entries: names and colours of the legend.
     """
@@ -101,7 +99,7 @@ class Frame:
 
     @property
     def viewport(self) -> tuple[float, float, float]:
-        """Zoom of sumo-gui in percent, and the centre."""
+        """Zoom of sumo-gui in percent, and centre."""
         rows = math.ceil(len(self.entries) / _LEGEND_COLUMNS)
         left, bottom, right, top = self.view
         top, bottom = top + 2.0 * self.line_m, bottom - (rows * _LINE + 1.0) * self.line_m
@@ -111,7 +109,7 @@ class Frame:
 
     @property
     def exaggeration(self) -> float:
-        """Factor by which vehicles are drawn larger, 1 to 3, to be visible."""
+        """Factor of vehicle sizes, 1 to 3, for visibility."""
         return min(max(_window_height(self.view) / 200.0, 1.0), 3.0)
 
     @property
@@ -120,7 +118,7 @@ class Frame:
         return max(0.25, 0.003 * _window_height(self.view))
 
     def closer(self, states: States) -> Frame:
-        """Return the frame of the part of the map that has these states of vehicles."""
+        """Return the frame around these states."""
         around = (
             float(states.x.min()) - _AROUND_M,
             float(states.y.min()) - _AROUND_M,
@@ -129,13 +127,12 @@ class Frame:
         )
         left, bottom, right, top = self.net
         view = max(left, around[0]), max(bottom, around[1]), min(right, around[2]), min(top, around[3])
-        if view[0] >= view[2] or view[1] >= view[3]:  # all are off the map
+        if view[0] >= view[2] or view[1] >= view[3]:
             view = around
         return replace(self, view=view, line_m=_LETTER_SHARE * _window_height(view))
 
 
 def _window_height(bounds: Bounds, aspect: float = WINDOW_ASPECT) -> float:
-    """Return the height in m of a window with an aspect (width by height) that shows the bounds."""
     left, bottom, right, top = bounds
     return max(top - bottom, (right - left) / aspect)
 
@@ -145,12 +142,7 @@ def frame_of(
     offsets: Sequence[tuple[int, int]],
     entries: Sequence[tuple[str, Rgb]],
 ) -> Frame:
-    """Return the frame of tiles.
-
-    Args:
-        bounds: smallest x, y and largest x, y of the map, m.
-        offsets: of the tiles, m.
-    """
+    """Return the frame of a map with bounds in m, at tile offsets in m."""
     left, bottom, right, top = bounds
     net = (
         left + min(dx for dx, _ in offsets),
@@ -164,7 +156,7 @@ def frame_of(
 def legend_entries(
     scene: SeedScene, models: Sequence[str], colors: Mapping[str, Rgb]
 ) -> list[tuple[str, Rgb]]:
-    """Return the models in alphabetical order, and pedestrians and cyclists if there are any."""
+    """Return the models in alphabetical order, then pedestrians and cyclists if present."""
     entries = [(model, colors[model]) for model in sorted(set(models))]
     if scene.obstacles is not None and scene.obstacles.present.any():
         entries.append(("pedestrians and cyclists", OTHER_RGB))
@@ -172,7 +164,7 @@ def legend_entries(
 
 
 def draw_children(shown: Sequence[TiledChild], colors: Mapping[str, Rgb], frame: Frame) -> str:
-    """Draw the track of each vehicle, rings, and the children's titles above their tiles."""
+    """Draw tracks, rings, and titles above the tiles."""
     lines = []
     for s in shown:
         dx, dy = s.offset
@@ -189,7 +181,6 @@ def draw_children(shown: Sequence[TiledChild], colors: Mapping[str, Rgb], frame:
 
 
 def _ring(shown: TiledChild, vehicle: int) -> str:
-    """Draw a ring around a vehicle of an event at the stop."""
     x, y = (
         float(v[vehicle, shown.child.stop_state]) + d
         for v, d in zip((shown.child.states.x, shown.child.states.y), shown.offset, strict=True)
@@ -200,10 +191,7 @@ def _ring(shown: TiledChild, vehicle: int) -> str:
 
 
 def draw_ids(names: Sequence[str], x: FloatArray, y: FloatArray, line_m: float) -> str:
-    """Draw ids of ringed vehicles at x, y (N,) in m that overlap, each beside its ring.
-
-    ``line_m`` is the height of a letter.
-    """
+    """Draw overlapping ids of ringed vehicles at x, y (N,), m, each beside its ring."""
     order = np.argsort(x, kind="stable").tolist()
     away = np.linspace(-1.0, 1.0, len(order)) * (_RING_M + line_m)
     return "".join(
@@ -213,7 +201,7 @@ def draw_ids(names: Sequence[str], x: FloatArray, y: FloatArray, line_m: float) 
 
 
 def draw_legend(frame: Frame) -> str:
-    """Draw the legend of colours below the tiles."""
+    """Draw the legend below the tiles."""
     lines, line_m = [], frame.line_m
     widest = max((len(name) for name, _ in frame.entries), default=0)
     for n, (name, rgb) in enumerate(frame.entries):
@@ -228,16 +216,15 @@ def draw_legend(frame: Frame) -> str:
 
 
 def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str:
-    """Return a filled polygon, or a line with a width."""
     color = ",".join(str(c) for c in rgb)
     style = 'fill="1"' if line_m is None else f'fill="0" lineWidth="{line_m:.2f}"'
     return f'    <poly id="{key}" color="{color}" {style} layer="{_TRACK_LAYER}" shape="{shape}"/>\n'
 
 
 def _text(text: str, x: float, y: float, line_m: float) -> str:
-    """Return text that begins at x: the id of an invisible point, on which sumo-gui centres it."""
+    """Return text that begins at x: the id of an invisible point; sumo-gui centres it there."""
     middle = x + 0.5 * _LETTER * len(text) * line_m
-    # Ids in SUMO have no blanks but no-break ones, and no separators of lists.
+    # SUMO's ids have no blanks and no separators.
     key = re.sub(r"[|\\'\";,<>&]", "_", re.sub(r"\s", "\N{NO-BREAK SPACE}", text))
     return (
         f'    <poi id="{key}" color="0,0,0,0" layer="{_TRACK_LAYER}" x="{middle:.2f}" y="{y:.2f}"'
@@ -246,13 +233,13 @@ def _text(text: str, x: float, y: float, line_m: float) -> str:
 
 
 def letter_height(names: Sequence[str]) -> float:
-    """Return the height of letters in m with which the longest id fits into a lane."""
+    """Return the letter height in m with which the longest id fits into a lane."""
     longest = max((len(name) for name in names), default=1)
     return min(LETTER_M, _WIDE_M / (_ID_WIDTH * longest))
 
 
 def readable(names: Sequence[str], x: FloatArray, y: FloatArray, letter_m: float) -> list[int]:
-    """Return the indices of the ids at x, y (N,) in m that overlap no earlier one."""
+    """Return indices of ids at x, y (N,), m, that overlap no earlier one."""
     half = np.array([_ID_WIDTH * len(name) for name in names]) * letter_m / 2
     kept: list[int] = []
     for n in range(len(names)):

@@ -1,4 +1,4 @@
-"""View settings of sumo-gui: dark asphalt, markings, vehicles in the colours of their models."""
+"""View settings of sumo-gui."""
 
 from __future__ import annotations
 
@@ -10,6 +10,12 @@ _SIZE_PER_M = 10.0  # sumo-gui's text size for letters of 1 m
 GRASS = "214,219,209"
 ASPHALT = "74,78,84"
 _JUNCTION = "80,84,90"
+_ENTRY = '                <entry color="{}"{}/>'
+_ROADS = (
+    *("road", "sidewalk", "bike lane", "green verge", "waterway", "railway", "rails on road"),
+    *("no passenger", "no road or rail", "crossing", "walkingarea"),
+)
+_JUNCTIONS = ("", ' name="waterway"', ' name="railway"', ' name="airway"')
 
 _SETTINGS = """<viewsettings>
     <scheme name="scex-sumo">
@@ -18,17 +24,7 @@ _SETTINGS = """<viewsettings>
         <edges laneEdgeMode="0" laneShowBorders="0" showLinkDecals="0" showLinkRules="0" showRails="0"
                hideConnectors="0" showDirection="0" showSublanes="0" showLaneDirection="0" minSize="0">
             <colorScheme name="uniform">
-                <entry color="{asphalt}" name="road"/>
-                <entry color="{asphalt}" name="sidewalk"/>
-                <entry color="{asphalt}" name="bike lane"/>
-                <entry color="{asphalt}" name="green verge"/>
-                <entry color="{asphalt}" name="waterway"/>
-                <entry color="{asphalt}" name="railway"/>
-                <entry color="{asphalt}" name="rails on road"/>
-                <entry color="{asphalt}" name="no passenger"/>
-                <entry color="{asphalt}" name="no road or rail"/>
-                <entry color="{asphalt}" name="crossing"/>
-                <entry color="{asphalt}" name="walkingarea"/>
+{roads}
             </colorScheme>
         </edges>
         <vehicles vehicleMode="0" vehicleQuality="2" vehicle_minSize="1"
@@ -41,10 +37,7 @@ _SETTINGS = """<viewsettings>
         <junctions junctionMode="0" drawLinkTLIndex_show="0" drawLinkJunctionIndex_show="0" drawShape="1"
                    junctionName_show="0">
             <colorScheme name="uniform">
-                <entry color="{junction}"/>
-                <entry color="{junction}" name="waterway"/>
-                <entry color="{junction}" name="railway"/>
-                <entry color="{junction}" name="airway"/>
+{junctions}
             </colorScheme>
         </junctions>
         <additionals addMode="0" addName_show="0"/>
@@ -72,17 +65,17 @@ def write_view_settings(
     """Write sumo-gui's view settings.
 
     Args:
-        letter_m: height of the letters of vehicles' ids; 0: no ids.
+        letter_m: height of vehicle ids; 0: no ids.
         chosen: ids of selected vehicles only.
-        snapshots: times in s and file names of pictures.
+        snapshots: times in s and file names.
     """
     pictures = "".join(f'    <snapshot file="{name}" time="{time:.2f}"/>\n' for time, name in snapshots)
     if pause_s is not None:
         pictures += f'    <breakpoint time="{pause_s:.2f}"/>\n'
     text = _SETTINGS.format(
         grass=GRASS,
-        asphalt=ASPHALT,
-        junction=_JUNCTION,
+        roads="\n".join(_ENTRY.format(ASPHALT, f' name="{kind}"') for kind in _ROADS),
+        junctions="\n".join(_ENTRY.format(_JUNCTION, kind) for kind in _JUNCTIONS),
         names=int(letter_m > 0),
         chosen=int(chosen),
         name_size=f"{_SIZE_PER_M * letter_m:.2f}",

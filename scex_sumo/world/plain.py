@@ -1,6 +1,6 @@
-"""Plain world of arrays, and the checked world, which compares it with SUMO's.
+"""Plain world of arrays, and checked world, which compares it with SUMO's.
 
-Where SUMO drives nobody, a plain world holds the same as libsumo after each step, to the bit.
+Where SUMO drives nobody, a plain world equals libsumo after each step, to the bit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scex_sumo.world.base import BatchStart, World, WorldRequest
 from scex_sumo.world.frame import angle_read_back, from_sumo, to_sumo
 from scex_sumo.world.sumo import SumoSimulator
 
-SAMPLE = 2  # children of a batch that SUMO simulates, too, in a checked world
+SAMPLE = 2  # children of a checked batch in SUMO
 
 
 class PlainWorld:
@@ -25,14 +25,13 @@ class PlainWorld:
     def __init__(self, children: int, vehicles: int, *, length: FloatArray | None = None) -> None:
         """Make a world without states.
 
-        Args:
-            length: (V,) m, to round as SUMO, which stores front bumpers and degrees; None rounds nothing.
+        ``length`` (V,), m, rounds as SUMO, which stores front bumpers and degrees; None rounds nothing.
         """
         self._states = States.empty((children, vehicles))
         self._length = length
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) of the vehicles in the mask."""
+        """Set the next states (C, V) where ``mask`` is True."""
         states = states.map(lambda values: np.where(mask, values, np.nan))
         speed = np.where(states.speed < 0, 0.0, states.speed)  # SUMO has no negative speeds
         if self._length is not None:
@@ -43,7 +42,7 @@ class PlainWorld:
         self._states = replace(states, heading=heading, speed=speed)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Do nothing: behaviour models read obstacles from the seed scene."""
+        """Do nothing: models read obstacles from the seed scene."""
 
     def step(self) -> None:
         """Do nothing."""
@@ -65,22 +64,20 @@ class PlainSimulator:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close nothing."""
+        """Do nothing."""
 
     def begin(self, batch: BatchStart) -> World:
         """Return a plain world."""
         return PlainWorld(len(batch.slots), self.scene.vehicles, length=self.scene.length)
 
 
-class CheckedWorld:
-    """Plain world whose first children run in SUMO's world, too; both must hold the same, to the bit."""
+class _CheckedWorld:
+    """Plain world whose first children run in SUMO's world, too; both must be equal, to the bit."""
 
     def __init__(self, plain: World, sumo: World, sample: int) -> None:
-        """Join two worlds that are set to the seed scene; SUMO's has the first ``sample`` children."""
         self._plain, self._sumo, self._sample = plain, sumo, sample
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) of the vehicles in the mask."""
         self._plain.move(states, mask)
         self._sumo.move(states[: self._sample], mask[: self._sample])
 
@@ -88,16 +85,10 @@ class CheckedWorld:
         """Do nothing: behaviour models read obstacles from the seed scene."""
 
     def step(self) -> None:
-        """Advance both by 0.1 s."""
         self._plain.step()
         self._sumo.step()
 
     def read(self) -> States:
-        """Return the states (C, V) in the plain world.
-
-        Raises:
-            SimulationError: SUMO's states differ.
-        """
         held, theirs = self._plain.read(), self._sumo.read()
         for name in ("x", "y", "heading", "speed"):
             ours, sumos = getattr(held, name)[: self._sample], getattr(theirs, name)
@@ -112,8 +103,7 @@ class CheckedWorld:
 class CheckedSimulator:
     """Simulator of checked worlds.
 
-    Where SUMO drives vehicles or shows them, SUMO alone simulates all. Where nothing is to be compared, the
-    world is plain.
+    SUMO simulates all children if it drives or shows vehicles. Without a comparison the world is plain.
     """
 
     has_sumo = True
@@ -137,4 +127,4 @@ class CheckedSimulator:
         if self._needs_sumo:
             return self._sumo.begin(batch)
         some = BatchStart(slots=batch.slots[:SAMPLE], assignment=batch.assignment[:SAMPLE])
-        return CheckedWorld(self._plain.begin(batch), self._sumo.begin(some), len(some.slots))
+        return _CheckedWorld(self._plain.begin(batch), self._sumo.begin(some), len(some.slots))

@@ -1,4 +1,4 @@
-"""Session of SUMO: its files, its start and end, its errors."""
+"""SUMO session: files, start, end, errors."""
 
 from __future__ import annotations
 
@@ -25,18 +25,17 @@ from scex_sumo.world.vehicle_types import TypeBook
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
-ANY_ROUTE = "anywhere"  # moved vehicles need a route, and never follow it
+ANY_ROUTE = "anywhere"  # moved vehicles never follow it
 
-# Tiles in sumo-gui stand close together, to be seen at a glance.
 _GUI_MARGIN_M = 30.0
 
 _OPTIONS = (
     *("--step-length", str(STEP_S), "--seed", "0", "--xml-validation", "never"),
     *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
-    # SUMO must not remove, stop or push vehicles that were moved.
+    # SUMO must not remove, stop or push moved vehicles.
     *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
     *("--default.speeddev", "0"),
-    # SUMO's drivers change lanes in this many seconds instead of jumping sideways.
+    # Seconds; else SUMO's drivers jump sideways.
     *("--lanechange.duration", "3"),
 )
 
@@ -45,10 +44,9 @@ _open = False
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleCalls:
-    """SUMO's functions on a vehicle that are called at every step.
+    """SUMO's vehicle functions of each step.
 
-    libsumo wraps each in a Python function that only passes the arguments on, which takes a fifth of the
-    getters' time. These are the inner functions; traci has none.
+    libsumo's own wrappers take a fifth of the getters' time: these are the inner functions. traci has none.
     """
 
     moveToXY: Callable[..., None]
@@ -78,9 +76,9 @@ def load_sumo(*, gui: bool = False) -> Any:
 
 @contextmanager
 def _silence() -> Iterator[Callable[[], list[str]]]:
-    """Keep SUMO and traci from writing to the terminal; yields a function that returns SUMO's messages.
+    """Silence SUMO and traci; yields a function that returns SUMO's messages.
 
-    SUMO writes to the process's error stream, not to Python's, so that the stream itself is diverted.
+    SUMO writes to the process's error stream, not to Python's.
     """
     sys.stderr.flush()
     stream = os.dup(2)
@@ -112,11 +110,7 @@ class SumoSession:
         delay_ms: int,
         legend: Sequence[tuple[str, Rgb]],
     ) -> None:
-        """Read the net; nothing is started. Arguments are those of `SumoWorld`.
-
-        Args:
-            types: the vehicle types; drivers may be entered later.
-            folder: for SUMO's files.
+        """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later.
 
         Raises:
             SimulationError: the net cannot be read.
@@ -137,7 +131,7 @@ class SumoSession:
         self._errors: tuple[type[Exception], ...] = ()
 
     def ready(self, module: Any) -> Any:
-        """Return the module (libsumo or traci), connected to an empty simulation with all vehicle types.
+        """Return libsumo or traci, connected to an empty simulation with all vehicle types.
 
         Raises:
             SimulationError: SUMO does not start, or another simulation runs in this process.
@@ -147,8 +141,8 @@ class SumoSession:
                 self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
             return self._sumo
         self.stop()
-        # SUMO gives each lane a random generator by its number. With all tiles and as many generators as
-        # lanes, a random driver gets the same numbers in its slot, whatever else is simulated.
+        # SUMO has a random generator for each lane, by number. All tiles with all generators: a random
+        # driver gets the same numbers in its slot, whatever else is simulated.
         self.slots = list(range(TILE_SLOTS)) if self._types.random else self.slots
         generators = self._template.lanes * TILE_SLOTS if self._types.random else 1
         with writing(self._folder):
@@ -157,7 +151,7 @@ class SumoSession:
         return self._sumo
 
     def stop(self) -> None:
-        """End the simulation, if it runs."""
+        """End the simulation."""
         global _open
         if self._sumo is not None:
             with suppress(*self._errors):
@@ -174,7 +168,6 @@ class SumoSession:
             raise SimulationError(f"SUMO refused to {what}: {reason}") from error
 
     def _write_files(self) -> list[str]:
-        """Write SUMO's input files; returns the options that name them."""
         if "," in str(self._folder):
             raise SimulationError(f"{self._folder}: SUMO splits paths at commas; set TMPDIR to one without")
         self._folder.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,6 @@
-"""SUMO's world: vehicles in tiles of libsumo (or sumo-gui), moved to their planned states and read back.
+"""SUMO's world: vehicles in tiles of libsumo or sumo-gui, moved to their planned states and read back.
 
-libsumo runs one simulation per process. A world opens its tiles once and is reused for all batches. Every
-batch begins at time 0 with new vehicles, so that no batch depends on another (EIDM depends on the time).
+A world opens its tiles once. Each batch begins at time 0 with new vehicles, independent of other batches.
 """
 
 from __future__ import annotations
@@ -30,17 +29,16 @@ if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
-# Distance at which SUMO matches a vehicle to a lane, m. Faster than the default of 100 m. On all maps tried,
-# 20 m finds the right one of two forking lanes; 5 m does not always.
+# Distance of a vehicle to its lane. Faster than SUMO's 100 m; 5 m misses some forking lanes.
 _MATCH_M = 20.0
 _NO_LANE = -1
 
 
 class SumoWorld:
-    """SUMO's simulation of a batch of children, each in its tile; a context manager, one per process.
+    """SUMO simulation of a batch, each child in its tile; a context manager, one per process.
 
-    Children in which SUMO drives nobody may share a tile, because moved vehicles do not react to others. One
-    vehicle in SUMO then represents all that took the same way, see `SharedVehicles`.
+    Children without SUMO drivers may share a tile, because moved vehicles do not react. One vehicle in SUMO
+    then represents all with the same way, see `SharedVehicles`.
     """
 
     def __init__(
@@ -53,14 +51,12 @@ class SumoWorld:
         delay_ms: int = 100,
         legend: Sequence[tuple[str, Rgb]] = (),
     ) -> None:
-        """Build the tiles; SUMO itself starts with the first batch.
+        """Build the tiles; SUMO starts with the first batch.
 
         Args:
-            scene: the seed scene, for sizes, types and names.
-            slots: the tile slots of the batches, each below ``TILE_SLOTS``.
-            gui: show the simulation in sumo-gui. Its tiles stand closer together, so that the last bits of
-                positions may differ from a run without.
-            legend: names and colours for sumo-gui's legend.
+            slots: tile slots of all batches, each below ``TILE_SLOTS``.
+            gui: show sumo-gui; the last bits of positions may differ.
+            legend: names and colours for sumo-gui.
 
         Raises:
             SimulationError: the net cannot be read.
@@ -81,7 +77,7 @@ class SumoWorld:
         self._length = np.asarray(scene.length, dtype=np.float64)
         self._sumo: Any = None
         self._running: RunningBatch | None = None
-        self._speeds: list[tuple[str, float, float]] = []  # to be set after the next step
+        self._speeds: list[tuple[str, float, float]] = []
         self._routes = 0
 
     def __enter__(self) -> SumoWorld:
@@ -101,8 +97,8 @@ class SumoWorld:
 
         Args:
             start: (C, V) states of the seed scene.
-            slots: (C,) tile slot of each child; children may share one if SUMO drives nobody in them.
-            driven: the vehicles that SUMO drives; all others must be moved before each step.
+            slots: (C,) tile slots; children without SUMO drivers may share one.
+            driven: vehicles that SUMO drives; all others must be moved before each step.
 
         Raises:
             SimulationError: a slot has no tile, or SUMO refuses something, e.g. a route.
@@ -135,7 +131,7 @@ class SumoWorld:
     def move(self, states: States, mask: BoolArray) -> None:
         """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive.
 
-        SUMO has no negative speeds: a reversing vehicle has the right position and a speed of 0 m/s.
+        SUMO has no negative speeds: a reversing vehicle has a speed of 0 m/s.
 
         Raises:
             SimulationError: the mask is another one.
@@ -153,10 +149,9 @@ class SumoWorld:
         np.copyto(batch.speed, states.speed, where=mask)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Set the states (O,) of pedestrians and cyclists after the next step, where SUMO's drivers see them.
+        """Set the states (O,) of pedestrians and cyclists after the next step, for SUMO's drivers.
 
-        SUMO estimates their speed along the lane: a pedestrian that crosses a lane stands still for the
-        vehicles on it. Obstacles that are not present are removed.
+        SUMO estimates their speed along the lane: a crossing pedestrian stands still for the vehicles on it.
         """
         batch, others = self._batch, self._scene.obstacles
         if others is None:
@@ -194,8 +189,7 @@ class SumoWorld:
     def read(self) -> States:
         """Return SUMO's states (C, V), headings in (-pi, pi].
 
-        The speed of a moved vehicle is the one that was set. SUMO gets it only where it matters, see
-        ``_advance``.
+        The speed of a moved vehicle is the one that was set, see ``_advance``.
         """
         batch, get = self._batch, self._call
         shape = batch.overridden.shape
@@ -212,14 +206,14 @@ class SumoWorld:
         return from_sumo(x, y, angle, speed, self._length)
 
     def save(self, folder: Path) -> None:
-        """Write net, vehicle types and a state from which SUMO continues (``--load-state``)."""
+        """Write net, vehicle types and a state for ``--load-state``."""
         for file in ("tiles.net.xml", "types.add.xml"):
             shutil.copyfile(Path(self._temporary.name) / file, folder / file)
         with self._session.refusals("save its state"):
             self._sumo.simulation.saveState(str(folder / "state.xml"))
 
     def color(self, child: int, vehicle: int, rgb: Rgb) -> None:
-        """Colour a vehicle of the batch in sumo-gui; does nothing without it."""
+        """Colour a vehicle in sumo-gui; does nothing without it."""
         if self._gui:
             with self._session.refusals("colour a vehicle"):
                 self._sumo.vehicle.setColor(self._batch.id_of(child, vehicle), (*rgb, 255))
@@ -231,7 +225,6 @@ class SumoWorld:
         return self._running
 
     def _poses(self, states: States) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Convert states (C, V) to x and y of the front bumpers in their tiles, and angles."""
         front_x, front_y, angle = to_sumo(states, self._length)
         return front_x + self._batch.offset[0], front_y + self._batch.offset[1], angle
 
@@ -254,9 +247,8 @@ class SumoWorld:
     def _advance(self, batch: RunningBatch) -> None:
         """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles.
 
-        SUMO takes the motion along the lane for the speed, which is wrong for a vehicle at an angle to it.
-        SUMO continues with the speed that is set here, and its drivers see it. In children without SUMO
-        drivers nothing needs it.
+        SUMO takes the motion along the lane for the speed, which is wrong at an angle to it. SUMO's drivers
+        see the speed that is set here.
         """
         with self._session.refusals("advance"):
             self._sumo.simulation.step()
@@ -269,7 +261,6 @@ class SumoWorld:
         batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
 
     def _add_vehicles(self, new: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
-        """Add vehicles of the batch to SUMO, by flat index."""
         batch, vehicles = self._batch, self._scene.vehicles
         by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
         for index in new.tolist():
@@ -283,12 +274,12 @@ class SumoWorld:
             else:
                 self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
                 if batch.mixed[child]:
-                    # Else SUMO makes others give way to lane changes that this vehicle never makes.
+                    # Else others give way to lane changes that never happen.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
 
 
 class SumoSimulator:
-    """Simulator of SUMO's worlds: one `SumoWorld`, with each vehicle in the colour of its model."""
+    """Simulator of SUMO's worlds: one `SumoWorld`, vehicles in the colours of their models."""
 
     has_sumo = True
 

@@ -1,7 +1,7 @@
-"""Tiles: copies of a SUMO net side by side, one for each child scenario of a batch.
+"""Tiles: copies of a SUMO net side by side, one for each child of a batch.
 
-A tile is the net with prefixed ids and coordinates moved by whole metres, so that decimals stay exact. The
-offset depends on the slot alone: a child has the same numbers in its slot, whatever is simulated beside it.
+A tile has prefixed ids and coordinates moved by whole metres, so that decimals stay exact. Its offset depends
+on the slot alone: a child has the same numbers, whatever else is simulated.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from scex_sumo.base.errors import SimulationError, listed
 from scex_sumo.converters.net.allowed import prune
 
 TILE_SLOTS = 64
-"""Number of tile slots; a child i with a tile of its own is always in slot ``i % TILE_SLOTS``."""
+"""Number of tile slots; a child i with its own tile is in slot ``i % TILE_SLOTS``."""
 
 TILE_COLUMNS = 8
-WINDOW_ASPECT = 1.5  # width by height of what is visible in a window of sumo-gui
-TILE_MARGIN_M = 1000.0  # a vehicle at 50 m/s needs 20 s from the edge of one map to the next
+WINDOW_ASPECT = 1.5  # width by height of sumo-gui's view
+TILE_MARGIN_M = 1000.0  # 20 s at 50 m/s
 
-# Attributes that hold ids, per element; "via" and the rest are absent or empty where they do not apply.
+# Attributes with ids, per element.
 _IDS: dict[str, tuple[str, ...]] = {
     "edge": ("id", "from", "to", "bidi", "crossingEdges"),
     "lane": ("id",),
@@ -38,23 +38,22 @@ _IDS: dict[str, tuple[str, ...]] = {
     "poly": ("id",),
     "poi": ("id",),
 }
-_SHAPES = ("shape", "outlineShape")
 _ONCE = frozenset({"location", "type"})  # the same for all tiles
-_PLAIN = frozenset({"request", "phase", "param", "stopOffset"})  # neither ids nor coordinates
-# Right of way that is in the requests already, and the logic of actuated lights, which asks detectors.
+# Prohibitions repeat the requests; the logic of actuated lights needs detectors.
 _LEFT_OUT = frozenset({"prohibition", "condition", "assignment", "function"})
-_LOGIC = ("earlyTarget", "finalTarget")  # attributes of phases that name conditions
+_LOGIC = ("earlyTarget", "finalTarget")  # conditions of phases
 
-_PREFIX = "\x01"  # stands for the prefix in a template; no character of XML 1.0
+# Placeholders in a template; no characters of XML 1.0.
+_PREFIX, _COORDINATE = "\x01", "\x02"
 
 
 def tile_prefix(slot: int) -> str:
-    """Return the prefix of a tile's ids, e.g. ``t12_``."""
+    """Return the id prefix of a tile, e.g. ``t12_``."""
     return f"t{slot}_"
 
 
 def tile_id(slot: int, name: str) -> str:
-    """Return an id in a tile; SUMO's internal edges and lanes keep their leading colon."""
+    """Return an id in a tile; a leading colon stays in front."""
     return f":{tile_prefix(slot)}{name[1:]}" if name.startswith(":") else tile_prefix(slot) + name
 
 
@@ -63,8 +62,8 @@ class TileLayout:
     """Positions of tiles: slot 0 at the map's own coordinates, the others to its east and north.
 
     Attributes:
-        pitch_x: whole metres from a tile to its eastern neighbour.
-        pitch_y: whole metres from a tile to its northern neighbour; negative for rows that go south.
+        pitch_x: whole metres between columns.
+        pitch_y: whole metres between rows; negative for rows that go south.
     """
 
     pitch_x: int
@@ -72,45 +71,41 @@ class TileLayout:
     columns: int = TILE_COLUMNS
 
     def offset(self, slot: int) -> tuple[int, int]:
-        """Return the offset of a slot in whole metres."""
+        """Return the offset of a slot, whole metres."""
         row, column = divmod(slot, self.columns)
         return column * self.pitch_x, row * self.pitch_y
 
 
 class TileTemplate:
-    """Net or additional file, parsed once for all its copies."""
+    """Net or additional file (``poly``, ``poi``), parsed once for all copies."""
 
     def __init__(self, path: Path) -> None:
         """Read the file.
 
-        Args:
-            path: SUMO net, or additional file with ``poly`` and ``poi`` elements.
-
         Raises:
-            SimulationError: the file cannot be read, or holds an element that cannot be copied.
+            SimulationError: the file cannot be read, or an element cannot be copied.
         """
         try:
             root = ElementTree.parse(path).getroot()
         except (OSError, ElementTree.ParseError) as error:
             raise SimulationError(f"{path}: cannot be read as a SUMO file: {error}") from error
-        if left_out := prune(root):  # SUMO loads roads, lights and drawings only
+        if left_out := prune(root):
             raise SimulationError(f"{path}: {listed(left_out)} cannot be copied to tiles; remove it")
         self._path = path
         self._root = root.tag
-        # The schema's location comes with a namespace and is of no use to a generated file.
-        self._head = "".join(f" {k}={quoted(v)}" for k, v in root.attrib.items() if "}" not in k)
-        self._once: list[str] = []
+        self._head = "".join(f" {k}={quoted(v)}" for k, v in root.attrib.items())
         self._edges = {e.get("id", ""): _points(e) for e in root.iter("edge") if "function" not in e.attrib}
         self.lanes = sum(1 for _ in root.iter("lane"))  # internal ones included
-        self._literals: list[str] = [""]  # text before each x, then the text after the last y
-        self._x: list[str] = []
-        self._between: list[str] = []  # what stands between an x and its y
-        self._y: list[str] = []
-        for element in root:
-            if element.tag in _ONCE:
-                self._once.append(ElementTree.tostring(element, encoding="unicode").strip())
-            else:
-                self._take(element)
+        for element in list(root.iter()):
+            element.tail, element.text = "\n", None
+            for child in [child for child in element if child.tag in _LEFT_OUT]:
+                element.remove(child)
+            if element.tag not in _ONCE:
+                _mark(element)
+        texts = [(e.tag in _ONCE, ElementTree.tostring(e, encoding="unicode")) for e in root]
+        self._once = "".join(text for once, text in texts if once)
+        # Literal text, x, text, y, text, ...
+        self._parts = "".join(text for once, text in texts if not once).split(_COORDINATE)
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -119,14 +114,14 @@ class TileTemplate:
         Raises:
             SimulationError: the file holds no coordinates.
         """
-        if not self._x:
+        xs, ys = ([float(value) for value in self._parts[k::4]] for k in (1, 3))
+        if not xs:
             raise SimulationError(f"{self._path}: holds no lanes; convert the map again")
-        xs, ys = [float(x) for x in self._x], [float(y) for y in self._y]
         return min(xs), min(ys), max(xs), max(ys)
 
     @property
     def plainest_edge(self) -> str:
-        """Id of the edge with the fewest points, because SUMO scans a vehicle's route at every move.
+        """Id of the edge with the fewest points: SUMO scans a vehicle's route at every move.
 
         Raises:
             SimulationError: the file holds no edges.
@@ -154,70 +149,19 @@ class TileTemplate:
     def write(self, path: Path, slots: Sequence[int], layout: TileLayout) -> None:
         """Write the copies of some slots, in any order."""
         offsets = [layout.offset(slot) for slot in slots]
-        columns = {dx: [_moved(x, dx) for x in self._x] for dx in {o[0] for o in offsets}}
-        rows = {dy: [_moved(y, dy) for y in self._y] for dy in {o[1] for o in offsets}}
-        n = len(self._x)
-        parts = [""] * (4 * n + 1)
-        parts[0::4] = self._literals
-        parts[2::4] = self._between
+        columns = {dx: [_moved(x, dx) for x in self._parts[1::4]] for dx in {o[0] for o in offsets}}
+        rows = {dy: [_moved(y, dy) for y in self._parts[3::4]] for dy in {o[1] for o in offsets}}
+        parts = list(self._parts)
         with path.open("w", encoding="utf-8") as file:
-            file.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<{self._root}{self._head}>\n')
-            file.writelines(f"{text}\n" for text in self._once)
+            file.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<{self._root}{self._head}>\n{self._once}')
             for slot, (dx, dy) in zip(slots, offsets, strict=True):
-                parts[1::4] = columns[dx]
-                parts[3::4] = rows[dy]
+                parts[1::4], parts[3::4] = columns[dx], rows[dy]
                 file.write("".join(parts).replace(_PREFIX, tile_prefix(slot)))
             file.write(f"</{self._root}>\n")
 
-    def _take(self, element: ElementTree.Element) -> None:
-        tag = element.tag
-        if tag in _LEFT_OUT:
-            return
-        if tag not in _IDS and tag not in _PLAIN:
-            raise SimulationError(f"{self._path}: element <{tag}> cannot be copied to tiles; remove it")
-        ids = _IDS.get(tag, ())
-        self._text(f"<{tag}")
-        for key, value in element.attrib.items():
-            if key in _SHAPES:
-                self._text(f' {key}="')
-                self._shape(value)
-                self._text('"')
-            elif key == "x" and "y" in element.attrib:
-                self._point(' x="', value, '" y="', element.attrib["y"])
-                self._text('"')
-            elif (key == "y" and "x" in element.attrib) or key in _LOGIC:
-                continue
-            elif key in ids:
-                self._text(f" {key}={quoted(' '.join(_mark(name) for name in value.split()))}")
-            else:
-                self._text(f" {key}={quoted(value)}")
-        if len(element) == 0:
-            self._text("/>\n")
-            return
-        self._text(">\n")
-        for child in element:
-            self._take(child)
-        self._text(f"</{tag}>\n")
-
-    def _text(self, text: str) -> None:
-        self._literals[-1] += text
-
-    def _point(self, before: str, x: str, between: str, y: str) -> None:
-        self._text(before)
-        self._x.append(x)
-        self._between.append(between)
-        self._y.append(y)
-        self._literals.append("")
-
-    def _shape(self, value: str) -> None:
-        for i, point in enumerate(value.split()):
-            x, y, *height = point.split(",")
-            self._point(" " if i else "", x, ",", y)
-            self._text("".join(f",{z}" for z in height))
-
 
 def template_of(path: Path) -> TileTemplate:
-    """Return the template of a net; the last one is reused for a file with the same content."""
+    """Return the template of a net; the last one is reused for the same content."""
     content = path.read_bytes() if path.is_file() else b""
     if not _last or _last[0][0] != content:
         _last[:] = [(content, TileTemplate(path))]
@@ -231,8 +175,30 @@ def _points(edge: ElementTree.Element) -> int:
     return sum(len(lane.get("shape", "").split()) for lane in edge.iter("lane"))
 
 
-def _mark(name: str) -> str:
+def _mark(element: ElementTree.Element) -> None:
+    """Put placeholders into the ids and coordinates of an element."""
+    attributes = element.attrib
+    for key in _LOGIC:
+        attributes.pop(key, None)
+    for key in _IDS.get(element.tag, ()):
+        if key in attributes:
+            attributes[key] = " ".join(_marked_id(name) for name in attributes[key].split())
+    for key in ("shape", "outlineShape"):
+        if key in attributes:
+            attributes[key] = " ".join(_marked_point(point) for point in attributes[key].split())
+    if "x" in attributes and "y" in attributes:
+        x, y = attributes.pop("x"), attributes.pop("y")  # x before y, as in shapes
+        attributes |= {key: f"{_COORDINATE}{value}{_COORDINATE}" for key, value in (("x", x), ("y", y))}
+
+
+def _marked_id(name: str) -> str:
     return f":{_PREFIX}{name[1:]}" if name.startswith(":") else _PREFIX + name
+
+
+def _marked_point(point: str) -> str:
+    x, y, *height = point.split(",")
+    marked = (f"{_COORDINATE}{value}{_COORDINATE}" for value in (x, y))
+    return ",".join([*marked, *height])
 
 
 def _moved(number: str, metres: int) -> str:

@@ -1,4 +1,4 @@
-"""Vehicle types for SUMO: shapes, sizes, and parameters of SUMO's drivers."""
+"""Vehicle types of SUMO: shapes, sizes, driver parameters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
 
 
 def gui_shape(kind: str) -> str:
-    """Return SUMO's shape for a recorded type; a passenger car for unknown types."""
+    """Return SUMO's shape for a recorded type; a passenger car if unknown."""
     user = road_user(kind)
     return _GUI_SHAPES.get(user, user)
 
@@ -25,7 +25,7 @@ def gui_shape(kind: str) -> str:
 def given_type(
     name: str, kind: str, length: float, width: float, rgb: tuple[int, int, int] | None = None
 ) -> str:
-    """Return the ``vType`` element of moved vehicles: class ``ignoring`` may be on any lane."""
+    """Return the ``vType`` of moved vehicles; class ``ignoring`` may be on any lane."""
     attributes = {"vClass": "ignoring", "guiShape": gui_shape(kind), "maxSpeed": "200"}
     if rgb is not None:
         attributes["color"] = ",".join(str(c) for c in rgb)
@@ -35,7 +35,6 @@ def given_type(
 def _driven_type(
     name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str]
 ) -> str:
-    """Return the ``vType`` element of vehicles that SUMO drives; trucks and buses get SUMO's limits."""
     shape = gui_shape(kind)
     attributes = {"vClass": _CLASSES.get(shape, "passenger"), "guiShape": shape, "carFollowModel": model}
     attributes |= dict.fromkeys(RANDOM_PARAMETERS, "0")
@@ -49,10 +48,10 @@ def _element(name: str, length: float, width: float, attributes: Mapping[str, st
 
 
 class TypeBook:
-    """Vehicle types of a seed scene: one for each type and size, and for each SUMO driver in them."""
+    """Vehicle types of a seed scene: one for each type and size, and for each SUMO driver."""
 
     def __init__(self, scene: SeedScene) -> None:
-        """Collect the types and sizes of vehicles, pedestrians and cyclists."""
+        """Collect types and sizes of all road users."""
         self._vehicles = list(zip(scene.types, scene.length.tolist(), scene.width.tolist(), strict=True))
         self._obstacles = []
         if (others := scene.obstacles) is not None:
@@ -64,7 +63,7 @@ class TypeBook:
 
     @property
     def complete(self) -> bool:
-        """Whether the last file has every driver that was entered."""
+        """Whether the last file has every driver."""
         return self._written == set(self._drivers.values())
 
     @property
@@ -80,11 +79,11 @@ class TypeBook:
             self._drivers[key] = len(self._drivers)
 
     def overridden(self, vehicle: int) -> str:
-        """Return the type of a vehicle that SUMO does not drive."""
+        """Return the type of a moved vehicle."""
         return _type_name(*self._vehicles[vehicle])
 
     def driven(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> str:
-        """Return the type of a vehicle that SUMO drives."""
+        """Return the type of a SUMO-driven vehicle."""
         index = self._drivers[model, tuple(sorted(parameters.items()))]
         return f"{self.overridden(vehicle)}_{model}{index}"
 
@@ -93,7 +92,7 @@ class TypeBook:
         return _type_name(*self._obstacles[obstacle])
 
     def write(self, path: Path) -> None:
-        """Write SUMO's additional file with all types."""
+        """Write SUMO's additional file."""
         lines = {_type_name(*size): given_type(_type_name(*size), *size) for size in self._vehicles}
         for size in self._obstacles:
             lines[_type_name(*size)] = given_type(_type_name(*size), *size, OTHER_RGB)

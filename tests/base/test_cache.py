@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import scex_sumo
+from scex_sumo.base import cache
 from scex_sumo.base.cache import cached_bytes, cached_object
 from scex_sumo.base.files import cache_folder
 from scex_sumo.converters.maps import read_map
@@ -48,6 +49,20 @@ def test_the_cache_is_bounded() -> None:
     for number in range(4):
         made(bytes([number]), max_files=2)
     assert len(list((cache_folder() / "things").iterdir())) == 2
+
+
+def test_keys_change_with_the_content_of_our_modules_and_not_with_their_times(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    module = tmp_path / "base" / "cache.py"
+    module.parent.mkdir()
+    module.write_text("1\n")
+    monkeypatch.setattr(cache, "__file__", str(module))
+    before = cache.code_key.__wrapped__()
+    os.utime(module, (0, 0))
+    assert cache.code_key.__wrapped__() == before
+    module.write_text("2\n")
+    assert cache.code_key.__wrapped__() != before
 
 
 def test_a_cache_that_cannot_be_written_stops_nobody(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

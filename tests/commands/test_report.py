@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pyarrow as pa
@@ -18,14 +16,14 @@ from scex_sumo.commands.plot import plot_command
 from scex_sumo.commands.report import report_command
 from scex_sumo.commands.view import view_command
 from scex_sumo.exporters.command import export_command
+from tests.command import scex
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run as the command line makes it."""
     out = tmp_path_factory.mktemp("run") / "out"
-    command = [sys.executable, "-m", "scex_sumo", "run", str(example_path("roundabout")), "--children", "8"]
-    done = subprocess.run([*command, "-o", str(out)], check=True, capture_output=True, text=True)
+    done = scex("run", example_path("roundabout"), "--children", 8, "-o", out)
     assert f"report: {out / 'report.html'}" in done.stdout
     return out
 
@@ -70,7 +68,7 @@ def test_what_cannot_be_drawn_is_said(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_collision_has_no_density_and_a_printed_name_is_understood(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--metric collision: is 0 or 1 in each child and has no density"):
+    with pytest.raises(UsageError, match="--metric collision: is 0 or 1 in each future and has no density"):
         plot_command(folder, metric="collision", curve="density", out=tmp_path / "figure.svg")
     plot_command(folder, metric="TTC", curve="density", out=tmp_path / "printed.svg")
     plot_command(folder, metric="ttc", curve="density", out=tmp_path / "column.svg")
@@ -103,12 +101,7 @@ def test_files_that_do_not_fit_together_are_one_line(folder: Path, tmp_path: Pat
     pq.write_table(metrics.drop_columns(["collision"]), copy / "metrics.parquet")
     pq.write_table(pq.read_table(copy / "worst.parquet").drop_columns(["metric"]), copy / "worst.parquet")
     words = {"export": ["--critical", "ttc", "--to", "gif", "-o", tmp_path / "x.gif"]}.get(command, [])
-    done = subprocess.run(
-        [sys.executable, "-m", "scex_sumo", command, copy, *words],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = scex(command, copy, *words)
     if command == "plot":  # needs none of these files
         assert done.returncode == 0
     else:

@@ -14,7 +14,7 @@ from tests.converters.maps import straight, write_map
 @pytest.mark.parametrize(
     ("beside", "said"),
     [
-        (1, "note: 1 of 3 vehicles are on no mapped lane and will drive straight (3)\n"),
+        (1, "warning: 1 of 3 vehicles are on no mapped lane and will drive straight (3)\n"),
         (
             2,
             "warning: 2 of 3 vehicles are on no mapped lane and will drive straight (2, 3); "
@@ -31,5 +31,6 @@ def test_vehicles_beside_the_lanes_are_counted_and_many_of_them_are_a_warning(
         rows += track_files.straight(k + 1, start=30.0 * k, y=1.75 + 20.0 * (k >= 3 - beside))
     csv = track_files.write_rows(tmp_path / "road.csv", rows)
     options = {"case": None, "time": 1.0, "synthetic": None, "origin": None, "seed": 0, "cache": False}
-    seed_scene(map_path, tracks=csv, **options)  # type: ignore[arg-type]
+    scene = seed_scene(map_path, tracks=csv, **options)  # type: ignore[arg-type]
     assert capsys.readouterr().err.endswith(said)
+    assert scene.notes[-1] == said.strip()  # for run.json and the report

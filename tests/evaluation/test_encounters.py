@@ -87,7 +87,7 @@ def test_in_words() -> None:
     calm = row | {"collision": 0.0, "ttc": 0.5, "ttc_low": 0.4, "ttc_high": 0.6, "kind": None}
     assert "TTC < 1.5 s in 50 % [40–60]" in in_words(calm)
     assert in_words(calm | {"critical": 0.0, "gap_p05": 2.04}).endswith(
-        "2.0 m apart or less in 5 % of the children, more than 10 m in half of them"
+        "2.0 m apart or less in 5 % of the futures, more than 10 m in half of them"
     )
     assert "10 m" in in_words(calm | {"critical": 0.0, "gap_p05": None})
 

@@ -13,6 +13,7 @@ from scex_sumo.evaluation.outcomes import (
     encounter_rows,
     encounters_of_rows,
 )
+from scex_sumo.evaluation.severity import severity_of
 from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.collisions import find_collisions
 from tests.evaluation.test_encounters import LEVELS, TRACKS, children
@@ -22,8 +23,10 @@ NUMBERS = np.arange(100, 140)
 
 
 def test_collisions_are_named_by_child_and_track() -> None:
-    hits = find_collisions(children(LEVELS))
-    table = collisions_table(hits, children=NUMBERS, track_ids=TRACKS, first=1)
+    tracks = children(LEVELS)
+    hits = find_collisions(tracks)
+    severity = severity_of(tracks, hits, ["car", "car", "truck"])
+    table = collisions_table(hits, severity, children=NUMBERS, track_ids=TRACKS, first=1)
     row = table.to_pylist()[0]
     assert (row["track_id"], row["other_id"], row["kind"]) == (17, 23, "rear-end")
     assert (row["side"], row["other_side"]) == ("front", "rear")

@@ -7,12 +7,13 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.exporters.commonroad_road import lanelet_numbers, point_by_point
+from scex_sumo.exporters.commonroad_road import lanelet_numbers, point_by_point, road_elements
 from scex_sumo.exporters.registry import EXPORTERS
 from scex_sumo.exporters.request import Request
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.results.run import Run
+from scex_sumo.scenarios import example_path
 
 reader = pytest.importorskip("commonroad.common.file_reader")
 
@@ -74,6 +75,27 @@ def test_commonroad_io_reads_an_ego_s_task_from_the_seed_scene_on(run: Run, tmp_
     assert first.initial_state.time_step == 0 and first.prediction.final_time_step == 30
     with pytest.raises(UsageError, match="--ego 999: not in the seed scene"):
         EXPORTERS.load("commonroad")(Request(run=run, children=(2,), out=tmp_path, ego=999))
+
+
+def test_commonroad_io_reads_the_intersection_with_its_arms_and_turns(run: Run, file: Path) -> None:
+    network = reader.CommonRoadFileReader(str(file)).open()[0].lanelet_network
+    lanes = Request(run=run, children=(2,)).road.lanes
+    (intersection,) = network.intersections
+    assert len(intersection.incomings) == 4
+    for arm in intersection.incomings:
+        after = {i for entry in arm.incoming_lanelets for i in lanes[entry].successors}
+        turns = (arm.outgoing_right, arm.outgoing_straight, arm.outgoing_left)
+        assert set.union(*turns) == after and all(turns)
+        ends = [np.diff(lanes[min(turn)].centreline, axis=0)[[0, -1]] @ (1, 1j) for turn in turns]
+        right, straight, left = (np.angle(end / begin) for begin, end in ends)
+        assert right < straight < left
+
+
+def test_each_arm_of_a_roundabout_has_an_intersection_and_no_id_is_used_twice() -> None:
+    elements, used = road_elements(read_map(example_path("roundabout")), taken=range(40_000))
+    crossings = [element for element in elements if element.tag == "intersection"]
+    assert [len(element) for element in crossings] == [2, 2, 2, 2]  # ring and arm; lanes side by side are one
+    assert len(used) == sum(1 for e in elements for _ in (e, *e.iter("incoming")))
 
 
 def test_borders_get_as_many_points_each_and_keep_their_own() -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 from pathlib import Path
+
+from tests import command
 
 
 def install(folder: Path, *, group: str, name: str, target: str, code: str) -> None:
@@ -27,9 +27,4 @@ def install(folder: Path, *, group: str, name: str, target: str, code: str) -> N
 
 def scex(folder: Path, *arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Run the command line where the stranger's package is installed."""
-    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
-    command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
-    environment = {**os.environ, "PYTHONPATH": path}
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=120, check=False
-    )
+    return command.scex(*arguments, cwd=cwd, path=folder)

@@ -143,8 +143,8 @@ def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:
     valid[1, 10:] = False
     gone = dataclasses.replace(met, future_valid=valid)
     notes = outcome_notes(gone, measure_recorded(gone, 30))
-    assert notes[0] == "boxes overlap at the seed moment already, which is no collision: 0 and 1"
-    assert "1 of 2 vehicles leave within the time of a child" in notes[-1] and notes[-1].endswith(": 1")
+    assert notes[0] == "boxes that overlap at the seed moment do not count as collisions: 0 and 1"
+    assert "1 of 2 vehicles leave within the time of a future" in notes[-1] and notes[-1].endswith(": 1")
 
 
 def test_vehicles_do_not_leave_where_the_recording_merely_ends() -> None:
@@ -154,15 +154,15 @@ def test_vehicles_do_not_leave_where_the_recording_merely_ends() -> None:
     valid[:, 12:] = False
     ended = dataclasses.replace(scene, future_valid=valid)
     [note] = outcome_notes(ended, measure_recorded(ended, 30))
-    assert note == "recorded: the recording ends 1.2 s after the moment, and the recorded column too"
+    assert note == "recorded: the recording, and so the recorded column, ends 1.2 s after the moment"
 
 
 def test_one_vehicle_many_times_over_is_said_once_and_no_list_of_collisions() -> None:
     one = many(crossing_seed(), 9)
     notes = outcome_notes(one, measure_recorded(one, 30))
     assert notes == [
-        "8 of 9 vehicles lie on another one and look like its copies: 1, 2, 3, 4, 5, 6, 7, 8; leave them out "
-        "of the tracks"
+        "warning: 8 of 9 vehicles lie on another one and look like its copies: 1, 2, 3, 4, 5, 6, 7, 8; leave "
+        "them out of the tracks"
     ]
 
 

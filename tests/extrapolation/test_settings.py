@@ -31,7 +31,7 @@ from scex_sumo.extrapolation.settings import RunSettings
         ({"design": "best"}, "unknown design 'best'"),
         ({"until_band": 0.05, "children": "all"}, "--until-band: all combinations leave nothing to estimate"),
         ({"thresholds": {"speed": 3.0}}, "--threshold: unknown metric 'speed'; nearest: "),
-        ({"thresholds": {"ttc": float("nan")}}, "--threshold ttc=nan: is no threshold"),
+        ({"thresholds": {"ttc": float("nan")}}, "--threshold ttc=nan: not a finite number"),
     ],
 )
 def test_a_setting_that_makes_no_sense_is_refused_by_its_option(given: dict[str, Any], words: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import shutil
 from collections.abc import Callable, Mapping
@@ -12,9 +13,10 @@ from typing import Final
 
 from tests.formats.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
 from tests.formats.levelx.levelx_files import Mover, write_highd
-from tests.fuzz.forked import Ended, run_forked
-from tests.fuzz.mutations import NUMBERS, bytes_changed, mutated
+from tests.fuzz.forked import CACHE, Ended, run_forked
+from tests.fuzz.mutations import NUMBERS, bytes_changed, column_changed, mutated
 from tests.fuzz.sources import EXAMPLES, KEPT, Sources
+from tests.fuzz.weights import EVIL, EXECUTED, write_mutated
 
 MAPS = ("roundabout", "urban_intersection", "motorway_merge")
 RUN = ("--children", "2", "--steps", "5", "--no-plots", "-o", "new")
@@ -52,6 +54,8 @@ class Fuzzer:
         if kind == "kept" and ended.fine:
             same = ended.verdict == "result" and self.sources.is_finished(arguments[0], work)
             ended = ended if same else replace(ended, verdict="not resumed")
+        if (work / EXECUTED).exists() or any(work.rglob(f"{WRITTEN}*")):
+            ended = replace(ended, verdict="obeyed the file")
         if ended.fine:
             shutil.rmtree(work, ignore_errors=True)
         return Case(kind=kind, number=number, how=how, command=" ".join(arguments), ended=ended)
@@ -145,6 +149,28 @@ def _edited(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     return f"{file.relative_to(work / 'out')}: {_twice(file, rng)}", list(KEPT[command])
 
 
+def _columns(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A column of a kept table changed, and a command that reads this table."""
+    command = rng.choice((*_READ, "report", "rank", "validate"))
+    if command in KEPT:
+        arguments = list(KEPT[command])
+        shutil.copytree(sources.interrupted(command), work, dirs_exist_ok=True)
+    else:
+        arguments = [command, "out", *([str(sources.result())] if command == "compare" else [])]
+        shutil.copytree(sources.result(), work / "out")
+    names = _READ.get(command, ("*",))
+    file = rng.choice(sorted(f for name in names for f in (work / "out").rglob(f"{name}.parquet")))
+    return f"{file.relative_to(work / 'out')}: {column_changed(file, rng)}", arguments
+
+
+_READ: Final = {
+    "compare": ("metrics",),
+    "explain": ("metrics", "assignments", "worst", "collisions", "encounters"),
+    "encounters": ("encounters",),
+}
+"""Tables of a result folder that a command reads; others read all tables."""
+
+
 def _highway(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     """A recording of highD's form, whose meta data are the map."""
     movers = [
@@ -172,9 +198,62 @@ def _simulation(sources: Sources, work: Path, rng: Random) -> tuple[str, list[st
     return f"{file.name}: {how}", ["run", "g.net.xml", *wanted[file.name], *RUN]
 
 
-def _weights(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
-    from tests.fuzz.weights import write_mutated
+WRITTEN = "written"
+"""Beginning of the files that detectors of a net would write."""
+_DETECTORS = (
+    '<inductionLoop id="d{n}" lane="{lane}" pos="{x}" period="1" file="written{n}.xml"/>',
+    '<laneAreaDetector id="d{n}" lane="{lane}" pos="{x}" length="20" period="1" file="written{n}.xml"/>',
+    '<entryExitDetector id="d{n}" period="1" file="written{n}.xml"><detEntry lane="{lane}" pos="{x}"/>'
+    '<detExit lane="{lane}" pos="{x}"/></entryExitDetector>',
+    '<edgeData id="d{n}" file="written{n}.xml" begin="0" end="5"/>',
+    '<include href="/etc/passwd"/>',
+)
 
+
+def _detectors(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A net with detectors that write files, often mutated, too."""
+    net = work / "g.net.xml"
+    text = (sources.simulation() / net.name).read_text(encoding="utf-8")
+    lanes = ("A0A1_0", "B1C1_1", "none_0")
+    added = "".join(
+        rng.choice(_DETECTORS).format(n=n, lane=rng.choice(lanes), x=rng.choice(NUMBERS))
+        for n in range(rng.choice((1, 3, 20)))
+    )
+    net.write_text(text.replace("</net>", f"{added}</net>"), encoding="utf-8")
+    how = "detectors; " + (_twice(net, rng) if rng.random() < 0.5 else "")
+    commands = (
+        ["run", net.name, "--synthetic", "4", *RUN],
+        ["convert", net.name, "-o", "new.net.xml"],
+        ["convert", "--check", net.name, "--map", net.name],
+    )
+    return how, rng.choice(commands)
+
+
+def _cache(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A damaged cache, or one that holds a pickle that is whole by its digest.
+
+    Other entries that are whole are the user's own: the folder is private (`tests/base/test_owner_cache.py`).
+    """
+    map_path, _ = _copied(work, "urban_intersection")
+    shutil.copytree(sources.cache(), work / CACHE)
+    files = sorted(file for file in (work / CACHE).rglob("*") if file.is_file())
+    file = rng.choice(files)
+    how = rng.choice(("content", "content", "content", "pickle", "swapped", "folder", "link"))
+    if how == "swapped":
+        file.write_bytes(rng.choice(files).read_bytes())
+    elif how in ("folder", "link"):
+        file.unlink()
+        file.mkdir() if how == "folder" else file.symlink_to("/etc/passwd")
+    else:
+        content = work / rng.choice(("content", "content.csv"))
+        content.write_bytes(EVIL if how == "pickle" else file.read_bytes()[32:])
+        how = how if how == "pickle" else _twice(content, rng)
+        kept = hashlib.sha256(EVIL).digest() if how == "pickle" else file.read_bytes()[:32]
+        file.write_bytes(kept + content.read_bytes())
+    return f"{file.relative_to(work)}: {how}", ["run", map_path.name, *RUN]
+
+
+def _weights(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     map_path, _ = _copied(work, "urban_intersection")
     how = write_mutated(work / "w.safetensors", rng)
     return how, ["run", map_path.name, *RUN, "--models", "graph_predictor:weights=w.safetensors"]
@@ -202,8 +281,11 @@ KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]
     "options": _options,
     "kept": _kept,
     "edited": _edited,
+    "columns": _columns,
     "highways": _highway,
     "simulations": _simulation,
+    "detectors": _detectors,
+    "caches": _cache,
 }
 OFTEN: Final = (*2 * ("tracks", "maps", "commonroad", "weights", "folders", "options"), *KINDS)
 """Kinds in the order of a run: those whose cases are quick come more often."""

@@ -18,6 +18,8 @@ LIMIT_S, LIMIT_BYTES = 60.0, 2 << 30
 MAPPED_BYTES = 4 << 30
 """More address space than is used, for threads and libraries reserve it."""
 LONGEST_LINE = 700
+CACHE = "cache"
+"""Folder in a case's folder that its process takes for the user's caches, if it is there."""
 IMPORTED = "imported.txt"
 """File in a case's folder: the modules that its process imported."""
 
@@ -66,6 +68,8 @@ def _run(arguments: Sequence[str], folder: Path, errors: Path) -> None:
     try:
         os.setsid()
         os.chdir(folder)
+        if (folder / CACHE).is_dir():
+            os.environ["XDG_CACHE_HOME"] = str(folder / CACHE)
         for number, target in ((1, folder / "stdout.txt"), (2, errors)):
             os.dup2(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
         sys.stdout, sys.stderr = (os.fdopen(number, "w", buffering=1) for number in (1, 2))

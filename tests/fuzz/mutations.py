@@ -162,31 +162,62 @@ def _json(file: Path, rng: Random) -> str:
     return path[:40]
 
 
-def _table(file: Path, rng: Random) -> str:
-    """A column of a Parquet file dropped, emptied, of another type or full of one value; or some rows."""
+def column_changed(file: Path, rng: Random) -> str:
+    """A column of a Parquet file dropped, of another type, with nulls, or with lists of other lengths."""
     table = pq.read_table(file)
     name = rng.choice(table.column_names)
-    at = table.column_names.index(name)
-    column = table[name].combine_chunks()
-    what = rng.choice(("drop", "null", "text", "value", "rows", "double", "shuffle", "type"))
+    at, column = table.column_names.index(name), table[name].combine_chunks()
+    what = rng.choice(("drop", "type", "type", "null", "nulls", "lists"))
     if what == "drop":
         table = table.drop_columns([name])
+        pq.write_table(table, file)
+        return f"{what} {name}"
+    if what == "lists" and not pa.types.is_list(column.type):
+        name = next((field.name for field in table.schema if pa.types.is_list(field.type)), name)
+        at, column = table.column_names.index(name), table[name].combine_chunks()
+    values = column.to_pylist()
+    if what == "type":
+        kind, value = rng.choice(OTHER_TYPES)
+        new = pa.array([value] * len(values), kind)
+        what = f"type {kind}"
     elif what == "null":
-        table = table.set_column(at, name, pa.nulls(len(column), column.type))
-    elif what == "text":
-        table = table.set_column(at, name, pa.array(["x"] * len(column)))
-    elif what == "value":
+        new = pa.nulls(len(values), column.type)
+    elif what == "nulls":
+        new = pa.array([None if rng.random() < 0.3 else value for value in values], column.type)
+    else:
+        longer = [value if isinstance(value, list) else [value] for value in values]
+        longer = [rng.choice((value[:-1], value * 2, [], [None, *value], value)) for value in longer]
+        new = pa.array(longer, column.type if pa.types.is_list(column.type) else pa.list_(column.type))
+    pq.write_table(table.set_column(at, name, new), file)
+    return f"{what} {name}"
+
+
+OTHER_TYPES: tuple[tuple[pa.DataType, Any], ...] = (
+    *((pa.string(), "x"), (pa.string(), "1"), (pa.int8(), 1), (pa.int64(), 2**60), (pa.uint64(), 2**63)),
+    *((pa.float32(), 0.5), (pa.float64(), float("nan")), (pa.bool_(), True), (pa.binary(), b"\xff")),
+    *((pa.null(), None), (pa.date32(), 1), (pa.list_(pa.float64()), [1.0, None]), (pa.large_string(), "x")),
+    (pa.struct([("a", pa.int64())]), {"a": 1}),
+)
+
+
+def _table(file: Path, rng: Random) -> str:
+    """A column of a Parquet file changed, or full of one value; or some rows."""
+    table = pq.read_table(file)
+    name, count = rng.choice(table.column_names), len(table)
+    what = rng.choice(("column", "column", "column", "value", "number", "rows", "double", "shuffle"))
+    if what == "column":
+        return column_changed(file, rng)
+    if what in ("value", "number"):
         value = rng.choice((float("nan"), float("inf"), 1e300, -1.0, 0.0))
-        table = table.set_column(at, name, pa.array([value] * len(column)))
+        new = pa.array([value] * count) if what == "value" else pa.array(list(range(count)), pa.int32())
+        table = table.set_column(table.column_names.index(name), name, new)
     elif what == "rows":
-        table = table.slice(rng.randrange(len(column) + 1), rng.randrange(len(column) + 1))
+        table = table.slice(rng.randrange(count + 1), rng.randrange(count + 1))
     elif what == "double":
         table = pa.concat_tables([table, table])
-    elif what == "shuffle":
-        order = list(range(len(column)))
+    else:
+        order = list(range(count))
         rng.shuffle(order)
         table = table.take(order)
-    else:
-        table = table.set_column(at, name, pa.array(list(range(len(column))), pa.int32()))
     pq.write_table(table, file)
     return f"{what} {name}"

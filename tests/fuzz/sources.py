@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from typing import Final
 
 import scex_sumo
 from scex_sumo.base.programs import environment, program
+from tests.command import scex
 
 EXAMPLES = Path(scex_sumo.__file__).parent / "scenarios/data"
 RUN: Final = ("--children", "3", "--steps", "5", "--no-plots", "--reference", "none")
@@ -46,15 +48,14 @@ class Sources:
         """A result folder."""
         folder = self._folder / "result"
         command = ("run", str(EXAMPLES / "urban_intersection.osm"), *RUN, "-o", str(folder))
-        subprocess.run([sys.executable, "-m", "scex_sumo", *command], check=True, capture_output=True)
+        scex(*command).check_returncode()
         return folder
 
     @cache  # noqa: B019
     def finished(self, command: str) -> bytes:
         """What a command of `KEPT` ends with where nothing is broken."""
         folder = self._recording(f"finished-{command}")
-        words = [sys.executable, "-m", "scex_sumo", *KEPT[command]]
-        subprocess.run(words, cwd=folder, check=True, capture_output=True)
+        scex(*KEPT[command], cwd=folder).check_returncode()
         return (folder / "out" / RESULTS[command]).read_bytes()
 
     def is_finished(self, command: str, folder: Path) -> bool:
@@ -83,6 +84,17 @@ class Sources:
             words = [program(name), *options]
             subprocess.run(words, cwd=folder, check=True, capture_output=True, env=environment())
         return folder
+
+    @cache  # noqa: B019
+    def cache(self) -> Path:
+        """The user's caches after a run on the recording, by the path that cases give."""
+        folder = self._recording("cached")
+        caches = folder / "caches"
+        command = ("run", "urban_intersection.osm", *RUN, "-o", "out")
+        words = [sys.executable, "-m", "scex_sumo", *command]
+        places = {**os.environ, "XDG_CACHE_HOME": str(caches)}
+        subprocess.run(words, cwd=folder / "data", check=True, capture_output=True, env=places)
+        return caches
 
     def _recording(self, name: str) -> Path:
         folder = self._folder / name

@@ -14,7 +14,17 @@ from tests.fuzz.mutations import mutated
 
 CASES = [
     (kind, number)
-    for kind in ("tracks", "maps", "commonroad", "folders", "options", "edited")
+    for kind in (
+        "tracks",
+        "maps",
+        "commonroad",
+        "folders",
+        "options",
+        "edited",
+        "columns",
+        "detectors",
+        "caches",
+    )
     for number in range(2)
 ]
 

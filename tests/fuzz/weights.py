@@ -25,6 +25,9 @@ class _Evil:
         return os.mkdir, (EXECUTED,)
 
 
+EVIL = pickle.dumps({"format": _Evil()})
+
+
 def write_mutated(file: Path, rng: Random) -> str:
     """Write a small network's weights, mutated; says how."""
     sizes, drawn = Architecture(hidden=8, layers=1, heads=1), np.random.default_rng(0)
@@ -35,7 +38,7 @@ def write_mutated(file: Path, rng: Random) -> str:
     if what == "bytes":
         return mutated(file, rng)
     if what == "pickle":
-        file.write_bytes(pickle.dumps({"format": _Evil()}))
+        file.write_bytes(EVIL)
         return what
     if what == "outside":
         return _header(file, rng)

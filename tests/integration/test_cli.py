@@ -14,7 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
+from scex_sumo.base.programs import program
 from scex_sumo.metrics.registry import COLUMNS, columns_of, metrics_named
+from tests.command import scex
 
 BOTH = columns_of(metrics_named(["paper", "path"]))
 TABLES = (
@@ -23,12 +25,6 @@ TABLES = (
 )
 ROUNDABOUT = scex_sumo.example_path("roundabout")
 MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'
-
-
-def scex(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command line in a process of its own, as libsumo runs one simulation per process."""
-    command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -169,6 +165,19 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
     for table in TABLES:
         name = f"{table}.parquet"
         assert (out / name).read_bytes() == (result / name).read_bytes(), name
+
+
+def test_a_result_folder_with_a_comma_is_written_and_its_future_opens_in_sumo(tmp_path: Path) -> None:
+    folder = tmp_path / "a,b" / "c,d"
+    options = ["--children", "2", "--steps", "3", "--models", "sumo:EIDM", "--reference", "none"]
+    done = scex("run", scex_sumo.example_path("roundabout"), *options, "-o", folder)
+    assert done.returncode == 0, done.stderr
+    shown = scex("view", folder, "--child", "1", "--write-only")
+    assert shown.returncode == 0, shown.stderr
+    file = Path(shown.stdout.strip())
+    command = [program("sumo"), "-c", file.name]
+    opened = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, timeout=60, check=False)
+    assert opened.returncode == 0, opened.stderr
 
 
 def test_thresholds_are_the_users_where_given(tmp_path: Path) -> None:
@@ -377,8 +386,7 @@ def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(name: 
     """Arrow takes such a name for a URI."""
 
     def here(*arguments: object) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+        return scex(*arguments, cwd=tmp_path)
 
     for arguments in (
         ("run", ROUNDABOUT, "--children", 2, "--steps", 5, "--keep-plans", "-o", name),

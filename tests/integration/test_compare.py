@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +13,9 @@ import pytest
 
 import scex_sumo
 from scex_sumo.studies.compare.command import short_names
+from tests.command import scex
 
 PAIRS = 3
-
-
-def scex(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def refused(*arguments: object, status: int = 1) -> str:

@@ -47,7 +47,7 @@ def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
     listed = scex("encounters", run.folder)
     assert f"{first['track_id']} \u2192 {first['other_id']}" in listed.stdout
     pair = scex("encounters", run.folder, "--pair", f"{first['other_id']},{first['track_id']}")
-    assert "collides in children" in pair.stdout and "by their models" in pair.stdout
+    assert "collides in futures" in pair.stdout and "by their models" in pair.stdout
     assert "needs two track ids" in refused("encounters", run.folder, "--pair", "17", status=2)
     assert "meet in no child" in refused("encounters", run.folder, "--pair", "98,99", status=2)
 

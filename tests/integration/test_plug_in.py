@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
+from tests import command
 
 ROUNDABOUT = scex_sumo.example_path("roundabout")
-SCRIPT = "import sys; sys.path.pop(0); from scex_sumo.cli import main; main()"  # as a console script does
 MODELS = "standard_driver,constant_velocity"
 DRIVER = '''
 import numpy as np
@@ -44,8 +43,7 @@ class Straight:
 
 
 def scex(where: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", SCRIPT, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=where, timeout=120, check=False)
+    return command.scex(*arguments, cwd=where)
 
 
 @pytest.fixture(scope="module")

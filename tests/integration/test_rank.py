@@ -20,6 +20,7 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.rank.rank import rank as rank_dataset
+from tests.command import scex
 
 MODELS = "standard_driver,constant_velocity,emergency_brake"
 OPTIONS = ("--every", "4", "--first", "3", "--children", "6", "--top", "2", "--models", MODELS)
@@ -30,7 +31,7 @@ def command(*arguments: object) -> list[str]:
 
 
 def rank(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=120, check=False)
+    return scex("rank", *arguments)
 
 
 def refused(*arguments: object, status: int = 1) -> str:
@@ -138,7 +139,7 @@ def test_ctrl_c_leaves_one_line_and_what_has_finished(dataset: Path, tmp_path: P
     _, said = process.communicate(timeout=30)
     assert process.returncode == 130
     (line,) = said.splitlines()
-    assert line.startswith("interrupted; finished seeds are kept")
+    assert line == f"interrupted; {out} keeps finished seeds; run the same command to go on"
     assert (out / "incomplete.json").exists()
     assert list(out.glob("children/*/*/*.parquet"))
 
@@ -181,7 +182,7 @@ def test_the_command_on_the_page_looks_at_the_same_moment(result: Path, tmp_path
     words = shlex.split(html.unescape(text.split("<code>")[1].split("</code>")[0]))
     words[words.index("-o") + 1] = str(tmp_path / "out")
     options = [*words[1:], "--children", "3", "--no-plots"]
-    subprocess.run([sys.executable, "-m", "scex_sumo", *options], check=True, capture_output=True)
+    scex(*options).check_returncode()
     run = scex_sumo.open_run(tmp_path / "out")
     shown = json.loads((result / "rank.json").read_text())["shown"][0]
     children = pds.dataset(result / "children", partitioning="hive").to_table()
@@ -259,8 +260,8 @@ def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_pat
         "    return scenes.unordered(np.abs(scenes.speed[second] - scenes.speed[first]))\n"
     )
     out = tmp_path / "out"
-    words = command(dataset, *OPTIONS, "--metrics", "paper,closeness:speed_gap", "--workers", 2, "-o", out)
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False, cwd=tmp_path)
+    words = (dataset, *OPTIONS, "--metrics", "paper,closeness:speed_gap", "--workers", 2, "-o", out)
+    done = scex("rank", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = pq.read_table(out / "ranking.parquet")
     assert (

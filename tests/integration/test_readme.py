@@ -15,13 +15,13 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.programs import environment, program
+from tests.command import scex as scex_sumo
 from tests.conftest import shared_data
 from tests.formats.levelx.levelx_files import Mover, write_highd
 from tests.formats.levelx.test_dataset import intersection
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-RUN = "import sys; sys.path.pop(0); from scex_sumo.cli import main; main()"  # as a console script does
 
 
 def blocks(kind: str) -> list[str]:
@@ -38,8 +38,7 @@ def rows(heading: str) -> dict[str, str]:
 
 def command(text: str, where: Path, *more: str) -> str:
     """Run a command line of the README in a folder and return what it prints."""
-    full = [sys.executable, "-c", RUN, *shlex.split(text, comments=True)[1:], *more]
-    done = subprocess.run(full, cwd=where, capture_output=True, text=True, timeout=240, check=False)
+    done = scex_sumo(*shlex.split(text, comments=True)[1:], *more, cwd=where)
     assert done.returncode == 0, (text, done.stdout, done.stderr)
     return done.stdout
 
@@ -88,14 +87,7 @@ def test_the_answer_shown_is_that_of_the_command(clone: Path) -> None:
     (shown,) = blocks("text")
     (line,) = [line for line in "\n".join(blocks("sh")).splitlines() if line.endswith("-o out/roundabout")]
     words = [*shlex.split(line)[1:], "--no-report"]
-    done = subprocess.run(
-        [sys.executable, "-c", RUN, *words],
-        cwd=clone,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    done = scex_sumo(*words, cwd=clone)
     printed = [row.rstrip() for row in done.stdout.splitlines() if not row.startswith("report: ")]
     assert [row for row in shown.splitlines() if not row.startswith("report: ")] == printed
 

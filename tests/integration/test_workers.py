@@ -159,7 +159,7 @@ def test_ctrl_c_ends_all_processes_and_leaves_what_was_finished(tmp_path: Path) 
         os.kill(run.pid, signal.SIGINT)
         _, said = run.communicate(timeout=60)
     assert run.returncode == 130
-    assert said.splitlines()[-1].startswith("interrupted; finished children are kept")
+    assert said.splitlines()[-1].endswith(" keeps finished futures; run the same command to go on")
     assert len(helpers) == 1
     assert not any(Path(f"/proc/{helper}").exists() for helper in helpers)
     assert list(out.glob(".parts/*.npz")) and (out / "incomplete.json").exists()

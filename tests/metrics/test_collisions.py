@@ -12,7 +12,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import SceneTracks
-from scex_sumo.metrics.collisions import SIDES, find_collisions
+from scex_sumo.metrics.collisions import CONTACT_M2, SIDES, find_collisions
 from scex_sumo.scene import States
 from tests.metrics.straight import closed_forms, straight
 
@@ -71,6 +71,19 @@ def test_a_scratch_below_the_limit_is_no_collision() -> None:
     """0.02 m deep and 4 m long: 0.08 m² while they pass."""
     assert len(find_collisions(straight({"x": -20, "speed": 10}, {"x": 0, "y": 1.98}))) == 0
     assert len(find_collisions(straight({"x": -20, "speed": 10}, {"x": 0, "y": 1.97}))) == 1
+
+
+def test_any_overlap_of_simulated_boxes_is_a_collision() -> None:
+    """1 mm deep while they pass; 1 mm apart they pass without contact."""
+    assert len(find_collisions(straight({"x": -20, "speed": 10}, {"y": 1.999}), limit_m2=CONTACT_M2)) == 1
+    assert len(find_collisions(straight({"x": -20, "speed": 10}, {"y": 2.001}), limit_m2=CONTACT_M2)) == 0
+
+
+def test_a_scratch_at_the_seed_moment_hides_no_crash_of_simulated_boxes() -> None:
+    """0.02 m deep at first: the contact grows to a crash at 1 m/s, and stays a scratch at 0 m/s."""
+    grows, stays = straight({"x": 0, "speed": 1}, {"x": 3.98}), straight({"x": 0}, {"x": 3.98})
+    assert find_collisions(grows, limit_m2=CONTACT_M2).time_s == pytest.approx([0.03], abs=1e-9)
+    assert len(find_collisions(stays, limit_m2=CONTACT_M2)) == 0
 
 
 def test_sides_that_scrape_are_a_side_collision_whatever_the_headings() -> None:

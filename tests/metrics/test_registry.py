@@ -41,6 +41,7 @@ from scex_sumo.metrics.registry import (
 from scex_sumo.reports.figure import draw_figure
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.run import open_run
+from tests import command
 from tests.metrics.scenes import one_scene, random_run
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "metrics.md"
@@ -100,8 +101,7 @@ def test_a_metric_by_import_path_goes_through_the_command(example: Path) -> None
     ]
     head = "track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
     tracks.write_text("\n".join([head, *rows]) + "\n")
-    command = [sys.executable, "-m", "scex_sumo", "metrics", str(tracks), "--metrics", "closeness:speed_gap"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = command.scex("metrics", tracks, "--metrics", "closeness:speed_gap")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ['"case_id","speed_gap","speed_gap_mean"', "1,6,6"]
 

@@ -67,7 +67,7 @@ def test_unknown_metrics_and_missing_thresholds_name_the_known(run: Run) -> None
 def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_path: Path) -> None:
     svg, png = (draw_figure(run, "density", tmp_path / f"densities{end}") for end in (".svg", ".png"))
     text = svg.read_text()
-    assert "defined in no child" in text
+    assert "defined in no future" in text
     assert "20/40" in text
     assert "recorded future" in text
     assert png.stat().st_size > 10_000

@@ -132,7 +132,7 @@ def test_table_and_report_show_every_metric(run: Run) -> None:
     assert list(table.columns[5].cells)[:2] == ["20.0%", "40.0%"]
     text, shown = under_test_card(run), under_test_rows(run)
     assert "vehicle 17: mypkg:MyDriver" in text
-    assert text.count("<figure>") == 6 and text.count("defined in no child") == 4
+    assert text.count("<figure>") == 6 and text.count("defined in no future") == 4
     assert shown is not None
     cells = [row["cells"] for row in shown["rows"]]
     assert [row[3] for row in cells] == ["1 : 0", "2 : 1", None, None, None, None, "2 : 0"]

@@ -113,3 +113,9 @@ def test_a_straight_lane_keeps_its_limit(tmp_path: Path):
     write_curve_limits(tmp_path / "net.net.xml", tmp_path / "limited.net.xml")
     lanes = ElementTree.parse(tmp_path / "limited.net.xml").getroot().iter("lane")
     assert {lane.get("id"): float(lane.get("speed", 0)) for lane in lanes}["in_0"] == pytest.approx(13.9)
+
+
+def test_a_net_with_many_entries_gets_traffic_on_some_of_them(tmp_path: Path) -> None:
+    net, rng = network(tmp_path), np.random.default_rng(1)
+    trips = random_trips(net, until_s=400.0, every_s=(40.0, 2.0), rng=rng, most_origins=1)
+    assert len(net.origins) > 1 and len({trip.edges[0] for trip in trips}) == 1

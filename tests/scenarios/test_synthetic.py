@@ -18,8 +18,8 @@ from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import SumoNet, convert
 from scex_sumo.road import Road
-from scex_sumo.scenarios import EXAMPLES, example_path
-from scex_sumo.scenarios.synthetic import synthetic_scene
+from scex_sumo.scenarios import EXAMPLES, example_path, synthetic
+from scex_sumo.scenarios.synthetic import LIMIT_S, synthetic_scene
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads as roads_of_tests
 from tests.converters.maps import DASHED, Lanelet, straight, write_map
@@ -181,8 +181,7 @@ def test_a_map_of_kinks_is_populated_soon_and_says_how_far_it_is(tmp_path: Path)
     assert time.process_time() - begin < 10.0  # without SUMO itself; all moments are tried
     assert scene.vehicles == 10
     assert len(told) > 100
-    assert [done for done, _ in told] == list(range(1, len(told) + 1))
-    assert all(done <= total for done, total in told)
+    assert sorted(told) == told and {total for _, total in told} == {LIMIT_S}
 
 
 def test_where_vehicles_always_overlap_that_is_the_reason(tmp_path: Path):
@@ -207,3 +206,12 @@ def test_where_vehicles_always_overlap_that_is_the_reason(tmp_path: Path):
 def test_less_than_one_vehicle_is_refused(vehicles: int, folder: Path):
     with pytest.raises(UsageError, match=f"at least 1 vehicle, not {vehicles}"):
         populate("roundabout", folder, vehicles)
+
+
+def test_time_that_is_up_is_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    road, net = converted(write_map(tmp_path / "road.osm", [straight(1, 0, 300)]), tmp_path)
+    monkeypatch.setattr(synthetic, "LIMIT_S", 0)
+    with pytest.raises(
+        SimulationError, match=r"no moment with 2 vehicles within 0 s \(0 tried\); ask for fewer"
+    ):
+        synthetic_scene(road, net.path, vehicles=2, name="test")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +13,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.bands import Look, check_band, grow, look
 from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals
+from tests.command import scex
 
 FOURS = [[0.25] * 4] * 4
 
@@ -60,18 +59,11 @@ def test_a_band_that_makes_no_sense_is_refused(band: float) -> None:
 
 
 def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "scex_sumo", "run", str(scex_sumo.example_path("motorway_merge"))]
-    command += ["--until-band", "0.01", "--children", "130", "--steps", "3", "--no-plots", "-o"]
+    words = ("--until-band", 0.01, "--children", 130, "--steps", 3, "--no-plots", "-o")
     for name, options in (("one", []), ("two", ["--workers", "2", "--batch", "32"])):
-        done = subprocess.run(
-            [*command, str(tmp_path / name), *options],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+        done = scex("run", scex_sumo.example_path("motorway_merge"), *words, tmp_path / name, *options)
         assert done.returncode == 0, done.stderr
-        assert "after 130 children, not the +-0.01 asked for" in done.stdout
+        assert "after 130 futures, not the +-0.01 asked for" in done.stdout
     info = json.loads((tmp_path / "one" / "run.json").read_text())
     assert info["children"] == info["band"]["children"] == 130
     for name in ("metrics.parquet", "assignments.parquet", "tracks.parquet"):

@@ -13,7 +13,6 @@ from scex_sumo.statistics.density import (
     Interval,
     density,
     dkw_half_width,
-    p_critical,
     wilson,
 )
 
@@ -93,15 +92,8 @@ def test_wilson_agrees_with_scipy(successes: int, count: int) -> None:
     )
 
 
-def test_critical_on_the_left_and_on_the_right() -> None:
-    samples = [0.1, 0.26, 0.5, INF]
-    assert p_critical(samples, 0.26, "left").value == 0.5
-    assert p_critical(samples, 0.26, "right").value == 0.75
-    assert p_critical(samples, 0.26).count == 4
-
-
 def test_without_samples_nothing_is_known() -> None:
-    interval = p_critical([], 1.0)
+    interval = wilson(0, 0)
     assert np.isnan(interval.value) and (interval.low, interval.high, interval.count) == (0.0, 1.0, 0)
 
 
@@ -111,9 +103,7 @@ def test_without_samples_nothing_is_known() -> None:
         (lambda: density([]), "no samples"),
         (lambda: density([1.0, np.nan]), "1 of 2 samples are NaN"),
         (lambda: density([1.0], 0.0), "bandwidth 0.0"),
-        (lambda: p_critical([1.0], 1.0, "above"), "choose left or right"),
-        (lambda: p_critical([1.0], np.nan), "not a number"),
-        (lambda: p_critical([1.0], 1.0, confidence=95), "between 0 and 1"),
+        (lambda: wilson(1, 1, 95), "between 0 and 1"),
     ],
 )
 def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:

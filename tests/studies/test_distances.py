@@ -108,7 +108,7 @@ places = st.lists(st.floats(-1e3, 1e3, width=32), min_size=2, max_size=30)
 @given(places, st.lists(st.integers(0, 29), min_size=1, max_size=30))
 def test_errors_of_a_draw_are_scipys_distances(values: list[float], drawn: list[int]) -> None:
     whole, draw = np.array(values), np.array(drawn) % len(values)
-    found = errors(whole, [draw], with_jsd=False)
+    found = errors(whole, [draw])
     ks = stats.ks_2samp(whole[draw], whole, method="asymp").statistic
     assert found.ks[0] == pytest.approx(ks, abs=1e-12)
     w1 = stats.wasserstein_distance(whole[draw], whole)

@@ -1,4 +1,1 @@
-"""Driving along a path: paths of a seed scene, motion, leaders, perception.
-
-May import roads, geometry, scene; no other room of behaviors.
-"""
+"""Driving along a path: paths of a seed scene, motion, leaders."""

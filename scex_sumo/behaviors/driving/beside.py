@@ -15,7 +15,7 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 
-NEAR_M = 25.0  # between centres of vehicles whose boxes can touch within a plan
+NEAR_M = 25.0  # between centres of vehicles that can get beside each other within a plan
 MARGIN_M = 0.4  # between two boxes
 AHEAD_M = 1.0  # boxes this far ahead or behind count as beside
 ALONG = 0.5  # sine of the angle to the path; at larger angles a vehicle crosses it
@@ -70,10 +70,10 @@ def offsets_beside(
     *,
     margin: float = MARGIN_M,
 ) -> tuple[FloatArray, FloatArray]:
-    """(n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
+    """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Two boxes share the free space between them. Others keep their speed and straighten up. Leaders and
-    crossing vehicles are handled by braking, not by steering.
+    Two boxes share the space between them; others keep their speed and straighten up. Leaders and crossing
+    vehicles are handled by braking.
 
     Args:
         row: (n,) path of each vehicle.
@@ -81,7 +81,12 @@ def offsets_beside(
         way: (n, H + 1) further way now and after each step, m.
         margin: between two boxes, m.
     """
-    (i, j), everybody = _near(history, who), everyone(history)
+    everybody = everyone(history)
+    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
+    near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
+    near &= everybody.present[who.child]
+    near[np.arange(len(who)), who.vehicle] = False
+    i, j = np.nonzero(near)
     own, other = (
         _Boxes.of(
             paths, row[i], s[i], everybody.states[who.child[i], k], everybody.length[k], everybody.width[k]
@@ -105,23 +110,11 @@ def offsets_beside(
     return least, most
 
 
-def _near(history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
-    """(p,) vehicle, and (p,) column of another one near it."""
-    everybody = everyone(history)
-    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
-    near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
-    near &= everybody.present[who.child]
-    near[np.arange(len(who)), who.vehicle] = False
-    i, j = np.nonzero(near)
-    return i, j
-
-
 def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:
-    """(p, H + 1) distance across the path that the boxes occupy between their centres at times t, m.
+    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m.
 
     Args:
         side: (p,) 1 if the other is on the left, else -1.
-        width: (p,) of the other, m.
     """
     ahead = np.abs(other.ahead)
     straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)
@@ -134,7 +127,7 @@ def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: F
 
 
 def reached(room: FloatArray) -> FloatArray:
-    """(n, H + 1) room now from which the later room can be reached at `ASIDE_SPEED`."""
+    """Return (n, H + 1) room from which the later room can be reached at `ASIDE_SPEED`."""
     reach = ASIDE_SPEED * STEP_S * np.arange(room.shape[1])
     reachable: FloatArray = np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach
     return reachable

@@ -12,33 +12,33 @@ from scex_sumo.behaviors.driving.paths import COARSE, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import refine
 from scex_sumo.scene import SceneHistory, States, VehicleIndex
 
-LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 2 m, 4 m², off
-MAX_PAIRS = 60_000  # at a time: bounds the memory, and fits the processor's cache
-CORRIDOR_MARGIN_M = 0.3  # of the driver's corridor, on both sides of its width
+LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 4 m² off
+MAX_PAIRS = 60_000  # at a time: bounds the memory, fits the processor's cache
+CORRIDOR_MARGIN_M = 0.3  # of the driver's corridor, beyond its width on each side
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Leaders:
     """The leader of each of n vehicles."""
 
-    # (n,) bumper to bumper along the path, m; inf without a leader, may be negative on overlap
+    # (n,) bumper to bumper along the path, m; inf without a leader, negative on overlap
     gap: FloatArray
-    speed: FloatArray  # (n,) the leader's speed component along the path, m/s; 0 without a leader
-    index: IntArray  # (n,) column of the leader: vehicles first, then obstacles; -1 without a leader
+    speed: FloatArray  # (n,) component along the path, m/s; 0 without a leader
+    index: IntArray  # (n,) column: vehicles first, then obstacles; -1 without a leader
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ahead:
-    """The k vehicles and obstacles in the way of n drivers; the one with the smallest gap is the leader."""
+    """The k vehicles and obstacles in the way of n drivers."""
 
     driver: IntArray  # (k,) the driver
-    other: IntArray  # (k,) column of the other one: vehicles first, then obstacles
+    other: IntArray  # (k,) column: vehicles first, then obstacles
     gap: FloatArray  # (k,) bumper to bumper along the path, m
-    speed: FloatArray  # (k,) speed component along the path, m/s
+    speed: FloatArray  # (k,) component along the path, m/s
     cos: FloatArray  # (k,) cosine of its heading against the path's
 
     def leaders(self, n: int) -> Leaders:
-        """Return the nearest one ahead of each of the n drivers."""
+        """Return the one with the smallest gap for each of the n drivers."""
         result = Leaders(gap=np.full(n, np.inf), speed=np.zeros(n), index=np.full(n, -1))
         chosen = least_of(self.driver, self.gap, self.other)
         driver = self.driver[chosen]
@@ -58,7 +58,7 @@ def find_leaders(
     radius: float,
     **options: Any,
 ) -> Leaders:
-    """Find the next vehicle or obstacle on or near each driver's path; see `find_ahead` for the arguments."""
+    """Find the leader of each driver; see `find_ahead`."""
     ahead = find_ahead(history, who, paths, row, s_centre, clearance=clearance, radius=radius, **options)
     return ahead.leaders(len(who))
 
@@ -76,27 +76,22 @@ def find_ahead(
     aside: FloatArray | None = None,
     margin: float = CORRIDOR_MARGIN_M,
 ) -> Ahead:
-    """Find the vehicles and obstacles on or near each driver's path, ahead of it.
+    """Find the vehicles and obstacles on or near each driver's path, within the perception radius.
 
-    One counts if its centre is within `radius` of the driver's, and in one of these cases:
+    One counts in these cases:
 
-    - Its nearest end along the path is ahead of the driver's front bumper, it does not face the driver
-      (within 60 degrees), and its centre is within the clearance of the path.
-    - Its nearest end is ahead of the front bumper, it does not face the driver, and its body is inside the
-      driver's corridor.
-    - Its centre is ahead of the driver's, and its body is inside the corridor. So an oncoming vehicle counts
-      in the corridor only, and of vehicles alongside only those that cut in.
-
-    Its extent along the path is that of its rectangle, so a vehicle across the path has a rear bumper too.
+    - Its nearest end is ahead of the driver's front bumper, it does not face the driver (within 60 degrees),
+      and its centre is within the clearance of the path or its body inside the driver's corridor.
+    - Its centre is ahead of the driver's, and its body is inside the corridor.
 
     Args:
         row: (n,) path of each driver.
-        s_centre: (n,) arc length of the driver's centre on its path, m.
+        s_centre: (n,) arc length of the driver's centre, m.
         clearance: of a vehicle's centre from the path, m.
         radius: perception radius, m.
         obstacle_clearance: of an obstacle's centre from the path, m.
-        aside: (n,) offset of each driver's line from its path, m, left positive; None is 0.
-        margin: of the driver's corridor beyond its width, on each side, m.
+        aside: (n,) offset of each driver's line, m, left positive; None is 0.
+        margin: of the corridor beyond the driver's width, on each side, m.
     """
     others = everyone(history)
     size = max(1, MAX_PAIRS // max(1, others.length.size))
@@ -132,7 +127,6 @@ def _ahead_of(
     aside: FloatArray | None,
     margin: float,
 ) -> Ahead:
-    """Find those ahead of a part of the drivers; the clearance (M,) is that of each of the others."""
     now = history.now[who.child, who.vehicle]
     length, width = history.scene.length[who.vehicle], history.scene.width[who.vehicle]
     ox, oy = others.states.x[who.child], others.states.y[who.child]  # (n, M)
@@ -140,10 +134,9 @@ def _ahead_of(
     near &= others.present[who.child]
     near[np.arange(len(who)), who.vehicle] = False
     guess, distance2 = _first_guess(paths, row, s_centre, ox, oy, radius)
-    # Points further than this from every coarse sample are neither within the clearance nor in the corridor.
+    # Points further than this from every coarse sample count in no case.
     reach = max(
-        float(clearance.max(initial=0.0)),
-        float(width.max(initial=0.0)) / 2 + margin + others.longest / 2,
+        float(clearance.max(initial=0.0)), float(width.max(initial=0.0)) / 2 + margin + others.longest / 2
     )
     if aside is not None:
         reach += float(np.abs(aside).max(initial=0.0))
@@ -172,11 +165,7 @@ def _ahead_of(
 def _first_guess(
     paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Find the nearest coarse sample from just behind each driver to the perception radius.
-
-    Returns:
-        (n, M) arc length, m, and (n, M) squared distance, m².
-    """
+    """Return (n, M) nearest coarse arc length, m, and (n, M) squared distance, m²."""
     spacing = COARSE * DS_M
     samples = paths.coarse.shape[2]
     span = min(samples, int(radius / spacing) + 4)
@@ -196,18 +185,18 @@ def _first_guess(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Everyone:
-    """Vehicles and obstacles of all children together; M = V + O columns."""
+    """Vehicles and obstacles of all children; M = V + O columns."""
 
     states: States  # (C, M) now
     present: BoolArray
     length: FloatArray  # (M,) m
     width: FloatArray  # (M,) m
-    obstacle: BoolArray  # (M,) False for the vehicles
-    longest: float  # the largest diagonal, m
+    obstacle: BoolArray  # (M,)
+    longest: float  # largest diagonal, m
 
 
 def everyone(history: SceneHistory) -> Everyone:
-    """Join vehicles and obstacles in one set of arrays."""
+    """Join vehicles and obstacles."""
     scene, now = history.scene, history.now
     present = np.ones(now.shape, dtype=np.bool_)
     length, width = scene.length, scene.width

@@ -1,12 +1,10 @@
 """Vehicle motion along a path: a kinematic bicycle with steering feedback.
 
-The reference point is the rear axle, `REAR_AXLE_SHARE` of the length behind the centre. Each step is an arc
-of constant curvature.
+The reference point is the rear axle. Each step is an arc.
 
 Steering feeds back offset d, heading error e and curvature error k in arc length, with nested limits. The
 heading error aims at -ω/3·d, the curvature error at ω·(aim - e), and moves there at rate 3ω, with ω = 1/max(3
-m, v·0.67 s). Without limits the offset decays like (A + Bs + Cs²)·exp(-ωs), without oscillation. The state
-follows from the pose and the last step alone, so a new plan continues the motion of the previous one.
+m, v·0.67 s). Without limits the offset decays like (A + Bs + Cs²)·exp(-ωs).
 """
 
 from __future__ import annotations
@@ -35,22 +33,22 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
-REAR_AXLE_SHARE = 0.3  # of the length, behind the centre; a 4.5 m car has it 1.35 m behind
+REAR_AXLE_SHARE = 0.3  # of the length, behind the centre
 CURVATURE_LIMIT = 0.2  # 1/m, a turning radius of 5 m
 JOIN_TIME_S = 0.67
 JOIN_LENGTH_M = 3.0
 JOIN_ANGLE_RAD = 0.5
-JOIN_ACCELERATION = 3.2  # m/s² lateral, beyond that of the path; up to twice that
-JOIN_HEADING_RAD = 0.18  # at larger heading errors
-JOIN_JERK = 8.0  # m/s³ lateral, likewise up to twice that
-SLOPE_SPEED = 1.0  # m/s; a slower vehicle steers as at this speed for a changing offset
+JOIN_ACCELERATION = 3.2  # m/s² lateral, beyond that of the path; twice that at large heading errors
+JOIN_HEADING_RAD = 0.18  # a heading error that is large
+JOIN_JERK = 8.0  # m/s³ lateral; twice that at large heading errors
+SLOPE_SPEED = 1.0  # m/s; slower vehicles steer as at this speed for a changing offset
 CURVE_TIME_S = 0.8  # time constant of slowing down for a curve
 CURVE_ACCELERATION = 4.05  # m/s² lateral, as ``calibrated_driver``
-CURVE_DECELERATION = 2.18  # m/s² before a curve, likewise
+CURVE_DECELERATION = 2.18  # m/s² before a curve, as ``calibrated_driver``
 CURVE_BRAKING = 6.0  # m/s² at most, for a vehicle that is too fast already
 STEERING_RATE = 0.3  # 1/(m·s): 45 degrees/s at the wheels of a 2.7 m wheelbase
 
-# (step, speed, arc length on the path from the start of the plan, arc length on the table) -> m/s²
+# (step, speed, arc length from the start of the plan, arc length on the table) -> m/s²
 Accelerate: TypeAlias = Callable[[int, FloatArray, FloatArray, FloatArray], FloatArray]
 
 
@@ -69,9 +67,9 @@ def _present_bend(
     heading: FloatArray,
     v: FloatArray,
 ) -> FloatArray:
-    """(n,) present curvature of the vehicles' motion minus that of their paths, 1/m.
+    """Return (n,) curvatures of the vehicles' motion minus those of their paths, 1/m.
 
-    Measured over the last step; over the last half second in the seed scene, as recorded headings are noisy.
+    In the seed scene over half a second, because recorded headings are noisy.
     """
     steps = 1 if history.step > 0 else 5
     length = history.scene.length[who.vehicle]
@@ -84,7 +82,7 @@ def _present_bend(
     way = chord * (1 + turned**2 / 24)  # arc over a chord
     then, _, _ = refine(paths, row, s - way, px, py, 2)
     bend = turned / np.maximum(way, 0.02) - bend_at(paths, row, then + way / 2)
-    # Recorded headings are noisy, and a padded history is straight in a curve: limit the value to what
+    # A padded history is straight in a curve: limit the value to what
     # steering can correct. A standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
     return np.where(way > 0.02, clipped(bend, -most, most), 0.0)
@@ -105,12 +103,9 @@ def drive(
 
     Args:
         row: (n,) path of each.
-        accelerate: returns (n,) accelerations for a step; a vehicle stops instead of reversing.
-        start: (n,) initial states, the present ones by default.
-        aside: (n, H + 1) wanted offset from the path now and after each step, m, left positive; None is 0.
-
-    Returns:
-        (n, H).
+        accelerate: vehicles stop instead of reversing.
+        start: (n,) initial states; None for the present ones.
+        aside: (n, H + 1) wanted offset now and after each step, m, left positive; None is 0.
     """
     length = history.scene.length[who.vehicle]
     if paths.slow_in_curves:
@@ -158,12 +153,10 @@ def drive_along(
     *,
     start: States | None = None,
 ) -> Plan:
-    """Drive vehicles along chosen paths for 3 s; see `drive`.
+    """Drive vehicles along chosen paths for 3 s; see `drive` and `SeedPaths.choose`.
 
     Args:
-        path: the choice, as in `SeedPaths.choose`.
-        accelerate: as in `drive`; None keeps the speed.
-        start: as in `drive`.
+        accelerate: None keeps the speed.
     """
     paths, row = chosen_paths(history, road, who, path)
     return drive(history, who, paths, row, accelerate or (lambda _, v, *__: np.zeros_like(v)), start=start)
@@ -172,8 +165,7 @@ def drive_along(
 def _along_arc(
     x: FloatArray, y: FloatArray, heading: FloatArray, angle: FloatArray, moved: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the pose after an arc."""
-    # sin(z)/z of the half angle, which is below 0.5: the chord of the arc.
+    # sin(z)/z of the half angle, below 0.5: the chord of the arc.
     z2 = (angle / 2) ** 2
     chord = moved * (1 - z2 / 6 * (1 - z2 / 20))
     middle = heading + angle / 2
@@ -181,7 +173,7 @@ def _along_arc(
 
 
 def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the first and second derivative of wanted offsets (H + 1, n) in arc length."""
+    """Return two derivatives of wanted offsets (H + 1, n) in arc length."""
     way = np.maximum(moved, SLOPE_SPEED * STEP_S)
     change = wanted[step + 1] - wanted[step]
     further = wanted[min(step + 2, len(wanted) - 1)] - wanted[step + 1]
@@ -196,13 +188,11 @@ def _steer(
     moved: FloatArray,
     lead: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """Return the curvature error against the path after one step.
+    """Return the curvature error after one step.
 
     Args:
         offset: (n,) present minus wanted offset, m.
-        lead: first and second derivative of the wanted offset in arc length. Heading and curvature error aim
-            at them, which removes the lag: the offset follows the wanted one through
-            (3ωp² + 3ω²p + ω³)/(p + ω)³, which is 1 up to the second order.
+        lead: derivatives of the wanted offset, at which heading and curvature error aim, to remove the lag.
     """
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
     urgency = _urgency(error)
@@ -219,12 +209,10 @@ def _steer(
 
 
 def _urgency(error: FloatArray) -> FloatArray:
-    """(n,) factor 1 to 2 on the limits, by the heading error."""
     return clipped(np.abs(error) / JOIN_HEADING_RAD, 1.0, 2.0)
 
 
 def _bend_limit(v: FloatArray, urgency: FloatArray) -> FloatArray:
-    """(n,) largest curvature error against the path, 1/m."""
     return np.minimum(0.75 * CURVATURE_LIMIT, urgency * JOIN_ACCELERATION / np.maximum(v * v, 1.0))
 
 
@@ -238,11 +226,7 @@ def _centres(out: FloatArray, length: FloatArray) -> Plan:
 
 @owner_cache
 def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
-    """(P * N,) highest speed along all paths that respects every curve ahead, m/s.
-
-    It is √(lateral / curvature) in the curve, and before it the speed from which braking at `deceleration`
-    reaches that.
-    """
+    """Return (P * N,) highest speeds along all paths that respect every curve ahead, m/s."""
     square = lateral / np.maximum(paths.curve_curvature, 1e-6)
     # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
     slope = 2 * deceleration * DS_M * np.arange(paths.samples)
@@ -254,7 +238,7 @@ def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> Float
 def _slowing_for_curves(
     accelerate: Accelerate, paths: SeedPaths, row: IntArray, ahead: FloatArray
 ) -> Accelerate:
-    """Limit accelerations to those that curves allow; `ahead` (n,) is from the rear axle to the centre, m."""
+    """Limit accelerations in curves; `ahead` (n,) is from the rear axle to the centre, m."""
     speeds = curve_speeds(paths, CURVE_ACCELERATION, CURVE_DECELERATION)
 
     def allowed(s: FloatArray) -> FloatArray:
@@ -262,7 +246,7 @@ def _slowing_for_curves(
         return np.asarray(speeds[row * paths.samples + sample])
 
     def limited(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-        # The speed allowed a moment ahead too, so that the car does not lag behind it.
+        # A moment ahead too, so that the car does not lag behind.
         slowing = (np.minimum(allowed(s), allowed(s + v * CURVE_TIME_S)) - v) / CURVE_TIME_S
         return np.minimum(accelerate(step, v, travelled, s), np.maximum(slowing, -CURVE_BRAKING))
 
@@ -270,9 +254,28 @@ def _slowing_for_curves(
 
 
 def own_motion(history: SceneHistory, who: VehicleIndex) -> FloatArray:
-    """(n, 45) index and last second of each vehicle: all that a plan by its own states depends on."""
+    """Return (n, 45) index and last second of each vehicle."""
     past = history.states[who.child, who.vehicle]
     return np.concatenate([who.vehicle[:, None], past.x, past.y, past.heading, past.speed], axis=1)
+
+
+def map_plan(
+    history: SceneHistory,
+    who: VehicleIndex,
+    x: FloatArray,
+    y: FloatArray,
+    heading: FloatArray,
+    speed: FloatArray,
+) -> Plan:
+    """Transform (n, H) trajectories from the vehicles' present frames to the map."""
+    now = history.now[who.child, who.vehicle].map(lambda values: values[:, None])
+    cos, sin = np.cos(now.heading), np.sin(now.heading)
+    return Plan(
+        x=now.x + cos * x - sin * y,
+        y=now.y + sin * x + cos * y,
+        heading=wrap(now.heading + heading),
+        speed=speed,
+    )
 
 
 def handed_out(made: Plan, kind: IntArray) -> Plan:
@@ -289,13 +292,13 @@ def handed_out(made: Plan, kind: IntArray) -> Plan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Intent:
-    """Arguments of `drive` for n distinct situations, which one model asks for."""
+    """Arguments of `drive` for n distinct situations."""
 
     who: VehicleIndex
     paths: SeedPaths
     row: IntArray
     accelerate: Accelerate
-    # (m,) situation of each of the m requested vehicles; None if each has its own
+    # (m,) situation of each of the m vehicles; None if each has its own
     kind: IntArray | None = None
 
     def of(self, kind: IntArray) -> Intent:
@@ -304,14 +307,13 @@ class Intent:
 
 
 class DrivesAlong(ABC):
-    """Base of models whose plan is a drive along a path and nothing else.
+    """Base of models whose plan is a drive along a path.
 
     Attributes:
-        sees: what a plan depends on if the path is not drawn, see `Sight`.
         profile: parameters with a ``path``.
     """
 
-    sees: ClassVar[Sight] = "itself"
+    sees: ClassVar[Sight] = "itself"  # what a plan depends on if the path is not drawn
 
     def __init__(self, profile: Any) -> None:
         self.profile = profile
@@ -324,16 +326,16 @@ class DrivesAlong(ABC):
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        """Plan 3 s; see `Behavior.plan`."""
         return driven(history, [self.intend(history, road, who)])[0]
 
     @abstractmethod
     def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
-        """Return the drive for the vehicles that `plan` is asked for."""
+        """Return the drive of these vehicles."""
 
 
 def driven(history: SceneHistory, intents: Sequence[Intent]) -> list[Plan]:
-    """Drive the vehicles of several models in one call, and return a plan of 3 s for each model."""
+    """Drive the vehicles of several models in one call; return a plan of 3 s per model."""
     made: dict[int, Plan] = {}
     for paths in {id(one.paths): one.paths for one in intents}.values():
         mine = [index for index, one in enumerate(intents) if one.paths is paths]

@@ -1,6 +1,6 @@
-"""Path tables of a seed scene: the candidate paths of all vehicles, smoothed and sampled once per seed.
+"""Path tables of a seed scene: candidate paths of all vehicles, smoothed and sampled.
 
-A path follows from the vehicle's pose in the seed scene and stays the same in all children.
+A path depends on the vehicle's pose in the seed scene and is the same in all children.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from scex_sumo.roads.routes import candidate_paths, centreline, extended
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 DS_M = 0.5
-BEHIND_M = 20.0  # path behind the centre, for the rear axle and the vehicles behind
+BEHIND_M = 20.0  # behind the centre, for the rear axle and vehicles behind
 FIRST_HORIZON_S = 8.0  # 3 s of a child, 3 s of a plan, and some acceleration
 LONGER_S = 5.0  # longer children get tables that are longer by 1, 3, 7, ... times this
 ROUTE_M = 500.0  # of the routes for SUMO
-COARSE = 8  # every eighth sample, for the first step of a projection
+COARSE = 8  # for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 PathChoice: TypeAlias = (
     int | Literal["straight", "random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
@@ -37,13 +37,13 @@ PathChoice: TypeAlias = (
 class SeedPaths:
     """All candidate paths of all vehicles of a seed scene."""
 
-    first: IntArray  # (V,) row of the vehicle's first path; its paths are consecutive, left to right
-    count: IntArray  # (V,) number of its paths, at least 1
-    straight: IntArray  # (V,) index of its straightest path from its most probable lane
+    first: IntArray  # (V,) row of the first path; paths of a vehicle are consecutive, left to right
+    count: IntArray  # (V,) number of paths, at least 1
+    straight: IntArray  # (V,) index of the straightest path from the most probable lane
     draw_edges: FloatArray  # (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`
-    lanes: tuple[tuple[int, ...], ...]  # (P) lane ids of each path; empty for a vehicle off the mapped lanes
-    on_road: BoolArray  # (V,) False for vehicles off the mapped lanes, whose path is a straight line
-    # (P * N, 12) one row per sample: value of each of `COLUMNS`, then its change to the next one
+    lanes: tuple[tuple[int, ...], ...]  # (P) lane ids; empty off the mapped lanes
+    on_road: BoolArray  # (V,) False off the mapped lanes, where the path is a straight line
+    # (P * N, 12) per sample: each of `COLUMNS`, then its change to the next sample
     table: FloatArray
     samples: int  # N, samples per path, `DS_M` apart
     speed_limit: FloatArray  # (P, N) m/s; off the lanes, the vehicle's own speed
@@ -53,11 +53,11 @@ class SeedPaths:
     slow_in_curves: bool  # every model slows down for curves; False on the maps that the models come with
 
     def choose(self, path: PathChoice, vehicle: IntArray, draw: FloatArray) -> IntArray:
-        """(n,) path row of each vehicle.
+        """Return (n,) path rows.
 
         Args:
             path: index from left to right, clamped to the vehicle's last path (-1 is the rightmost);
-                ``straight``; ``random``, by `draw`; anything else if each vehicle has one given path.
+                ``straight``; ``random``, by `draw`; else the only given path.
             vehicle: (n,) index into the seed scene.
             draw: (n,) in [0, 1).
         """
@@ -83,7 +83,7 @@ class SeedPaths:
 
     @cached_property
     def curve_curvature(self) -> FloatArray:
-        """(P, N) |curvature| averaged over 3 m, 1/m, which limits the speed."""
+        """(P, N) |curvature| averaged over 3 m, 1/m, for curve speeds."""
         k = np.abs(self.table.reshape(len(self.lanes), self.samples, -1)[:, :, 5])
         reach = int(1.5 / DS_M)
         padded = np.pad(k, ((0, 0), (reach, reach)), mode="edge")
@@ -96,13 +96,9 @@ class SeedPaths:
 def chosen_paths(
     history: SceneHistory, road: Road, who: VehicleIndex, path: PathChoice
 ) -> tuple[SeedPaths, IntArray]:
-    """Return paths that are long enough for the present step, and the (n,) rows that vehicles follow.
-
-    Args:
-        path: the choice, as in `SeedPaths.choose`.
-    """
-    # The length depends on the step alone, and so not on the batch. It doubles, so that all tables of a child
-    # together take memory in proportion to its steps.
+    """Return paths long enough for the present step, and the (n,) rows that vehicles follow."""
+    # The length depends on the step alone, not on the batch. It doubles, so that all tables of a child
+    # together need memory in proportion to its steps.
     further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
     horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
     paths = seed_paths(history.scene, road, given_path(path), horizon)
@@ -116,10 +112,10 @@ def seed_paths(
     given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
     horizon_s: float = FIRST_HORIZON_S,
 ) -> SeedPaths:
-    """Tabulate the candidate paths of a seed scene; kept with the seed scene.
+    """Tabulate the candidate paths of a seed scene.
 
     Args:
-        given: lane ids or points of one path for all vehicles, instead of their own.
+        given: lane ids or points of one path for all vehicles.
         horizon_s: time for which the fastest vehicle stays on its table, s.
     """
     now = scene.now
@@ -166,7 +162,6 @@ def _given(
     pose: tuple[float, float, float],
     ahead: float,
 ) -> _Line:
-    """Cut the path that the caller gave around the vehicle."""
     if isinstance(given[0], tuple):
         points = np.array(given, dtype=np.float64)
         owner: IntArray | None = None
@@ -190,7 +185,6 @@ def _given(
 def _tabulate(
     road: Road, lines: list[_Line], own_speed: FloatArray, samples: int, count: IntArray
 ) -> SeedPaths:
-    """Smooth and sample the lines; `own_speed` (P,) is the speed of their vehicles, m/s."""
     raw = np.stack([resample(line.points, samples, DS_M) for line in lines])
     width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], samples, axis=1)
     for k, line in enumerate(lines):
@@ -220,7 +214,7 @@ def _tabulate(
 
 
 def _straightest(lines: list[_Line]) -> int:
-    """Return the straightest path from the likeliest start lane; the leftmost of equals."""
+    """Return the straightest path from the likeliest lane; the leftmost of equals."""
     by_lane: dict[tuple[int, ...], float] = {}
     for line in lines:
         by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share
@@ -229,7 +223,7 @@ def _straightest(lines: list[_Line]) -> int:
 
 
 def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:
-    """(N,) width and (N,) speed limit of the lane under each sample."""
+    """Return (N,) widths and speed limits of the lanes under the samples."""
     ids, inverse = np.unique(owner, return_inverse=True)
     at = np.searchsorted(arc_lengths(points), DS_M * np.arange(samples), side="right") - 1
     at = inverse[np.clip(at, 0, len(owner) - 1)]
@@ -239,13 +233,12 @@ def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> 
 
 
 def _columns(even: FloatArray) -> FloatArray:
-    """(P, N, 12) table rows of evenly spaced points (P, N, 2)."""
     step = np.gradient(even, axis=1)
     heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)  # without jumps of 2 pi
     curvature = np.gradient(heading, DS_M, axis=1)
     columns = np.stack([even[..., 0], even[..., 1], np.cos(heading), np.sin(heading), heading, curvature], -1)
     slope = np.diff(columns, axis=1, append=columns[:, -1:])
-    # The last step goes on straight: positions past the end are extrapolated from it.
+    # The last step goes on straight, for positions past the end.
     slope[:, -1, :2] = DS_M * columns[:, -1, 2:4]
     return np.concatenate([columns, slope], -1)
 
@@ -253,11 +246,7 @@ def _columns(even: FloatArray) -> FloatArray:
 def planned_lanes(
     scene: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
 ) -> list[tuple[int, ...]]:
-    """(n) lane ids of each vehicle's path, extended by 500 m; empty for a vehicle off the mapped lanes.
-
-    Args:
-        path: the choice, as in `SeedPaths.choose`, with `vehicle` and `draw`.
-    """
+    """Return (n) lane ids of paths, extended by 500 m; empty off the mapped lanes."""
     paths = seed_paths(scene, road, given_path(path))
     rows = paths.choose(path, vehicle, draw).tolist()
     whole = {row: extended(road, paths.lanes[row], ROUTE_M) if paths.lanes[row] else () for row in {*rows}}
@@ -265,5 +254,5 @@ def planned_lanes(
 
 
 def given_path(path: PathChoice) -> tuple[int, ...] | tuple[tuple[float, float], ...] | None:
-    """Return the path if the caller gave lanes or points, else None."""
+    """Return lanes or points that the caller gave as path, else None."""
     return None if isinstance(path, int | str) else path

@@ -1,4 +1,4 @@
-"""Projection of points onto paths, many at once."""
+"""Projection of points onto paths."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def clipped(values: FloatArray, low: FloatArray | float, high: FloatArray | floa
 
 
 def sample_paths(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
-    """(6, n) the `COLUMNS` at arc lengths `s`: linear between samples, straight on past both ends."""
+    """Return (6, n) `COLUMNS` at arc lengths `s`: linear between samples, straight on past both ends."""
     position = s * (1 / DS_M)
     index = clipped(position, 0.0, paths.samples - 1.0).astype(np.int64)
     values = np.ascontiguousarray(paths.table.take(row * paths.samples + index, axis=0).T)
@@ -27,7 +27,7 @@ def sample_paths(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
 
 
 def bend_at(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
-    """(n,) curvature at arc lengths, 1/m, as in `sample_paths`."""
+    """Return (n,) curvatures at arc lengths, 1/m."""
     position = clipped(s * (1 / DS_M), 0.0, paths.samples - 1.0)
     index = position.astype(np.int64)
     at = row * paths.samples + index
@@ -41,14 +41,14 @@ def refine(
     """Move first guesses of arc lengths to the foot points.
 
     Returns:
-        (n,) arc length, m; (n,) distance, m, left positive; (n,) heading of the path there, unwrapped.
+        (n,) arc length, m; (n,) distance, m, left positive; (n,) heading of the path, unwrapped.
     """
     for _ in range(steps):
         px, py, cos, sin, heading, curvature = sample_paths(paths, row, s)
         dx, dy = x - px, y - py
         ahead = cos * dx + sin * dy
         offset = cos * dy - sin * dx
-        # Newton on the distance; the bound keeps it on this branch where the path bends around the point.
+        # Newton; the bound keeps it on this branch where the path bends around the point.
         step = ahead / np.maximum(1 - curvature * offset, 0.3)
         s = s + clipped(step, -COARSE * DS_M, COARSE * DS_M)
     px, py, cos, sin, heading, _ = sample_paths(paths, row, s)
@@ -56,10 +56,7 @@ def refine(
 
 
 def expected_way(history: SceneHistory, who: VehicleIndex) -> FloatArray:
-    """(n,) rough arc length of vehicles, m, from the mean of first and present speed.
-
-    It only distinguishes the laps of a roundabout.
-    """
+    """Return (n,) rough arc lengths, m, from the mean of first and present speed, to distinguish laps."""
     first = history.scene.now.speed[who.vehicle]
     now = history.now.speed[who.child, who.vehicle]
     return BEHIND_M + history.step * STEP_S * (first + now) / 2

@@ -1,8 +1,4 @@
-"""Path smoothing: centrelines with corners, steps and uneven points become drivable paths.
-
-A path is the centreline after a Gaussian filter. Where it is still too tight for a car, the corner is rounded
-further within the lane.
-"""
+"""Path smoothing: a Gaussian filter, then rounding of corners that are too tight for a car."""
 
 from __future__ import annotations
 
@@ -13,7 +9,7 @@ from scex_sumo.geometry.polylines import along, length_of
 
 BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
 CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried in this order; the last leaves room to correct
-SWEEPS = 400  # a right angle needs about 375 of them at 0.2 1/m
+SWEEPS = 400  # a right angle needs about 375 at 0.2 1/m
 FREEZE_M = 15.0
 
 
@@ -21,13 +17,12 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
     """Smooth paths of evenly spaced points.
 
     Args:
-        points: (K, N, 2) m, spaced by about `ds`.
-        half_width: (K, N) half the lane's width, m; no point moves further than 0.95 of it.
+        points: (K, N, 2) m.
+        half_width: (K, N) of the lane, m; no point moves further than 0.95 of it.
         ds: spacing, m.
 
     Returns:
-        (K, N, 2) m. The curvature is at most 0.17 1/m if the lane is wide enough, else the smallest of
-        `CURVATURES` that keeps the path in the lane.
+        (K, N, 2) m, with the smallest limit of `CURVATURES` that keeps the path in the lane.
     """
     bound = 0.95 * half_width
     smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, bound)
@@ -38,19 +33,14 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
         wider = _relaxed(smooth[rows], limit)
         shift = wider - points[rows]
         too_far = np.hypot(shift[..., 0], shift[..., 1]) > bound[rows]
-        # Where the rounded curve would leave its lane, keep the previous one. The relaxation moves tight
-        # places only, so the rest of the path is unaffected.
+        # Where the curve would leave its lane, keep the previous one; only tight places have changed.
         stays = _dilate(too_far, int(FREEZE_M / ds))
         smooth[rows] = np.where(stays[..., None], smooth[rows], wider)
     return smooth
 
 
 def _relaxed(points: FloatArray, limit: float) -> FloatArray:
-    """Round tight places until the curvature is at most about `limit`.
-
-    A point moves towards the middle of its neighbours by the share of its curvature above the limit. So a
-    corner becomes an arc between its unmoved legs.
-    """
+    """Round tight places: move points towards the middle of their neighbours by the excess of curvature."""
     tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
     first, last = max(0, tight[0] - 80), min(points.shape[1], tight[-1] + 81)
     moved = points.copy()
@@ -68,7 +58,7 @@ def _relaxed(points: FloatArray, limit: float) -> FloatArray:
 
 
 def gaussian(values: FloatArray, sigma: float) -> FloatArray:
-    """Apply a Gaussian filter along axis 1 of (K, N, F), `sigma` in samples; the ends go on straight."""
+    """Filter axis 1 of (K, N, F), `sigma` in samples; the ends go on straight."""
     reach = max(1, int(np.ceil(3 * sigma)))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     kernel /= kernel.sum()
@@ -83,7 +73,7 @@ def gaussian(values: FloatArray, sigma: float) -> FloatArray:
 
 
 def curvature(points: FloatArray) -> FloatArray:
-    """(K, N) curvature of paths (K, N, 2) by central differences, 1/m, left positive."""
+    """Return (K, N) curvatures of paths (K, N, 2), 1/m, left positive."""
     first = np.gradient(points, axis=1)
     second = np.gradient(first, axis=1)
     cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
@@ -93,7 +83,6 @@ def curvature(points: FloatArray) -> FloatArray:
 
 
 def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatArray:
-    """Limit the shift of points to the bound, softly."""
     shift = moved - points
     size = np.hypot(shift[..., 0], shift[..., 1]) / bound
     # x / (1 + x^8)^(1/8) is x for small x and 1 for large x.
@@ -102,7 +91,7 @@ def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatAr
 
 
 def _dilate(mask: BoolArray, reach: int) -> BoolArray:
-    """(K, N) True within `reach` samples of a True."""
+    """Return (K, N) True within `reach` samples of a True."""
     n = mask.shape[1]
     total = np.cumsum(np.pad(mask, ((0, 0), (reach + 1, reach))), axis=1)
     near: BoolArray = total[:, 2 * reach + 1 :] > total[:, :n]
@@ -110,7 +99,7 @@ def _dilate(mask: BoolArray, reach: int) -> BoolArray:
 
 
 def resample(points: FloatArray, count: int, ds: float, first_s: float = 0.0) -> FloatArray:
-    """(count, 2) points of a polyline every `ds` from `first_s` on, straight on past its end."""
+    """Return (count, 2) points of a polyline every `ds` from `first_s` on, straight on past its end."""
     s: FloatArray = first_s + ds * np.arange(count, dtype=np.float64)
     past = np.maximum(s - length_of(points), 0.0)
     tail = points[-1] - points[-2]

@@ -1,4 +1,1 @@
-"""Learned drivers: inputs, networks, weights and behaviour models, without torch.
-
-May import behaviors.driving, behaviors.scene_graph, behaviors.models and all below.
-"""
+"""Learned drivers: inputs, networks, weights and behaviour models, without torch."""

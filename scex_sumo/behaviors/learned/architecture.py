@@ -1,4 +1,4 @@
-"""Architecture of the networks: its parameters, and the shapes of the weights."""
+"""Architecture of the networks: parameters and shapes of the weights."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ STRONGEST_BRAKING = 9.0  # m/s²
 STRONGEST_ACCELERATION = 5.0
 WIDEST_OFFSET_M = 8.0  # from the present offset
 SPEED, OFFSET = OWN_COLUMNS.index("speed"), OWN_COLUMNS.index("offset")
-PRESENT = tuple(OWN_COLUMNS.index(name) for name in ("acceleration", "trend"))  # last 0.3 s and 1 s
+PRESENT = tuple(OWN_COLUMNS.index(name) for name in ("acceleration", "trend"))  # over the last 0.3 s and 1 s
 HISTORY_NUMBERS = (HISTORY_STEPS + 1) * len(HISTORY_COLUMNS)
-SCALED_LIMIT = 10.0  # standard deviations that an input may be off its mean
+SCALED_LIMIT = 10.0  # standard deviations of an input from its mean
 SLOPE = 0.2  # of attention scores below zero
 
 AHEAD_M = (-8.0, -2.0, 4.0, 10.0, 16.0, 22.0, 29.0, 36.0, 43.0, 50.0)
 ASIDE_M = (-12.0, -8.0, -5.0, -2.0, 2.0, 5.0, 8.0, 12.0)
-FEATURES = 10  # channels that the convolutions add to those of the raster
+FEATURES = 10  # channels of the convolutions besides the raster's
 STRIDE = 2  # of the second convolution, pixels
 COS, SIN = CHANNELS.index("cos"), CHANNELS.index("sin")
 
@@ -35,7 +35,7 @@ Shapes: TypeAlias = Mapping[str, tuple[int, ...]]
 
 @dataclass(frozen=True, kw_only=True)
 class Convolution:
-    """One convolution of a map: channels in and out, side of its window, stride, padding, dilation."""
+    """One convolution of a map; between two of them is a ReLU."""
 
     inner: int
     outer: int
@@ -50,7 +50,7 @@ CONVOLUTIONS = (
     Convolution(inner=12, outer=20, side=3, stride=STRIDE, padding=1),
     Convolution(inner=20, outer=20, side=3, padding=2, dilation=2),
     Convolution(inner=20, outer=FEATURES, side=1),
-)  # in this order, with ReLU between them
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +64,8 @@ class Architecture:
     layers: int = 2  # attention layers on the graph
     heads: int = 4  # attention heads
     modes: int = 6  # M
-    edges: bool = True  # False removes the graph's edges, for comparison
-    free: bool = True  # the network also has the head for free trajectories (hybrid only)
+    edges: bool = True  # False removes the graph's edges
+    free: bool = True  # with the head for free trajectories (hybrid only)
 
     @property
     def attention_layers(self) -> int:

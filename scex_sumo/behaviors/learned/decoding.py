@@ -1,4 +1,4 @@
-"""Decoding of network outputs into plans: accelerations and offsets along a path, or free trajectories."""
+"""Decoding of network outputs into plans: along a path, or free trajectories."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.beside import offsets_beside, reached
-from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive
+from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive, map_plan
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.learned.surface import path_room
-from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 RETURN_S = 3.0  # time constant of returning to the path if no offset is wanted
 EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface
 SMOOTHING_STEPS = 4  # to both sides
-STANDING_M = 0.01  # per step; a free trajectory that moves less keeps its heading
+STANDING_M = 0.01  # per step; below, a free trajectory keeps its heading
 
 
 def plan_along(
@@ -36,8 +35,8 @@ def plan_along(
     Args:
         row: (n,) path of each.
         acceleration: (n, H) m/s²; vehicles stop instead of reversing.
-        offset: (n, H) wanted distance left of the path after each step, m; None returns to the path from
-            the present offset like exp(-t / RETURN_S).
+        offset: (n, H) wanted distance left of the path after each step, m; None returns to the path like
+            exp(-t / RETURN_S).
         road: keeps every box on the drivable surface of this map; None does not.
         clear: also keeps it away from boxes beside it.
     """
@@ -55,7 +54,7 @@ def plan_along(
         # Smooth after bounding, so that the vehicle does not still move outwards at the edge. Do not bound
         # again: bounds jump by centimetres, and steering follows their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
-    # The rear axle follows the path.
+    # the rear axle follows the path
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
 
     return drive(history, who, paths, row, lambda step, *_: acceleration[:, step], steps=steps, aside=wanted)
@@ -81,7 +80,7 @@ def _bounds(
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
-    """Smooth the corners of offsets at the knots by a mean over 0.9 s, applied twice; ends go on straight."""
+    """Smooth the corners at the knots; ends go on straight."""
     for _ in range(2):
         reach = np.arange(1, SMOOTHING_STEPS + 1)
         before = offset[:, :1] - (offset[:, 1:2] - offset[:, :1]) * reach[::-1]
@@ -94,7 +93,7 @@ def _smoothed(offset: FloatArray) -> FloatArray:
 
 
 def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """(n, H + 1) way from now on, m, of vehicles that stop instead of reversing."""
+    """Return (n, H + 1) ways from now on, m, of vehicles that stop instead of reversing."""
     v = np.maximum(speed, 0.0)
     way = np.zeros((len(speed), acceleration.shape[1] + 1))
     for step in range(acceleration.shape[1]):
@@ -105,7 +104,7 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
-    """(n, H + 1) change of the offset per metre of way; 0 for standing vehicles."""
+    """Return (n, H + 1) changes per metre of way; 0 for standing vehicles."""
     change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
     whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
@@ -115,14 +114,12 @@ def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
 def bounds_along(
     road: Road, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray, half_width: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
-
-    Both are the middle of the road if that is narrower than the box.
+    """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
 
     Args:
         row: (n,) path of each vehicle.
         s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) further way now and after each step, m.
+        way: (n, H + 1) way from now on, m.
         half_width: (n,) m.
     """
     left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
@@ -131,32 +128,20 @@ def bounds_along(
 
 
 def _consistent(least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Replace contradicting bounds by their middle."""
     middle, narrow = (most + least) / 2, most < least
     return np.where(narrow, middle, least), np.where(narrow, middle, most)
 
 
 def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> Plan:
-    """Take trajectories as they are, with headings along the motion.
-
-    Args:
-        free: (n, H, 2) x ahead and y to the left of the present pose after each step, m.
-    """
-    now = history.now[who.child, who.vehicle]
+    """Take (n, H, 2) trajectories in the vehicles' frames unchanged, m, with headings along the motion."""
     step = np.diff(free, axis=1, prepend=np.zeros((len(who), 1, 2)))
     moved = np.hypot(step[..., 0], step[..., 1])
     turn = _kept_headings(np.arctan2(step[..., 1], step[..., 0]), moved > STANDING_M)
-    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
-    return Plan(
-        x=now.x[:, None] + cos * free[..., 0] - sin * free[..., 1],
-        y=now.y[:, None] + sin * free[..., 0] + cos * free[..., 1],
-        heading=wrap(now.heading[:, None] + turn),
-        speed=moved / STEP_S,
-    )
+    return map_plan(history, who, free[..., 0], free[..., 1], turn, moved / STEP_S)
 
 
 def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
-    """(n, H) headings; a standing vehicle keeps that of its last moving step, 0 before the first."""
+    """Return (n, H) headings; standing vehicles keep that of their last moving step, 0 before the first."""
     padded = np.concatenate([np.zeros((len(turn), 1)), turn], axis=1)
     step = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
     last = np.maximum.accumulate(step, axis=1)

@@ -1,4 +1,4 @@
-"""Driver of both learned models: it chooses a path and a mode, runs the network, and drives."""
+"""Driver of the learned models: chooses paths and modes, runs the network, drives."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 
-OUTPUT_GRID = 2.0**-10  # m/s² and m: rounds away what the order of sums changes, see `layers`
+OUTPUT_GRID = 2.0**-10  # m/s² and m: rounds away effects of the order of sums, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with digits of `route_draw` that paths do not use
 STOPPING_MPS2 = -1.0
-START_M, START_LIKELY = 1.0, 0.5  # a standing vehicle starts if this way in 3 s is so probable
+START_M, START_LIKELY = 1.0, 0.5  # a standing vehicle starts if this way in 3 s has this probability
 WAITS_STEPS = 30  # during which it starts only behind a moving leader
 SPEED, LEADER, LEADER_SPEED = (PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_speed"))
 OFF_MAP = "was not on a mapped lane in the seed scene"
@@ -44,13 +44,12 @@ Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
 
 @cache
 def _algebra() -> ThreadpoolController:
-    """Return the controller of the linear algebra library's threads."""
     return ThreadpoolController().select(user_api="blas")
 
 
 @owner_cache
 def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
-    """Return a map's image features; with the hash of the weights they stay in the user's cache."""
+    """Return a map's image features; with a hash of the weights they stay in the user's cache."""
     raster = raster_of(road)
     if not kept_as:
         return MapImage.of(raster, net.image.features_of(raster))
@@ -65,7 +64,7 @@ def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
 
 @lru_cache(maxsize=4)
 def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
-    """Load the network of a file, made exact (see `layers`), and the file's meta data.
+    """Load the network of a file, made exact (see `layers`), and its meta data.
 
     Raises:
         InputError: see `load_weights`; or the file has changed since its hash was taken, or the weights are
@@ -82,32 +81,28 @@ def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """Choices from the seed scene, for all children."""
-
-    likeliest: IntArray  # (V,) row of each vehicle's most probable path
-    paths: FloatArray  # (V, K) cumulative probability of each vehicle's paths, 1 after the last one
+    likeliest: IntArray  # (V,) row of the most probable path
+    paths: FloatArray  # (V, K) cumulative probability of the paths, 1 after the last one
     modes: FloatArray  # (P, M) cumulative probability of the modes along each path
 
 
 class LearnedDriver:
     """A network that plans for all vehicles of all children at once.
 
-    Path and mode of a vehicle are chosen in the seed scene and stay the same through a child.
+    Path and mode of a vehicle are chosen in the seed scene.
 
     Attributes:
         keeps: whether image features of maps stay in the user's cache.
         clear: whether it steers away from vehicles beside it.
+
+    Raises:
+        InputError: the weights cannot be used.
     """
 
     keeps = False
     clear = False
 
     def __init__(self, kind: str, file: Path, profile: Profile, *, attention: float, free: bool) -> None:
-        """Load the weights.
-
-        Raises:
-            InputError: the weights cannot be used.
-        """
         self.kind, self.file, self.profile, self.attention, self.free = kind, file, profile, attention, free
         self.sha256 = sha256_of(file) if file.is_file() else ""
         if free and not self._net.sizes.free:
@@ -119,13 +114,13 @@ class LearnedDriver:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """Meta data of the file of weights."""
+        """Meta data of the weights."""
         return loaded(self.file, self.kind, self.sha256)[1]
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        """Plan 3 s; see `Behavior.plan`."""
         paths, row = self._paths(history, road, who)
         reasons = np.where(paths.on_road[who.vehicle], "", OFF_MAP)
         usable = np.flatnonzero(reasons == "")
@@ -142,7 +137,7 @@ class LearnedDriver:
     def predict(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[PathInputs, Modes]:
-        """Run the network for n pairs of a vehicle and a path; outputs are not rounded."""
+        """Run the network for n pairs of a vehicle and a path."""
         graph = scene_graph(history, road, radius=self.profile.radius)
         inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
         net = self._net
@@ -159,7 +154,7 @@ class LearnedDriver:
     def _drive(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
-        """Plan for those of n vehicles with finite outputs, and return (n,) which ones these are."""
+        """Plan for those of n vehicles with finite outputs; return (n,) which these are, too."""
         inputs, modes = self.predict(history, road, who, paths, row)
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
         free = None if modes.free is None else _rounded(modes.free[chosen])
@@ -191,7 +186,6 @@ class LearnedDriver:
     def _modes(
         self, history: SceneHistory, road: Road, who: VehicleIndex, row: IntArray, modes: Modes
     ) -> IntArray:
-        """(n,) mode of each vehicle."""
         if self.profile.mode == "draw":
             upper = choice_of(history.scene, self, road).modes[row]
             draw = history.route_draw[who.child, who.vehicle] * DRAW_DIGITS % 1.0
@@ -203,7 +197,7 @@ class LearnedDriver:
 
 @owner_cache
 def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
-    """Run the network in the seed scene for the probabilities of paths and modes."""
+    """Run the network in the seed scene."""
     history = SceneHistory.of_scene(scene)
     everyone = VehicleIndex(child=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
     paths, _ = chosen_paths(history, road, everyone, _plain(driver.profile.path))
@@ -219,7 +213,7 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
 
 
 def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
-    """(V, K) cumulative probability of each vehicle's paths, 1 from its last one on, from (P,) logits."""
+    """Return (V, K) cumulative probabilities of paths from (P,) logits."""
     upper = np.ones((len(paths.count), int(paths.count.max(initial=1))))
     for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
         part = logit[first : first + count]
@@ -229,13 +223,10 @@ def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
 
 
 def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
-    """(n,) whether a vehicle stands and does not start.
+    """Return (n,) whether a vehicle stands and does not start.
 
-    The expected mode alone starts too early: the network does not see what the first vehicle of a queue
-    waits for, and a wrong start costs more than half a second of waiting.
-
-    Args:
-        waits: vehicles start only behind a moving leader.
+    The expected mode starts too early: the network does not see what the head of a queue waits for. With
+    `waits` vehicles start only behind a moving leader.
     """
     speed = inputs.features[:, SPEED]
     stands = speed < STANDING_MPS

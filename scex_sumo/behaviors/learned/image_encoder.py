@@ -1,4 +1,4 @@
-"""Image branch of the Graph Image Predictor: convolutions once per map, then samples per vehicle."""
+"""Image branch of the Graph Image Predictor."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from scex_sumo.behaviors.learned.layers import Mlp, State, relu, snapped
 from scex_sumo.behaviors.learned.raster import CHANNELS, PIXEL_M, Raster
 
 PLACES = 64  # at a time, which fit the processor's cache
-STRIP, HALO = 128, 16  # rows of a map at a time, and the rows around them that convolutions reach
+STRIP, HALO = 128, 16  # rows of a map at a time, and rows around them that convolutions reach
 
 
 class MapImage(NamedTuple):
@@ -38,7 +38,7 @@ class MapImage(NamedTuple):
 
 
 class ImageEncoder:
-    """Encoder of the road around a vehicle as a vector."""
+    """Encoder of the road around a vehicle."""
 
     def __init__(self, state: State) -> None:
         weights = (state[f"image.convolve.{2 * index}.weight"] for index in range(len(CONVOLUTIONS)))
@@ -49,7 +49,7 @@ class ImageEncoder:
         self.read = Mlp(state, "image.read")
 
     def features_of(self, raster: Raster) -> FloatArray:
-        """(10, R', C') of a map, strip by strip, as a large map at once takes gigabytes."""
+        """Return (10, R', C') features of a map, strip by strip to limit the memory."""
         values = raster.values.transpose(1, 2, 0)
         strips = []
         for first in range(0, len(values), STRIP):
@@ -59,7 +59,7 @@ class ImageEncoder:
         return np.concatenate(strips).transpose(2, 0, 1)
 
     def features(self, values: FloatArray) -> FloatArray:
-        """(R', C', 10) of (R, C, 7)."""
+        """Return (R', C', 10) of (R, C, 7)."""
         for layer, weight, bias in zip(CONVOLUTIONS, self.weights, self.biases, strict=True):
             values = relu(values) if layer is not CONVOLUTIONS[0] else values
             values = _convolved(snapped(values), layer, weight)
@@ -67,7 +67,7 @@ class ImageEncoder:
         return snapped(values)
 
     def __call__(self, image: MapImage, pose: FloatArray) -> FloatArray:
-        """(K, hidden) of (K, 3) places x, y, heading in the map's coordinates, m and rad."""
+        """Return (K, hidden) of (K, 3) places x, y, heading on the map, m and rad."""
         firsts = range(0, max(len(pose), 1), PLACES)
         return np.concatenate([self._read(image, pose[first : first + PLACES]) for first in firsts])
 
@@ -80,7 +80,7 @@ class ImageEncoder:
         seen[:, : len(CHANNELS)] = _sampled(image.raster, u, v)
         seen[:, len(CHANNELS) :] = _sampled(image.features, u / STRIDE, v / STRIDE)
         along, across = seen[:, COS].copy(), seen[:, SIN].copy()
-        # Directions of lanes relative to the vehicle's.
+        # directions of lanes relative to the vehicle's
         seen[:, COS] = cos * along + sin * across
         seen[:, SIN] = cos * across - sin * along
         return self.read(seen.reshape(len(pose), -1))
@@ -91,7 +91,7 @@ def _framed(values: FloatArray) -> FloatArray:
 
 
 def _convolved(values: FloatArray, layer: Convolution, weight: FloatArray) -> FloatArray:
-    """(R', C', out) of (R, C, in) as one matrix product over windows."""
+    """Return (R', C', out) of (R, C, in), by one matrix product."""
     pad, step, apart = layer.padding, layer.stride, layer.dilation
     padded = np.pad(values, ((pad, pad), (pad, pad), (0, 0)))
     reach = apart * (layer.side - 1)
@@ -105,7 +105,7 @@ def _convolved(values: FloatArray, layer: Convolution, weight: FloatArray) -> Fl
 
 
 def _sampled(framed: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
-    """(K, channels, points) bilinear at (K, points) columns u and rows v of a framed map; 0 beyond it."""
+    """Return (K, channels, points) bilinear at columns u and rows v; 0 beyond the map."""
     channels, rows, columns = framed.shape
     u, v = np.clip(u + 1, 0, columns - 1), np.clip(v + 1, 0, rows - 1)
     j = np.minimum(u.astype(np.int64), columns - 2)

@@ -1,10 +1,8 @@
 """Layers of the networks, with exact sums that make results independent of the batch.
 
-A float sum depends on its order, and libraries change the order with the number of rows. The same vehicle
-would get another last bit in a larger batch, and the closed loop would turn that into another child. So
-networks compute in float64, with weights and inputs of every matrix product rounded to multiples of powers
-of two. Then every partial sum fits exactly into the 53 bits of a float64. The errors of normalisation and
-softmax are rounded away by the next product's grid.
+A float sum depends on its order, and libraries change the order with the number of rows. So networks compute
+in float64, with weights and inputs of every matrix product rounded to multiples of powers of two: every
+partial sum fits into 53 bits.
 """
 
 from __future__ import annotations
@@ -34,8 +32,8 @@ def exact(state: State) -> tuple[State, float]:
     """Convert a trained network's arrays to float64, with weights on their grid.
 
     Returns:
-        The arrays, and the largest sum of |weight| of an output over `WEIGHT_SUM_LIMIT`; sums are exact if
-        that is below 1.
+        The arrays, and the largest sum of |weight| of an output over `WEIGHT_SUM_LIMIT`; sums are exact
+        below 1.
     """
     made, largest = {}, 0.0
     for name, trained in state.items():
@@ -69,7 +67,7 @@ class Linear:
         self.bias = state.get(f"{name}.bias")
 
     def __call__(self, values: FloatArray) -> FloatArray:
-        """(n, out) from (n, in)."""
+        """Return (n, out) of (n, in)."""
         made: FloatArray = snapped(values) @ self.weight
         if self.bias is not None:
             made += self.bias
@@ -83,18 +81,18 @@ class Mlp:
         self.first, self.second = Linear(state, f"{name}.0"), Linear(state, f"{name}.2")
 
     def __call__(self, values: FloatArray) -> FloatArray:
-        """(n, out) from (n, in)."""
+        """Return (n, out) of (n, in)."""
         return self.second(relu(self.first(values)))
 
 
 class Scaler:
-    """Scaling of raw inputs to about zero mean and unit spread, with a bound."""
+    """Scaling of raw inputs to about zero mean and unit spread, bounded."""
 
     def __init__(self, state: State, name: str) -> None:
         self.mean, self.spread = state[f"{name}.mean"], state[f"{name}.spread"]
 
     def __call__(self, values: FloatArray) -> FloatArray:
-        """(n, columns) scaled."""
+        """Return (n, columns) scaled."""
         scaled = values - self.mean
         scaled /= self.spread
         return np.clip(scaled, -SCALED_LIMIT, SCALED_LIMIT, out=scaled)
@@ -107,7 +105,7 @@ class Norm:
         self.weight, self.bias = state[f"{name}.weight"], state[f"{name}.bias"]
 
     def __call__(self, values: FloatArray) -> FloatArray:
-        """(n, columns) normalised."""
+        """Return (n, columns) normalised."""
         off: FloatArray = values - values.mean(axis=1, keepdims=True)
         off /= np.sqrt(np.square(off).mean(axis=1, keepdims=True) + _EPSILON)
         off *= self.weight

@@ -23,14 +23,10 @@ if TYPE_CHECKING:
 
 
 class LearnedModel:
-    """A model with a network; the path-following driver plans for vehicles off the map.
-
-    Attributes:
-        kind: of its network, as `scex-sumo train` calls it.
-    """
+    """A model with a network; the path-following driver plans for vehicles off the map."""
 
     name: ClassVar[str]
-    kind: ClassVar[str]
+    kind: ClassVar[str]  # of its network, as in `scex-sumo train`
 
     def __init__(self, profile: GraphPredictorProfile | GraphImagePredictorProfile) -> None:
         self.profile = profile
@@ -52,7 +48,7 @@ class LearnedModel:
 
     @property
     def weights_sha256(self) -> str:
-        """SHA-256 of the file of weights."""
+        """SHA-256 of the weights."""
         return self.driver.sha256
 
     @property
@@ -61,7 +57,7 @@ class LearnedModel:
         return None if self.profile.path == "random" or self.profile.mode == "draw" else "everyone"
 
     def clear_of_others(self) -> LearnedModel:
-        """Return a copy of the model that steers away from vehicles beside it."""
+        """Return a copy that steers away from vehicles beside it."""
         other = copy(self)
         other.driver = copy(self.driver)
         other.driver.clear = True
@@ -70,20 +66,17 @@ class LearnedModel:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`. Draws nothing."""
+        """Plan 3 s; see `Behavior.plan`."""
         return self.driver.plan(history, road, who, rng)
 
 
 class GraphPredictor(LearnedModel):
-    """Drives along its path with accelerations and offsets of a graph network.
-
-    The network sees the last second of all vehicles, their lane relations, the path ahead and vehicles on it.
-    """
+    """Drives along its path with accelerations and offsets of a graph network."""
 
     name, kind = "graph_predictor", "graph"
 
 
 class GraphImagePredictor(LearnedModel):
-    """Drives with accelerations and offsets of a network that sees scene graph and road image."""
+    """Drives with accelerations and offsets of a network of scene graph and road image."""
 
     name, kind = "graph_image_predictor", "hybrid"

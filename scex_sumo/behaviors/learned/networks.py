@@ -1,4 +1,4 @@
-"""Networks of the learned drivers in NumPy; `scex_sumo.training.networks` trains them in PyTorch."""
+"""Networks of the learned drivers in NumPy; `scex_sumo.training.networks` trains them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from scex_sumo.scene import STEP_S
 
 
 class GraphNet:
-    """Network from the scene graph, the vehicle's history and the path ahead to modes along the path."""
+    """Network from scene graph, history and path ahead to modes along the path."""
 
     def __init__(self, state: State, sizes: Architecture) -> None:
         self.sizes, self.scene = sizes, SceneEncoder(state, sizes)
@@ -43,10 +43,9 @@ class GraphNet:
 
 
 class GraphImageNet:
-    """Network from the scene graph and the road image, weighed by the user: [w·g ; (1-w)·m].
+    """Network from scene graph and road image, weighed by the user: [w·g ; (1-w)·m].
 
-    g sees the scene graph, the path ahead and the vehicles on it. m sees the road image, the path ahead and
-    the vehicle's motion, but no other vehicle.
+    m sees the road image, the path ahead and the vehicle's motion, but no other vehicle.
     """
 
     def __init__(self, state: State, sizes: Architecture) -> None:
@@ -73,10 +72,9 @@ class GraphImageNet:
         """Return modes of n pairs of a vehicle and a path.
 
         Args:
-            pose: (K, 3) x, y, heading of the poses from which vehicles see the road, m and rad.
+            pose: (K, 3) x, y, heading of places from which vehicles see the road, m and rad.
             place: (n,) index of each pair's pose.
-            attention: w in [0, 1]: 1 uses the graph alone.
-            free: also return the free trajectories, if the network has them.
+            attention: w in [0, 1]; 1 uses the graph alone.
         """
         features = self.path_scale(path.features)
         way, own = relu(self.path(features)), relu(self.own(features[:, : -len(LEADER_COLUMNS)]))
@@ -93,10 +91,10 @@ KINDS: Mapping[str, type[GraphNet] | type[GraphImageNet]] = {"graph": GraphNet, 
 class Modes(NamedTuple):
     """M predictions of the next 3 s along each path; mode 0 is the expected one."""
 
-    logits: FloatArray  # (n, M) of the modes
+    logits: FloatArray  # (n, M)
     acceleration: FloatArray  # (n, M, H) m/s², between -9 and 5
     offset: FloatArray  # (n, M, H) wanted distance left of the path, m
-    path_logit: FloatArray  # (n,) of the path among the candidates of its vehicle
+    path_logit: FloatArray  # (n,) of the path among those of its vehicle
     # (n, M, H, 2) x ahead and y to the left of the present pose, m; None if not requested
     free: FloatArray | None
 
@@ -110,7 +108,7 @@ class PlanHead:
         self.between = interpolation().astype(np.float64)
 
     def __call__(self, h: FloatArray, features: FloatArray, *, free: bool = False) -> Modes:
-        """Return modes of (n, inner) vectors; `features` are the raw ones of the pairs."""
+        """Return modes of (n, inner) vectors and the raw `features` of the pairs."""
         h = relu(self.body(h))
         choice = self.choice(h)
         knots = self.knots(h).reshape(len(h), self.modes, -1)
@@ -126,8 +124,7 @@ class PlanHead:
         )
 
     def _acceleration(self, knots: FloatArray, present: FloatArray) -> FloatArray:
-        # The present acceleration fades within half a second, so the network need not learn that. It learns
-        # how far the measured speeds can be trusted.
+        # The present acceleration fades within half a second; the network learns only how far to trust it.
         wanted = knots + present[:, None, None] * np.exp(-np.arange(float(KNOTS)))
         limit = np.where(wanted > 0, STRONGEST_ACCELERATION, STRONGEST_BRAKING)
         wanted /= limit
@@ -148,7 +145,7 @@ class PlanHead:
 
 
 def interpolation() -> FloatArray:
-    """(KNOTS, H) weights from values at the knots to the middle of each step; float32, as in training."""
+    """Return (KNOTS, H) weights from the knots to the middle of each step; float32, as in training."""
     one, knots = np.float32(1), np.arange(KNOTS, dtype=np.float32)[:, None]
     at = (np.arange(PLAN_STEPS, dtype=np.float32) + one / 2) * np.float32(STEP_S / KNOT_S)
     return np.asarray(np.maximum(one - np.abs(at - knots), 0))

@@ -1,7 +1,4 @@
-"""Path inputs of learned drivers: own motion, the road ahead along a path, and the vehicles on it.
-
-All features are in SI units; the network scales them. Training and driving use the same functions.
-"""
+"""Path inputs of learned drivers in SI units: own motion, road ahead, vehicles on it."""
 
 from __future__ import annotations
 
@@ -20,22 +17,22 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, States, Vehicle
 
 FURTHEST_M = 100.0
 AHEAD_M = (5.0, 10.0, 20.0, 40.0, 60.0)
-CLEARANCE_M = 1.5  # a vehicle whose centre is this near to the path is on it
+CLEARANCE_M = 1.5  # of a vehicle's centre on the path
 RADIUS_M = 100.0
 MAX_AHEAD = 10
-RATE_STEPS = 3  # over which accelerations and yaw rates are averaged
+RATE_STEPS = 3  # for accelerations and yaw rates
 PAST_S = np.arange(-HISTORY_STEPS, 1) * STEP_S
 TREND = (PAST_S - PAST_S.mean()) / ((PAST_S - PAST_S.mean()) ** 2).sum()  # weights of a straight line's slope
 
 
 def _end_of_fit(degree: int, states: int) -> FloatArray:
-    """(11,) weights of speeds that give the end of a polynomial fitted to the last states."""
+    """Return (11,) weights of speeds for the end of a fitted polynomial."""
     fit = np.linalg.pinv(np.vander(PAST_S[-states:], degree + 1, increasing=True))[0]
     weights: FloatArray = np.concatenate([np.zeros(HISTORY_STEPS + 1 - states), fit])
     return weights
 
 
-# Estimates of the present speed from the past second, as weights of its speeds.
+# Estimates of the present speed, as weights of the past second's speeds.
 STEADIER = {
     "mean_of_3": _end_of_fit(0, 3),
     "mean_of_6": _end_of_fit(0, 6),
@@ -46,7 +43,7 @@ STEADIER = {
 }
 STANDING_MPS = 0.5
 QUEUEING_MPS = 0.7  # a tracker sees standing vehicles creep
-ALONG_COS = 0.7  # of the heading difference of vehicles that drive the same way
+ALONG_COS = 0.7  # of the heading difference of vehicles in the same direction
 
 OWN_COLUMNS = (
     "speed",
@@ -100,18 +97,14 @@ def path_inputs(
     *,
     radius: float = RADIUS_M,
 ) -> PathInputs:
-    """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame.
+    """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame; SI units.
 
-    - `OWN_COLUMNS`: speed, its mean and slope over the past second, mean acceleration and yaw rate; offset
-      (m, left positive) and heading error against the path, yaw rate minus that of the path, room on both
-      sides, way to the end of the mapped road (at most 100 m); `STEADIER` speeds minus the present one,
-      deviation of the speed from a straight line, share of the second that the vehicle stood.
-    - `ROAD_COLUMNS`, at each of `AHEAD_M`: x ahead and y to the left (m), heading relative to the vehicle's
-      (rad, without jumps), curvature (1/m), speed limit (m/s).
-    - `LEADER_COLUMNS`: leader or not, gap (100 m without one), speed (the vehicle's without one) and its
-      slope, closing speed, deceleration that ends it within the gap. Then, of the vehicles ahead that drive
-      the same way: number, number standing, mean speed (the vehicle's without any), gaps to the first (100 m
-      without one) and the last (0 m) that stands.
+    - `OWN_COLUMNS`: errors are against the path, offset left positive; `end` is the way to the end of the
+      mapped road; `STEADIER` speeds are minus the present one.
+    - `ROAD_COLUMNS`: heading relative to the vehicle's, without jumps.
+    - `LEADER_COLUMNS`: without a leader a gap of 100 m and the vehicle's speed. From `ahead` on they are of
+      the vehicles ahead in the same direction; without any, the mean speed is the vehicle's. Without a
+      standing one the first gap is 100 m, the last one 0 m.
 
     Args:
         row: (n,) path of each; a vehicle may occur with several paths.
@@ -157,7 +150,7 @@ def path_inputs(
 
 
 def rates(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:
-    """(n,) acceleration, m/s², and (n,) yaw rate, rad/s: means over the last 0.3 s."""
+    """Return (n,) accelerations, m/s², and (n,) yaw rates, rad/s, over the last 0.3 s."""
     now = history.states[who.child, who.vehicle, -1]
     before = history.states[who.child, who.vehicle, -1 - RATE_STEPS]
     duration = RATE_STEPS * STEP_S
@@ -167,7 +160,7 @@ def rates(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatAr
 def _road_ahead(
     paths: SeedPaths, row: IntArray, s: FloatArray, now: States, reference: FloatArray
 ) -> FloatArray:
-    """(n, 5 * K) `ROAD_COLUMNS`; `reference` is the vehicle's heading plus a multiple of 2 pi."""
+    """Return (n, 5 * K) `ROAD_COLUMNS`; `reference` is the vehicle's heading plus a multiple of 2 pi."""
     n, k = len(row), len(AHEAD_M)
     rows = np.repeat(row, k)
     at = (s[:, None] + np.array(AHEAD_M)).ravel()
@@ -182,7 +175,7 @@ def _road_ahead(
 
 
 def _unsteady(speed: FloatArray) -> FloatArray:
-    """(n,) mean deviation of the speeds (n, 11) from a straight line, m/s."""
+    """Return (n,) mean deviations of speeds (n, 11) from a line, m/s."""
     line = speed.mean(axis=1, keepdims=True) + (speed @ TREND)[:, None] * (PAST_S - PAST_S.mean())
     off: FloatArray = np.abs(speed - line).mean(axis=1)
     return off
@@ -197,7 +190,7 @@ def _others(
     speed: FloatArray,
     radius: float,
 ) -> FloatArray:
-    """(n, 11) the `LEADER_COLUMNS`."""
+    """Return (n, 11) `LEADER_COLUMNS`."""
     ahead = find_ahead(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
     nearest = ahead.leaders(len(who))
     there = nearest.index >= 0
@@ -214,7 +207,7 @@ def _others(
 
 
 def _queue(ahead: Ahead, same_way: BoolArray, speed: FloatArray) -> FloatArray:
-    """(n, 5) last five of the `LEADER_COLUMNS`, of the vehicles ahead that drive the same way."""
+    """Return (n, 5) last `LEADER_COLUMNS`, of the vehicles ahead in the same direction."""
     n, driver, gap = len(speed), ahead.driver[same_way], np.clip(ahead.gap[same_way], -5.0, FURTHEST_M)
     stands = ahead.speed[same_way] < QUEUEING_MPS
     count, queue = np.bincount(driver, minlength=n), driver[stands]

@@ -1,4 +1,4 @@
-"""Parameters of the learned drivers, and the files of their weights."""
+"""Parameters of the learned drivers, and files of their weights."""
 
 from __future__ import annotations
 
@@ -20,18 +20,15 @@ class GraphPredictorProfile:
     """Parameters of `GraphPredictor`.
 
     Attributes:
-        path: as in `IdmProfile`; or ``likeliest``, the path that the network prefers in the seed scene. With
-            ``mode=draw`` paths are drawn with their probabilities.
-        mode: ``best``, the expected mode; or ``draw``, a mode per vehicle and child, drawn with its
-            probability in the seed scene.
-        radius: perception radius, m.
-        weights: file of weights; empty takes the shipped ones.
+        path: as in `IdmProfile`; or ``likeliest``, the path that the network prefers in the seed scene, drawn
+            with its probability if ``mode=draw``.
+        mode: ``best``, the expected mode; or ``draw``, drawn per vehicle and child in the seed scene.
     """
 
     path: PathChoice | Literal["likeliest"] = "straight"
     mode: str = "best"
-    radius: float = 100.0
-    weights: str = ""
+    radius: float = 100.0  # perception radius, m
+    weights: str = ""  # file of weights; empty takes the shipped ones
 
     def __post_init__(self) -> None:
         _check(self)
@@ -42,12 +39,11 @@ class GraphImagePredictorProfile:
     """Parameters of `GraphImagePredictor`, besides those of `GraphPredictorProfile`.
 
     Attributes:
-        attention: w in [0, 1]: 1 uses the scene graph alone, 0 the road image alone.
         head: ``bounded`` drives along the path at the network's offset, within the road and the vehicle's
-            limits; ``free`` takes the paper's free x, y trajectory as it is.
+            limits; ``free`` takes the paper's free x, y trajectory unchanged.
     """
 
-    attention: float = 0.5
+    attention: float = 0.5  # w in [0, 1]: 1 uses the scene graph alone, 0 the road image alone
     path: PathChoice | Literal["likeliest"] = "likeliest"
     mode: str = "best"
     head: str = "bounded"
@@ -74,5 +70,5 @@ def _check(profile: GraphPredictorProfile | GraphImagePredictorProfile) -> None:
 
 
 def weights_file(name: str, given: str) -> Path:
-    """Return the file of weights of a learned driver: the user's, else the shipped one."""
+    """Return the user's file of weights, else the shipped one."""
     return Path(given).expanduser().absolute() if given else SHIPPED / f"{name}.safetensors"

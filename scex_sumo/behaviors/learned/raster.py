@@ -1,4 +1,4 @@
-"""Raster image of the road seen from above, made once per map."""
+"""Raster image of the road seen from above."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.road import Lane, Road
 
 PIXEL_M = 1.0
-FINE = 2  # cells per pixel and direction, for soft edges of areas
+FINE = 2  # cells per pixel and direction, for soft edges
 MARGIN_M = 16.0  # around the outermost lane
 MAX_PIXELS = 2_000_000  # larger maps are cut around their middle
 CHANNELS = ("drivable", "boundary", "marking", "cos", "sin", "limit", "crosswalk")
@@ -25,7 +25,7 @@ CROSSING = ("crosswalk", "zebra")
 class Raster:
     """A map seen from above."""
 
-    # (7, R, C) the `CHANNELS`, each about -1 to 1; row 0 is the lowest y. cos and sin are those of the lanes'
+    # (7, R, C) `CHANNELS`, each about -1 to 1; row 0 is the lowest y; cos and sin are of the lanes'
     # direction, times the drivable share
     values: FloatArray
     corner: FloatArray  # (2,) centre of the pixel in row 0, column 0, m
@@ -33,7 +33,7 @@ class Raster:
 
 @owner_cache
 def raster_of(road: Road) -> Raster:
-    """Draw a map: vehicle lanes, their bounds, markings, directions and limits, and crosswalks."""
+    """Draw a map: vehicle lanes, bounds, markings, directions and limits, crosswalks."""
     lanes = list(road.vehicle_lanes.values())
     points = np.concatenate([lane_outline(lane) for lane in lanes]) if lanes else np.zeros((1, 2))
     low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
@@ -61,7 +61,7 @@ def raster_of(road: Road) -> Raster:
 
 
 def _draw_lane(fine: FloatArray, count: FloatArray, lane: Lane, corner: FloatArray) -> None:
-    """Add a lane to drivable share, cos, sin and limit; the last three are sums over `count` lanes."""
+    """Add a lane to drivable share, and to sums of cos, sin and limit over `count` lanes."""
     rows, columns, hit = cells_of(
         lane_outline(lane), corner, PIXEL_M / FINE, (count.shape[0], count.shape[1])
     )
@@ -84,7 +84,6 @@ def _draw_lane(fine: FloatArray, count: FloatArray, lane: Lane, corner: FloatArr
 
 
 def _draw_line(channel: FloatArray, points: FloatArray, corner: FloatArray) -> None:
-    """Set the pixels on a line to 1."""
     if len(points) < 2:
         return
     length = length_of(points)

@@ -1,4 +1,4 @@
-"""Scene branch of the networks: vehicles as vectors, with attention along the scene graph."""
+"""Scene branch of the networks, with attention along the scene graph."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from scex_sumo.behaviors.learned.architecture import SLOPE, Architecture
 from scex_sumo.behaviors.learned.layers import Linear, Mlp, Norm, Scaler, State, relu
 from scex_sumo.behaviors.scene_graph.graph import SceneGraph
 
-PAIRS = 1024  # of vehicles at a time, about, which fit the processor's cache
+PAIRS = 1024  # of vehicles at a time, which fit the processor's cache
 
 
 class EdgeAttention:
     """Graph attention layer with several heads (GATv2).
 
     The score of the edge from j to i is a . leaky_relu(L x_j + R x_i + E e_ij), with a softmax over the edges
-    to i. The new vector of i is the sum of L x_j with these weights, or the bias alone without edges.
+    to i. The new vector of i is the sum of L x_j with these weights, plus a bias.
 
     Source: Brody, Alon, Yahav 2022.
     """
@@ -26,12 +26,12 @@ class EdgeAttention:
         self.edge, self.bias = Linear(state, f"{name}.lin_edge"), state[f"{name}.bias"]
         _, self.heads, self.each = state[f"{name}.att"].shape
         same = np.repeat(np.eye(self.heads), self.each, axis=0)
-        self.score = same * state[f"{name}.att"].reshape(-1, 1)  # each head's columns to its score
+        self.score = same * state[f"{name}.att"].reshape(-1, 1)  # from each head's columns to its score
 
     def __call__(
         self, node: FloatArray, graph: SceneGraph, some: IntArray, wanted: IntArray, scale: Scaler
     ) -> FloatArray:
-        """(n, heads * each) of wanted nodes (n,).
+        """Return (n, heads * each) of wanted nodes (n,).
 
         Args:
             node: (C, V, inner) of all vehicles of all children.
@@ -63,7 +63,7 @@ class EdgeAttention:
 
 
 def _softmax(score: FloatArray) -> FloatArray:
-    """(C, V, heads, V) softmax over the last axis, in place; 0 for scores of -inf."""
+    """Return (C, V, heads, V) softmax in place; 0 for scores of -inf."""
     score -= np.maximum(score.max(axis=-1, keepdims=True), -1e300)  # for rows of -inf alone
     raised = np.exp(score, out=score)
     raised /= raised.sum(axis=-1, keepdims=True) + 1e-16
@@ -84,7 +84,7 @@ class SceneEncoder:
         self.norm = [Norm(state, f"scene.norm.{layer}") for layer in (*layers, len(layers))]
 
     def __call__(self, graph: SceneGraph, wanted: IntArray) -> FloatArray:
-        """(n, hidden) of (n,) wanted nodes; nodes that do not reach them are left out."""
+        """Return (n, hidden) of (n,) wanted nodes; others are left out."""
         reach = self._reach(graph, wanted)
         nodes = np.flatnonzero(reach[0])
         history = self.history_scale(graph.history.reshape(len(graph.history), -1)[nodes])
@@ -100,7 +100,7 @@ class SceneEncoder:
         return h[wanted]
 
     def _reach(self, graph: SceneGraph, wanted: IntArray) -> list[BoolArray]:
-        """(N,) required nodes from the first layer's input to the last layer's output."""
+        """Return (N,) required nodes of each layer's input and of the last output."""
         needed = np.zeros(len(graph.node), dtype=np.bool_)
         needed[wanted] = True
         reach = [needed]

@@ -1,4 +1,4 @@
-"""Drivable surface: the room that a path has on both sides before the road ends."""
+"""Drivable surface: the room that a path has on both sides."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.road import Lane, Road
 
 CELL_M = 0.25
-MAX_CELLS = 12_000_000  # larger maps get larger cells: bounds the memory to about 200 MB
-MARGIN_M = 3.0  # of the grid around the outermost lane
+MAX_CELLS = 12_000_000  # larger maps get larger cells: about 200 MB
+MARGIN_M = 3.0  # around the outermost lane
 MAX_ROOM_M = 12.0
-STRIDE = 4  # every fourth sample of a path has its room in the table
+STRIDE = 4  # of the samples of a path in the table
 MARCH_STEPS = 24
 
 
@@ -24,12 +24,12 @@ MARCH_STEPS = 24
 class Surface:
     """Grid of distances to the edge of the vehicle lanes."""
 
-    depth: FloatArray  # (R, C) m to the edge, positive inside, negative outside; row 0 is the lowest y
+    depth: FloatArray  # (R, C) m, positive inside; row 0 is the lowest y
     corner: FloatArray  # (2,) centre of the cell in row 0, column 0, m
-    cell: float  # side of a cell, m
+    cell: float  # side, m
 
     def at(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the depth at points, m, bilinear between cells; beyond the grid that of its border."""
+        """Return the depth at points, m, bilinear; beyond the grid that of its border."""
         rows, columns = self.depth.shape
         u = np.clip((x - self.corner[0]) / self.cell, 0, columns - 1.001)
         v = np.clip((y - self.corner[1]) / self.cell, 0, rows - 1.001)
@@ -46,8 +46,8 @@ class Surface:
 class PathRoom:
     """Room beside the paths of a seed scene."""
 
-    left: FloatArray  # (P, K) m from the path to the edge of the drivable surface, at most `MAX_ROOM_M`
-    right: FloatArray  # (P, K) likewise
+    left: FloatArray  # (P, K) m from the path to the edge of the surface, at most `MAX_ROOM_M`
+    right: FloatArray  # (P, K) m
     end: FloatArray  # (P,) arc length of the last sample on the surface, m; 0 without one
     spacing: float  # of the samples, m
 
@@ -60,7 +60,7 @@ class PathRoom:
 
 
 def lane_outline(lane: Lane) -> FloatArray:
-    """(L, 2) outline of a lane; if both bounds are the same line, its width around the centreline."""
+    """Return (L, 2) outline of a lane; if both bounds are one line, its width around the centreline."""
     left, right = lane.left_bound, lane.right_bound
     if len(left) == len(right) and np.allclose(left, right):
         step = np.gradient(lane.centreline, axis=0)
@@ -73,7 +73,7 @@ def lane_outline(lane: Lane) -> FloatArray:
 
 @owner_cache
 def surface_of(road: Road) -> Surface:
-    """Return the union of a map's vehicle lanes as a grid of distances."""
+    """Return the union of a map's vehicle lanes."""
     outlines = [lane_outline(lane) for lane in road.vehicle_lanes.values()]
     if not outlines:
         return Surface(depth=np.full((2, 2), -MAX_ROOM_M), corner=np.zeros(2), cell=1.0)
@@ -84,7 +84,7 @@ def surface_of(road: Road) -> Surface:
     inside = np.zeros((rows, columns), dtype=np.bool_)
     for outline in outlines:
         fill(inside, outline, low, cell)
-    # Cells next to the edge are half a cell away from it.
+    # cells next to the edge are half a cell away from it
     from scipy.ndimage import distance_transform_edt  # takes 0.2 s to import
 
     depth = distance_transform_edt(inside) - distance_transform_edt(~inside)
@@ -94,7 +94,7 @@ def surface_of(road: Road) -> Surface:
 def cells_of(
     outline: FloatArray, low: FloatArray, cell: float, shape: tuple[int, int]
 ) -> tuple[slice, slice, BoolArray]:
-    """Return the cells of a grid whose centres lie in a polygon: rows, columns, and a mask."""
+    """Return rows, columns and mask of a grid's cells in a polygon."""
     first = np.clip(np.floor((outline.min(axis=0) - low) / cell).astype(int), 0, None)
     last = np.ceil((outline.max(axis=0) - low) / cell).astype(int) + 1
     rows = slice(first[1], min(last[1], shape[0]))
@@ -110,7 +110,7 @@ def cells_of(
 
 
 def fill(grid: BoolArray | FloatArray, outline: FloatArray, low: FloatArray, cell: float) -> None:
-    """Set the cells of a grid to 1 if their centres lie in a polygon."""
+    """Set the cells of a grid in a polygon to 1."""
     rows, columns, hit = cells_of(outline, low, cell, (grid.shape[0], grid.shape[1]))
     grid[rows, columns][hit] = 1
 
@@ -119,8 +119,7 @@ def fill(grid: BoolArray | FloatArray, outline: FloatArray, low: FloatArray, cel
 def path_room(paths: SeedPaths, road: Road) -> PathRoom:
     """Measure the room beside all paths of a seed scene by rays to both sides.
 
-    A sample off the surface has the room of the last one on it. Such samples lie past the end of the map, or
-    where a path cuts a corner.
+    A sample off the surface has the room of the last one on it.
     """
     surface = surface_of(road)
     table = paths.table.reshape(len(paths.lanes), paths.samples, -1)[:, ::STRIDE]
@@ -139,10 +138,7 @@ def path_room(paths: SeedPaths, road: Road) -> PathRoom:
 
 
 def _march(surface: Surface, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
-    """Return how far the surface reaches in a direction, m.
-
-    A step is as long as the distance to the edge; one cell if an edge runs alongside.
-    """
+    """Return how far the surface reaches in a direction, m, in steps of the distance to the edge."""
     way, inside = np.zeros_like(x), np.ones(x.shape, dtype=np.bool_)
     for _ in range(MARCH_STEPS):
         depth = surface.at(x + way * dx, y + way * dy)

@@ -1,4 +1,4 @@
-"""Files of weights: safetensors with a network's arrays, and a JSON header with its origin and quality."""
+"""Files of weights: safetensors with a JSON header of origin and quality."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ COLUMNS = {"node": NODE_COLUMNS, "edge": EDGE_COLUMNS, "path": PATH_COLUMNS}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weights:
-    """A network as stored in its file."""
+    """A network from its file."""
 
     sizes: Architecture
-    state: State  # arrays by name, float32
+    state: State  # by name, float32
     meta: dict[str, Any]  # that of `save_weights`, with ``version`` and ``sha256``
 
 
@@ -46,8 +46,8 @@ def save_weights(
 
     Args:
         kind: ``graph`` or ``hybrid``.
-        meta: plain values: training command, data, figures. ``best`` steers the driver with mode=best: it
-            takes the ``expected`` mode (the default) or that with the largest logit (``likeliest``).
+        meta: plain values: training command, data, figures. ``best`` is the mode of a driver with mode=best:
+            ``expected`` (the default) or ``likeliest``, that with the largest logit.
     """
     about = {
         "format": FORMAT,
@@ -100,7 +100,7 @@ def load_weights(path: str | Path, kind: str) -> Weights:
 
 
 def _about(header: Mapping[str, str] | None) -> dict[str, Any] | None:
-    """Return the content of the header; None if it is not from scex-sumo."""
+    """Return the header's content; None if it is not from scex-sumo."""
     try:
         about = json.loads((header or {}).get(ABOUT, "0"))
     except (ValueError, RecursionError):
@@ -116,7 +116,6 @@ def _about(header: Mapping[str, str] | None) -> dict[str, Any] | None:
 
 
 def _check_inputs(file: Path, kind: str, about: Mapping[str, Any], again: str) -> None:
-    """Raise an `InputError` for weights of the other network, or for other inputs."""
     if about["kind"] != kind:
         whose = MODELS.get(about["kind"], about["kind"][:40])
         raise InputError(f"{file}: weights of {whose}, needs those of {MODELS[kind]}; {again}")
@@ -131,7 +130,7 @@ def _check_inputs(file: Path, kind: str, about: Mapping[str, Any], again: str) -
 
 
 def _sizes(kind: str, numbers: Any, opened: Any) -> Architecture:
-    """Return the architecture; raise a `ValueError` if the arrays have other shapes, before loading them."""
+    """Return the architecture; raise a `ValueError` for arrays of other shapes."""
     if not isinstance(numbers, dict):
         raise ValueError(f"a {type(numbers).__name__} instead of numbers by name")
     unknown = set(numbers) - {field.name for field in fields(Architecture)}

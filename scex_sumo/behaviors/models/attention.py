@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
@@ -23,7 +24,6 @@ from scex_sumo.behaviors.guard.guarded import needed_braking, retimed
 from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
-from scex_sumo.statistics.normal import normal_quantiles
 
 # In everyday driving, drivers look at the road for about 80 % of the time (Morando, Victor, Dozza 2020).
 # Durations of glances are lognormal (Taoka 1990). Median and spread are our choice: 3 % last longer than
@@ -76,7 +76,7 @@ def attention_of(
         spread: on the variation between drivers.
     """
     draw = history.route_draw[who.child, who.vehicle]
-    manner = normal_quantiles(uniforms(draw, 2, _MANNER))
+    manner = ndtri(uniforms(draw, 2, _MANNER))
     reaction = REACTION_S * np.exp(REACTION_SPREAD * spread * manner[:, 0])
     seen = STEP_S * np.arange(history.step, history.step + PLAN_STEPS) - reaction[:, None]
     aware = ~looks_away(draw, seen, factor) | (_closed_in(history, who, leaders) > CALM_MPS2)[:, None]
@@ -111,7 +111,7 @@ def looks_away(draw: FloatArray, time_s: FloatArray, factor: float = 1.0) -> Boo
     for number in range(first - 1, last + 1):
         begin, length, there = uniforms(draw, 3, _GLANCE + number).T
         start = EVERY_S * (number + begin)
-        lasts = GLANCE_S * max(factor, 1.0) * np.exp(GLANCE_SPREAD * normal_quantiles(length))
+        lasts = GLANCE_S * max(factor, 1.0) * np.exp(GLANCE_SPREAD * ndtri(length))
         lasts = np.where(there < factor, lasts, 0.0)
         away |= (time_s >= start[:, None]) & (time_s < (start + lasts)[:, None])
     return away

@@ -27,11 +27,11 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
-HABIT_STEPS = 5  # of the seed scene's history, over which the acceleration is measured
-OFF_PATH_M = 5.0  # without a plan, a vehicle further from all its paths goes straight on
+HABIT_STEPS = 5  # over which the acceleration before the seed scene is measured
+OFF_PATH_M = 5.0  # a vehicle further from all its paths goes straight on
 AGAINST_PATH_RAD = np.pi / 2  # as does one with a larger heading error
-TURN_WEIGHT_M = 5.0  # distance to a path that counts as much as a heading error of 1 rad
-STRAIGHT_BONUS_M = 0.5  # advantage of the straight path over another one
+TURN_WEIGHT_M = 5.0  # distance that counts as much as a heading error of 1 rad
+STRAIGHT_BONUS_M = 0.5  # advantage of the straight path
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,42 +39,29 @@ class IdmProfile:
     """Driver profile of the Intelligent Driver Model (Treiber et al. 2000).
 
     Attributes:
-        comfort_deceleration: ``b`` in m/s², positive.
-        time_headway: ``T`` in s.
-        minimum_gap: ``s0`` in m, bumper to bumper.
-        max_acceleration: ``a_max`` in m/s².
-        max_deceleration: braking limit in m/s²; the formula has none.
-        speed: desired speed ``v0`` in m/s; 0 takes the speed limit of the lane.
-        speed_factor: factor on the speed limit.
-        habit_memory: time constant in s with which the desired speed moves from the speed shown in the seed
-            scene to the one above; 0 takes the one above at once.
-        habit_lead: the shown speed is that after so many s at the acceleration of the last half second,
-        habit_margin: plus this, m/s.
-        clearance: another vehicle is a leader if its centre is this near to the path, m.
-        obstacle_clearance: likewise for a pedestrian or cyclist, m.
-        radius: perception radius, m.
-        curve_acceleration: comfortable lateral acceleration in curves, m/s²; 0 does not slow down for them.
-        curve_deceleration: braking before a curve, m/s².
+        habit_memory: time constant in s with which the desired speed moves from the one shown in the seed
+            scene to ``v0``; 0 takes ``v0`` at once.
+        habit_lead: time in s over which the last half second's acceleration changes the shown speed.
         path: index from left to right (clamped to the last; -1 is the rightmost), ``straight`` (the
-            straightest from its most probable lane), ``random`` (a fixed draw per child and vehicle), lane
-            ids, or points.
+            straightest from the most probable lane), ``random`` (drawn per child and vehicle), lane ids, or
+            points.
     """
 
-    comfort_deceleration: float
-    time_headway: float
-    minimum_gap: float
-    max_acceleration: float
-    max_deceleration: float = 9.0
-    speed: float = 0.0
-    speed_factor: float = 1.0
+    comfort_deceleration: float  # ``b`` in m/s², positive
+    time_headway: float  # ``T`` in s
+    minimum_gap: float  # ``s0`` in m, bumper to bumper
+    max_acceleration: float  # ``a_max`` in m/s²
+    max_deceleration: float = 9.0  # braking limit in m/s²
+    speed: float = 0.0  # desired speed ``v0`` in m/s; 0 takes the lane's speed limit
+    speed_factor: float = 1.0  # factor on the speed limit
     habit_memory: float = 0.0
     habit_lead: float = 0.0
-    habit_margin: float = 0.0
-    clearance: float = 5.0
-    obstacle_clearance: float = 1.5
-    radius: float = 100.0
-    curve_acceleration: float = 0.0
-    curve_deceleration: float = 1.0
+    habit_margin: float = 0.0  # addition to the shown speed, m/s
+    clearance: float = 5.0  # a vehicle is a leader if its centre is this near to the path, m
+    obstacle_clearance: float = 1.5  # the same for a pedestrian or cyclist, m
+    radius: float = 100.0  # perception radius, m
+    curve_acceleration: float = 0.0  # comfortable lateral acceleration, m/s²; 0 does not slow down for curves
+    curve_deceleration: float = 1.0  # braking before a curve, m/s²
     path: PathChoice = "straight"
 
     def __post_init__(self) -> None:
@@ -105,13 +92,13 @@ CALIBRATED = IdmProfile(
 )
 """``calibrated_driver``: fitted by ``benchmarks/calibrate.py`` to the training part of TAF-BW and MONA.
 
-Clearance and memory are not fitted, as 3 s of driving do not show them.
+Clearance and memory are not fitted, because 3 s of driving do not show them.
 """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IdmParameters:
-    """Parameters of the formula alone, one for all or (n,) one per vehicle; see `IdmProfile`."""
+    """Parameters of the formula, one for all or (n,) one per vehicle; see `IdmProfile`."""
 
     time_headway: FloatArray | float
     minimum_gap: FloatArray | float
@@ -123,7 +110,7 @@ class IdmParameters:
     def of(
         cls, profile: IdmProfile, *, time_headway: FloatArray, comfort_deceleration: FloatArray
     ) -> IdmParameters:
-        """Return a profile's parameters with (n,) headways, s, and decelerations, m/s², of vehicles."""
+        """Return a profile's parameters with (n,) headways, s, and decelerations, m/s²."""
         return cls(
             time_headway=time_headway,
             minimum_gap=profile.minimum_gap,
@@ -140,7 +127,7 @@ def idm_acceleration(
     gap: FloatArray,
     leader_speed: FloatArray,
 ) -> FloatArray:
-    """Acceleration of the Intelligent Driver Model, (n,) m/s².
+    """Return (n,) accelerations of the Intelligent Driver Model, m/s².
 
     a = a_max·(1 - (v/v0)⁴ - (s*/s)²), s* = s0 + max(0, v·T + v·Δv / (2·√(a_max·b))), not below
     -max_deceleration. A gap below 0.1 m counts as 0.1 m. Below v0 = 0.1 m/s the driver does not accelerate.
@@ -151,7 +138,7 @@ def idm_acceleration(
         gap: (n,) s, bumper to bumper, m; inf without a leader.
         leader_speed: (n,) m/s along the path; Δv is own minus leader's.
 
-    Source: Treiber, Hennecke, Helbing 2000; the lower bound on s* from Treiber and Kesting 2013.
+    Source: Treiber, Hennecke, Helbing 2000; lower bound on s*: Treiber and Kesting 2013.
     """
     a_max = profile.max_acceleration
     result: FloatArray = a_max * (
@@ -161,7 +148,7 @@ def idm_acceleration(
 
 
 def free_share(speed: FloatArray, desired_speed: FloatArray) -> FloatArray:
-    """(n,) share of a_max with which a driver without a leader accelerates: 1 - (v/v0)⁴."""
+    """Return (n,) shares of a_max without a leader: 1 - (v/v0)⁴."""
     free = 1 - (speed / np.maximum(desired_speed, 0.1)) ** 4
     return np.where(desired_speed < 0.1, np.minimum(free, 0.0), free)
 
@@ -169,7 +156,7 @@ def free_share(speed: FloatArray, desired_speed: FloatArray) -> FloatArray:
 def leader_share(
     profile: IdmProfile | IdmParameters, speed: FloatArray, gap: FloatArray, leader_speed: FloatArray
 ) -> FloatArray:
-    """(n,) share of a_max that a leader takes from that: (s*/s)²."""
+    """Return (n,) shares of a_max that a leader takes from that: (s*/s)²."""
     braking = (
         speed
         * (speed - leader_speed)
@@ -181,9 +168,9 @@ def leader_share(
 
 
 class IdmDriver(DrivesAlong):
-    """Follows its path at the desired speed and keeps its distance to the leader on it.
+    """Follows its path at the desired speed and keeps its distance to the leader.
 
-    The leader is found once per plan and assumed to keep its speed along the path.
+    The leader is found once per plan and assumed to keep its speed.
     """
 
     sees: ClassVar[Sight] = "everyone"
@@ -194,7 +181,7 @@ class IdmDriver(DrivesAlong):
         return self.follow(history, who, *chosen_paths(history, road, who, self.profile.path))
 
     def follow(self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> Intent:
-        """Return the drive along given paths: (n,) rows of `paths`."""
+        """Return the drive along (n,) rows of `paths`."""
         profile = self.profile
         now = history.now[who.child, who.vehicle]
         s_centre, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
@@ -208,7 +195,7 @@ class IdmDriver(DrivesAlong):
             radius=profile.radius,
             obstacle_clearance=profile.obstacle_clearance,
         )
-        # Many children differ elsewhere only: vehicles with the same leader at the same gap drive the same.
+        # Vehicles with the same leader at the same gap drive the same; many children differ elsewhere only.
         situation = np.stack([row, leaders.gap, leaders.speed], axis=1)
         first, kind = distinct(np.concatenate([own_motion(history, who), situation], axis=1))
         behind = (leaders.gap[first], leaders.speed[first])
@@ -224,7 +211,7 @@ class IdmDriver(DrivesAlong):
         leader_gap: FloatArray,
         leader_speed: FloatArray,
     ) -> Accelerate:
-        """Accelerate behind leaders with (n,) gaps, m, and constant speeds along the path, m/s."""
+        """Return accelerations behind leaders of constant speed."""
         profile = self.profile
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         curves = (
@@ -234,7 +221,7 @@ class IdmDriver(DrivesAlong):
         )
         habit = seed_motion(history, who)
         base, last = row * paths.samples, paths.samples - 1.0
-        # Speeds are those at the centre, while the rear axle follows the table.
+        # speeds are those at the centre, while the rear axle follows the table
         ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
 
         def at(s: FloatArray) -> IntArray:
@@ -246,7 +233,7 @@ class IdmDriver(DrivesAlong):
             desired = desired_speed(profile, wished[at(s)], v, *habit, time_s)
             a = idm_acceleration(profile, v, desired, gap, leader_speed)
             if curves is not None:
-                # The allowed speed a moment ahead, so that the car does not lag behind it.
+                # A moment ahead, so that the car does not lag behind.
                 slowing = (curves[at(s + v * CURVE_TIME_S)] - v) / CURVE_TIME_S
                 a = np.minimum(a, np.maximum(slowing, -profile.comfort_deceleration))
             return a
@@ -255,7 +242,7 @@ class IdmDriver(DrivesAlong):
 
 
 def seed_motion(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:
-    """(n,) speed in the seed scene, m/s, and mean acceleration over the half second before it, m/s²."""
+    """Return (n,) speed in the seed scene, m/s, and mean acceleration over the half second before, m/s²."""
     speed = history.scene.history.speed[who.vehicle]
     acceleration = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
     return np.maximum(speed[:, -1], 0.0), acceleration
@@ -269,11 +256,10 @@ def desired_speed(
     acceleration: FloatArray,
     time_s: float,
 ) -> FloatArray:
-    """Desired speed of drivers that keep their behaviour of the seed scene for a while, (n,) m/s.
+    """Return (n,) desired speeds of drivers that keep their behaviour of the seed scene for a while, m/s.
 
-    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, not below 0 and not above the larger of w and v. k is the
-    lead, m the margin, τ the memory. v0 is so near to the present speed that it alone asks for no braking
-    harder than b.
+    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, with lead k, margin m and memory τ; h is at least 0 and at
+    most the larger of w and v. v0 asks for no braking harder than b.
 
     Args:
         wished: (n,) w, m/s.
@@ -295,21 +281,14 @@ def desired_speed(
 
 @owner_cache
 def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
-    """(P * N,) desired speed along all paths, m/s: the speed limit times a factor, or a given speed.
-
-    A vehicle off the mapped lanes keeps its own speed.
-    """
+    """Return (P * N,) desired speeds along all paths, m/s; off the mapped lanes the vehicle's own speed."""
     wished = np.full_like(paths.speed_limit, speed) if speed > 0 else factor * paths.speed_limit
     off = np.repeat(~paths.on_road, paths.count)
     return np.where(off[:, None], paths.speed_limit, wished).ravel()
 
 
 def follow_path(history: SceneHistory, road: Road, who: VehicleIndex) -> Plan:
-    """Plan 3 s for vehicles without a plan: ``calibrated_driver`` along the path that each vehicle is on.
-
-    That is the straight path, or another of the vehicle's paths if it is clearly nearer. A vehicle off all
-    its paths goes straight on at its present speed.
-    """
+    """Plan 3 s for vehicles without a plan: ``calibrated_driver`` on the nearest path, or straight on."""
     paths, straight = chosen_paths(history, road, who, "straight")
     row, off = _nearest_path(history, who, paths, straight)
     made = driven(history, [IdmDriver(CALIBRATED).follow(history, who, paths, row)])[0]
@@ -320,7 +299,7 @@ def follow_path(history: SceneHistory, road: Road, who: VehicleIndex) -> Plan:
 def _nearest_path(
     history: SceneHistory, who: VehicleIndex, paths: SeedPaths, straight: IntArray
 ) -> tuple[IntArray, BoolArray]:
-    """(n,) row of the path that each vehicle is on, and (n,) True if it is on none."""
+    """Return (n,) path that each vehicle is on, and (n,) True if it is on none."""
     now = history.now[who.child, who.vehicle]
     first, count = paths.first[who.vehicle], paths.count[who.vehicle]
     way = expected_way(history, who)

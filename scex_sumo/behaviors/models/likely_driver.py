@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
@@ -58,7 +59,6 @@ from scex_sumo.behaviors.models.population import (
 )
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
-from scex_sumo.statistics.normal import normal_quantiles
 
 STARTING_MPS = 0.02  # a standing vehicle that gained this in the last step has started
 HEADWAY_S = (0.1, 4.0)  # bounds
@@ -160,9 +160,9 @@ class LikelyDriver:
         drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, _DRIVER)
         spread, people = self.profile.spread, self.population
         observed, speed = observations_of(history.scene, paths), last_second(history.scene).speed[who.vehicle]
-        headway = np.exp(people.headway[0] + spread * people.headway[1] * normal_quantiles(drawn[:, 5]))
+        headway = np.exp(people.headway[0] + spread * people.headway[1] * ndtri(drawn[:, 5]))
         shown = np.maximum(KEPT_SHARE * observed.headway[row], HEADWAY_S[0])
-        braking = np.exp(people.braking[0] + spread * people.braking[1] * normal_quantiles(drawn[:, 7]))
+        braking = np.exp(people.braking[0] + spread * people.braking[1] * ndtri(drawn[:, 7]))
         time_s = np.arange(history.step, history.step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
         off = spread * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
         wills = drawn[:, 11] if spread else np.full(len(row), 0.5)

@@ -12,9 +12,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.special import ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.statistics.normal import normal_quantiles
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
 NODES_S = (0.0, 1.5, 3.0)  # additional accelerations are drawn for these times, linear between them
@@ -175,5 +175,5 @@ def students(uniform: FloatArray) -> FloatArray:
         uniform: (n, 5) three for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
     """
     chi2 = -2.0 * np.log(uniform[:, 3] * uniform[:, 4])
-    result: FloatArray = normal_quantiles(uniform[:, :3]) * np.sqrt(DEGREES / chi2)[:, None]
+    result: FloatArray = ndtri(uniform[:, :3]) * np.sqrt(DEGREES / chi2)[:, None]
     return result

@@ -1,4 +1,4 @@
-"""Simple models: constant velocity, emergency brake, and replay of the recorded future."""
+"""Simple models: constant velocity, emergency brake, replay of the recorded future."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ConstantVelocity(DrivesAlong):
         """See `DrivesAlong`."""
         paths, row = chosen_paths(history, road, who, self.profile.path)
         target = np.maximum(history.scene.now.speed[who.vehicle], 0.0)
-        # Zero but for rounding, unless something else changed the speed before, as a curve.
+        # Zero but for rounding, unless a curve changed the speed before.
         limit = RELEASE_MPS2 if paths.slow_in_curves else np.inf
         return Intent(
             who=who,
@@ -57,7 +57,7 @@ class EmergencyBrakeProfile:
 
 
 class EmergencyBrake(DrivesAlong):
-    """Brakes to a standstill along its path: it stops after v² / (2·deceleration)."""
+    """Brakes to a standstill along its path."""
 
     def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
         """See `DrivesAlong`."""
@@ -68,7 +68,7 @@ class EmergencyBrake(DrivesAlong):
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayProfile:
-    """Parameters of `Replay`; ``path`` as in `IdmProfile`, for the time after the recording's end."""
+    """Parameters of `Replay`; ``path`` is for the time after the recording's end."""
 
     path: PathChoice = "straight"
 
@@ -77,7 +77,7 @@ class ReplayProfile:
 
 
 class Replay:
-    """Repeats the recorded future; after its end it goes on along the path at the last speed."""
+    """Repeats the recorded future, then keeps the last speed along the path."""
 
     def __init__(self, profile: ReplayProfile) -> None:
         self.profile = profile
@@ -90,7 +90,7 @@ class Replay:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`. Draws nothing.
+        """Plan 3 s; see `Behavior.plan`.
 
         Raises:
             UsageError: the seed scene has no recorded future.
@@ -101,7 +101,7 @@ class Replay:
                 f"replay: seed scene {scene.name} has no recorded future; "
                 "choose other models or a recorded seed"
             )
-        # Valid up to the first gap.
+        # up to the first gap
         valid = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[who.vehicle]
         left = np.clip(valid - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
         recorded = scene.future[who.vehicle]

@@ -1,4 +1,4 @@
-"""SUMO's own car-following models, whose vehicles drive in the same world as all others."""
+"""SUMO's own car-following models."""
 
 from __future__ import annotations
 
@@ -16,22 +16,20 @@ from scex_sumo.scene import Plan, SceneHistory, SeedScene, VehicleIndex
 
 
 class SumoDriver:
-    """A SUMO car-following model: the world leaves the vehicle to SUMO, and this class gives its route.
+    """A SUMO car-following model: the world leaves the vehicle to SUMO, this class gives its route.
 
     Attributes:
         model: SUMO's name of the model, e.g. ``EIDM``.
         parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
         path: as in `IdmProfile`.
+
+    Raises:
+        UsageError: SUMO has no such model or parameter, or its result would depend on the tile.
     """
 
     def __init__(
         self, model: str, parameters: Mapping[str, str] | None = None, *, path: PathChoice = "straight"
     ) -> None:
-        """Check and keep the model.
-
-        Raises:
-            UsageError: SUMO has no such model or parameter, or its result would depend on the tile.
-        """
         self.model = model
         self.parameters = dict(parameters or {})
         self.path = path
@@ -41,11 +39,11 @@ class SumoDriver:
     def routes(
         self, scene: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
     ) -> list[tuple[int, ...]]:
-        """Return the lane ids of routes; empty for a vehicle off the mapped lanes.
+        """Return the lane ids of routes; empty off the mapped lanes.
 
         Args:
             vehicle: (n,) index into the seed scene.
-            draw: (n,) `SceneHistory.route_draw` of these vehicles.
+            draw: (n,) `SceneHistory.route_draw`.
         """
         return planned_lanes(scene, road, self.path, vehicle, draw)
 
@@ -57,5 +55,5 @@ class SumoDriver:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Return the expected path at the present speed, which is for metrics only."""
+        """Return the expected path at the present speed, for metrics only."""
         return drive_along(history, road, who, self.path)

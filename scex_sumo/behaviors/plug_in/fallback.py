@@ -1,4 +1,4 @@
-"""Fallback planner: the path-following driver replaces unusable plans of learned and users' models."""
+"""Fallback planner: replaces unusable plans of learned and users' models."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from scex_sumo.behaviors.plug_in.single import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
-JUMP_M = 5.0  # largest deviation from the straight motion within one step: 500 m/s², beyond any vehicle
+JUMP_M = 5.0  # from the straight motion within one step: 500 m/s², beyond any vehicle
 MAX_REASON = 200  # characters
 STATES = ("x", "y", "heading", "speed")
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -32,9 +32,7 @@ Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether
 class Fallible:
     """A model with a fallback: the path-following driver plans for vehicles without a usable plan.
 
-    A plan is unusable if the model raises, or if the plan is too short, not finite, or jumps (see
-    `plan_defects`). A call that raises is repeated child by child, then vehicle by vehicle. So it does not
-    depend on the batch which vehicles fall back.
+    A call that raises is repeated child by child, then vehicle by vehicle: the batch has no influence.
     """
 
     def __init__(self, model: Behavior, name: str) -> None:
@@ -44,7 +42,7 @@ class Fallible:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Return the model's plan with `Plan.fallback` and `Plan.reasons`; see `Behavior.plan`."""
+        """Return the plan with `Plan.fallback` and `Plan.reasons`; see `Behavior.plan`."""
         made, reasons, bad = self._ask(history, road, who, rng)
         if bad.any():
             made.assign(bad, follow_path(history, road, who[bad]))
@@ -66,16 +64,14 @@ class Fallible:
     def _ask(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Answer:
-        if (
-            isinstance(self.model, SingleVehicle) and len(who) > 1
-        ):  # it plans for one vehicle at a time anyway
+        if isinstance(self.model, SingleVehicle) and len(who) > 1:  # plans for one vehicle at a time anyway
             return self._ask_each(history, road, who, np.arange(len(who)), rng)
         children = np.unique(who.child).tolist() if len(who) > 1 else []
         before = [rng[child].bit_generator.state for child in children]
         try:
             made = plan_arrays(self.model.plan(history, road, who, rng), len(who))
             defects = plan_defects(made, history, who)
-        except (Exception, SystemExit) as error:  # whatever a user's code raises
+        except (Exception, SystemExit) as error:  # of a user's code
             if len(who) == 1:
                 return _blank(1), [model_error_reason(error)], np.ones(1, dtype=np.bool_)
             for child, state in zip(children, before, strict=True):
@@ -96,7 +92,7 @@ class Fallible:
         part: IntArray,
         rng: Sequence[np.random.Generator],
     ) -> Answer:
-        """Ask part by part; vehicles with equal numbers in (n,) `part` are asked for together."""
+        """Ask once for each number in (n,) `part`."""
         count = len(who)
         whole = _blank(count)
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
@@ -114,11 +110,7 @@ def _blank(count: int) -> Plan:
 
 
 def plan_arrays(made: Any, count: int) -> Plan:
-    """Copy the first 30 steps of what a model returned for `count` vehicles.
-
-    Raises:
-        ScexError: it is no plan, has another number of vehicles, or is too short.
-    """
+    """Copy the first 30 steps of a model's plan; raise a `ScexError` if it is none."""
     parts = {}
     for key in STATES:
         if not hasattr(made, key):
@@ -133,10 +125,9 @@ def plan_arrays(made: Any, count: int) -> Plan:
 
 
 def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[str]:
-    """Return why each of the n plans is unusable; an empty text for a usable plan.
+    """Return why each plan is unusable; an empty text for a usable plan.
 
-    A plan must be finite. No state may lie more than 5 m from the straight continuation of the motion before
-    it. The first state is compared with the vehicle's present speed and heading.
+    A plan must be finite, and no state more than 5 m from the straight continuation of the motion before it.
     """
     reasons = [""] * len(who)
     finite = np.stack([np.isfinite(getattr(made, key)).all(axis=1) for key in STATES])
@@ -151,7 +142,7 @@ def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[s
 
 
 def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
-    """(n, H) distance of each state from the straight continuation of the motion before it, m."""
+    """Return (n, H) distances from straight continuation, m."""
     now = history.now[who.child, who.vehicle]
     step = now.speed * STEP_S
     x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], made.x], axis=1)
@@ -162,7 +153,7 @@ def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatAr
 
 
 def model_error_reason(error: BaseException) -> str:
-    """Describe a model's error, with the line of the model's own code that raised it."""
+    """Describe a model's error, with the line of the model's own code."""
     if isinstance(error, ScexError):
         return _short(reason_of(error))
     frame = _model_frame(error)
@@ -171,14 +162,13 @@ def model_error_reason(error: BaseException) -> str:
 
 
 def _model_frame(error: BaseException) -> traceback.FrameSummary | None:
-    """Return the innermost frame of the model's code: neither ours nor of a library."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
     frames = [f for f in frames if _PACKAGE not in Path(f.filename).parents]
     installed = [f for f in frames if "site-packages" in Path(f.filename).parts]
     written = [f for f in frames if f not in installed and _STANDARD not in Path(f.filename).parents]
     if written:
         return written[-1]
-    # A model of an installed package: its own file comes first, the libraries that it calls come after.
+    # In a model of an installed package, the package's file comes first, its libraries after it.
     return next((f for f in reversed(installed) if f.filename == installed[0].filename), None)
 
 
@@ -187,7 +177,7 @@ def _short(words: str) -> str:
 
 
 def describe_source(model: Any) -> str:
-    """Return where to look for a model, e.g. ``class Driver of /path/driver.py``."""
+    """Return where a model is, e.g. ``class Driver of /path/driver.py``."""
     made = _unwrapped(model)
     if hasattr(made, "file"):
         return f"the file {made.file}"
@@ -197,7 +187,7 @@ def describe_source(model: Any) -> str:
 
 
 def source_file(model: Any) -> Path | None:
-    """Return the file of a model, or of its class or function; None if there is none."""
+    """Return the file of a model, its class or its function; None if there is none."""
     made = _unwrapped(model)
     if hasattr(made, "file"):
         return Path(made.file)
@@ -208,7 +198,7 @@ def source_file(model: Any) -> Path | None:
 
 
 def _unwrapped(model: Any) -> Any:
-    """Return the class, function or file adapter that the user wrote."""
+    """Return the class, function or file adapter of the user."""
     inner = getattr(model, "function", model.model if isinstance(model, SingleVehicle) else model)
     inner = inner.func if isinstance(inner, partial) else inner
     return inner if inspect.isfunction(inner) or hasattr(inner, "file") else type(inner)

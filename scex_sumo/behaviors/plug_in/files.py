@@ -27,7 +27,7 @@ _DTYPES: Final = {
     "tensor(int32)": np.int32,
     "tensor(bool)": np.bool_,
 }
-# Input and axis from which an ONNX file's sizes of the surroundings are read.
+# Inputs and axes that fix the sizes of the surroundings.
 _SIZES: Final = {
     "neighbours": (("neighbours", 1), ("neighbour_size", 1), ("neighbour_kind", 1), ("neighbour_mask", 1)),
     "lanes": (("lanes", 1), ("lane_limit", 1), ("lane_mask", 1)),
@@ -36,7 +36,7 @@ _SIZES: Final = {
 
 
 class FileFunction(ABC):
-    """A function in a file: arrays by name in, trajectories out. Each process loads the file itself.
+    """A function in a file: arrays by name in, trajectories out; each process loads it.
 
     Attributes:
         sizes: fields of `Surroundings` that the file fixes.
@@ -51,7 +51,7 @@ class FileFunction(ABC):
     @cached_property
     @abstractmethod
     def loaded(self) -> Any:
-        """Content of the file; raises an `InputError` if it cannot be loaded."""
+        """Content of the file."""
 
     @abstractmethod
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
@@ -62,14 +62,13 @@ class FileFunction(ABC):
 
 
 class OnnxFunction(FileFunction):
-    """An ONNX file on one thread; its first output holds the trajectories."""
+    """An ONNX file, run on one thread; its first output holds the trajectories.
+
+    Raises:
+        InputError: it is no ONNX file, or its number of vehicles is fixed.
+    """
 
     def __init__(self, file: str) -> None:
-        """Load the file.
-
-        Raises:
-            InputError: it is no ONNX file, or its number of vehicles is fixed.
-        """
         super().__init__(file)
         declared = self.loaded.get_inputs()
         self.inputs = tuple(entry.name for entry in declared)
@@ -102,7 +101,7 @@ class OnnxFunction(FileFunction):
             raise InputError(f"{self.file}: no ONNX file: {' '.join(str(error).split())}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
-        """Return trajectories; see `Predictor`."""
+        """Return trajectories."""
         given: dict[str, NDArray[Any]] = {
             key: np.ascontiguousarray(values, self._dtypes[key]) for key, values in arrays.items()
         }
@@ -110,14 +109,13 @@ class OnnxFunction(FileFunction):
 
 
 class ScriptedFunction(FileFunction):
-    """The forward function of a TorchScript file on one thread; numbers are float32."""
+    """A TorchScript file, run on one thread with float32 numbers.
+
+    Raises:
+        InputError: it is no TorchScript file.
+    """
 
     def __init__(self, file: str) -> None:
-        """Load the file.
-
-        Raises:
-            InputError: it is no TorchScript file.
-        """
         super().__init__(file)
         arguments = self.loaded.forward.schema.arguments[1:]  # the first is the module itself
         self.inputs = tuple(str(argument.name) for argument in arguments)
@@ -131,12 +129,12 @@ class ScriptedFunction(FileFunction):
         try:
             jit: Any = torch.jit
             return jit.load(self.file, map_location="cpu").eval()
-        except Exception as error:  # torch raises RuntimeError, ValueError and others for a foreign file
+        except Exception as error:  # torch has no common class of errors
             first = str(error).strip().splitlines()[:1] or ["no message"]
             raise InputError(f"{self.file}: no TorchScript file: {first[0]}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
-        """Return trajectories; see `Predictor`."""
+        """Return trajectories."""
         import torch
 
         tensors = {
@@ -160,12 +158,7 @@ _KINDS: Mapping[str, tuple[type[FileFunction], str, str]] = {
 
 
 def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
-    """Return the predictor in a file; given sizes of the surroundings win over those of the file.
-
-    Raises:
-        MissingExtraError: the required package is not installed.
-        InputError: the file cannot be loaded, or asks for unknown inputs.
-    """
+    """Load a predictor; given sizes of the surroundings win over those of the file."""
     make, package, extra = _KINDS[kind]
     if importlib.util.find_spec(package) is None:
         raise MissingExtraError(f"{kind}: needs {package}; install it with pip install 'scex-sumo[{extra}]'")
@@ -180,18 +173,19 @@ def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
     return Predictor(function, inputs=function.inputs, surroundings=around)
 
 
-def _file_model(kind: str, summary: str) -> UserModel:
-    parameters = {"file": EMPTY, **asdict(Surroundings())}
-    return UserModel(make=partial(_predictor, kind), parameters=parameters, summary=summary)
-
-
+_SUMMARIES = {
+    "torchscript": "A TorchScript file that predicts trajectories; its forward names its inputs.",
+    "onnx": "An ONNX file that predicts trajectories; the names of its inputs say what it is given.",
+}
 FILES: Mapping[str, UserModel] = {
-    "torchscript": _file_model(
-        "torchscript", "A TorchScript file that predicts trajectories; its forward names its inputs."
-    ),
-    "onnx": _file_model(
-        "onnx", "An ONNX file that predicts trajectories; the names of its inputs say what it is given."
-    ),
+    **{
+        kind: UserModel(
+            make=partial(_predictor, kind),
+            parameters={"file": EMPTY, **asdict(Surroundings())},
+            summary=summary,
+        )
+        for kind, summary in _SUMMARIES.items()
+    },
     NAME: PROCESS,
 }
-"""Models from files by their name on the command line; the file or command is a parameter."""
+"""Models from files by name; the file or command is a parameter."""

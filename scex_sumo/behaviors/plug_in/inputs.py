@@ -1,6 +1,6 @@
-"""Predictor inputs: the last second of a vehicle and its neighbours, and the lanes, in the vehicle's frame.
+"""Predictor inputs: last second of a vehicle and its neighbours, and the lanes, in the vehicle's frame.
 
-The origin is the vehicle's present centre, x ahead, y to the left; angles are relative to its heading.
+Origin: the vehicle's present centre; x ahead, y to the left; angles relative to its heading.
 """
 
 from __future__ import annotations
@@ -51,12 +51,13 @@ _WORDS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """How much a predictor sees.
+    """Amount of traffic and road that a predictor sees.
 
     Attributes:
         neighbours: K, number of nearest others.
         radius: perception radius, m.
         lanes: L, number of nearest centreline pieces.
+        points: P, of each piece.
         spacing: largest distance between the points of a piece, m.
 
     Example:
@@ -89,8 +90,8 @@ def predictor_inputs(
     ``size`` (n, 2): length and width, m. ``kind`` (n,): index into `KINDS`.
     ``neighbours`` (n, K, 11, 5), ``neighbour_size`` (n, K, 2), ``neighbour_kind`` (n, K): the same of
     vehicles, pedestrians and cyclists within the radius, nearest first.
-    ``lanes`` (n, L, P, 2): centreline pieces in driving direction whose middles are within the radius,
-    nearest first, m. ``lane_limit`` (n, L): their speed limits, m/s.
+    ``lanes`` (n, L, P, 2): centreline pieces in driving direction, nearest middle first, m.
+    ``lane_limit`` (n, L): speed limits, m/s.
     ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False for unused rows, which are zero.
     """
     scene = history.scene
@@ -117,12 +118,11 @@ def vehicle_kind(word: str) -> int:
 def _others(
     history: SceneHistory, who: VehicleIndex, now: States, surroundings: Surroundings, kinds: IntArray
 ) -> dict[str, NDArray[Any]]:
-    """Return the inputs of the nearest vehicles and obstacles."""
     scene, states = history.scene, history.states
     size = np.stack([scene.length, scene.width], axis=-1)
     present = np.ones(states.shape[:2], dtype=np.bool_)
     if scene.obstacles is not None:
-        # Obstacles are replayed, so their past is the recorded one.
+        # Obstacles are replayed: their past is the recorded one.
         steps = np.arange(history.step, history.step + HISTORY_STEPS + 1)
         steps = np.minimum(steps, scene.obstacles.states.shape[1] - 1)
         shape = (len(states.x), len(scene.obstacles.ids), HISTORY_STEPS + 1)
@@ -148,7 +148,7 @@ def _others(
 
 
 def _nearest(distance: FloatArray, count: int, radius: float) -> tuple[IntArray, BoolArray]:
-    """(n, count) columns of the smallest distances, ascending, and whether each is within the radius."""
+    """Return (n, count) nearest columns, and whether each is within the radius."""
     order = np.argsort(distance, axis=1, kind="stable")[:, :count]
     mask = np.take_along_axis(distance, order, axis=1) <= radius
     short = count - order.shape[1]
@@ -156,7 +156,6 @@ def _nearest(distance: FloatArray, count: int, radius: float) -> tuple[IntArray,
 
 
 def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDArray[Any]]:
-    """Return the inputs of the nearest centreline pieces."""
     pieces, limit = lane_pieces(road, surroundings.points, surroundings.spacing)
     middle = pieces[:, [surroundings.points // 2, (surroundings.points - 1) // 2]].mean(axis=1)
     distance = np.hypot(middle[:, 0] - now.x[:, None], middle[:, 1] - now.y[:, None])
@@ -175,12 +174,7 @@ def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDA
 
 @owner_cache
 def lane_pieces(road: Road, points: int, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Cut the centrelines of the vehicle lanes into equal pieces; kept with the road.
-
-    Returns:
-        (R, P, 2) points in driving direction, m; a piece ends where the next of its lane begins. And (R,)
-        speed limits, m/s.
-    """
+    """Cut the vehicle lanes into (R, P, 2) pieces in driving direction, m, with (R,) speed limits, m/s."""
     pieces: list[FloatArray] = [np.empty((0, points, 2))]
     limits: list[FloatArray] = [np.empty(0)]
     for lane in road.vehicle_lanes.values():

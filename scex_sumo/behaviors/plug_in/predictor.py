@@ -1,4 +1,4 @@
-"""Predictors as behaviour models: functions from history, neighbours, lanes or graph to trajectories."""
+"""Predictors: functions from history, neighbours, lanes or graph to trajectories, as behaviour models."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.motion import map_plan
 from scex_sumo.behaviors.plug_in.inputs import ARRAYS, Surroundings, predictor_inputs
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -21,21 +22,20 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.scene_graph.graph import SceneGraph
 
 INPUTS: Final = (*ARRAYS, "graph", "node", "rng")
-"""Parameters that a function may have: arrays, the scene graph and the vehicles' nodes, randomness."""
+"""Parameters that a function may have: arrays, the scene graph, the vehicles' nodes, a generator."""
 
-MOVING_M = 0.05  # per step: below 0.5 m/s the direction of the motion says little about the heading
+MOVING_M = 0.05  # per step; below 0.5 m/s the motion says little about the heading
 NEEDED = f"(n, H, 2), (n, H, 3) or (n, H, 4) with H of at least {PLAN_STEPS}"
 
 
 class Predictor:
-    """Adapter that makes a `Behavior` of a function that predicts trajectories in the vehicle's own frame.
+    """Adapter from a function that predicts trajectories in the vehicle's own frame to a `Behavior`.
 
     The function is called with the inputs that its parameters name, see `INPUTS` and `predictor_inputs`. It
     returns (n, H >= 30, 2 to 4): x, y (m), and optionally heading (rad) and speed (m/s), one row per step of
-    0.1 s from the next one on. Missing headings and speeds follow the motion.
+    0.1 s. Missing headings and speeds follow the motion.
 
-    It is called once per child, with the n vehicles of that child. Matrix products differ in their last
-    digits with the number of rows, so a larger call would make a child depend on its batch.
+    It is called once per child, because the last digits of matrix products depend on the number of rows.
 
     Example:
         >>> def straight(history):
@@ -57,8 +57,7 @@ class Predictor:
 
         Args:
             inputs: names of its arguments; None takes its parameters.
-            batched: call it once with the vehicles of all children. The function must give the same rows
-                whatever other rows there are, and cannot ask for ``rng``.
+            batched: call it once for all children; its rows must not depend on each other.
 
         Raises:
             UsageError: it asks for unknown inputs.
@@ -77,15 +76,15 @@ class Predictor:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Predict for all vehicles; see `Behavior.plan`.
-
-        Raises:
-            ScexError: the function returned no trajectories.
-        """
+        """Predict for all vehicles; see `Behavior.plan`."""
         arrays = predictor_inputs(
             history, road, who, self.surroundings, [name for name in self.inputs if name in ARRAYS]
         )
-        graph = _graph(history, road) if "graph" in self.inputs else None
+        graph: SceneGraph | None = None
+        if "graph" in self.inputs:
+            from scex_sumo.behaviors.scene_graph.graph import scene_graph  # few runs need it
+
+            graph = scene_graph(history, road)
         vehicles = history.now.shape[1]
         calls = self._calls(who)
         predicted = []
@@ -102,10 +101,10 @@ class Predictor:
         whole = np.zeros((len(who), PLAN_STEPS, 4))
         if calls:
             whole[np.concatenate(calls)] = completed(np.concatenate(predicted))
-        return _map_plan(whole, history, who)
+        x, y, heading, speed = np.moveaxis(whole, -1, 0)
+        return map_plan(history, who, x, y, heading, speed.copy())
 
     def _calls(self, who: VehicleIndex) -> list[IntArray]:
-        """Return the rows of each call."""
         if self.batched or len(who) == 0:
             return [np.arange(len(who))] if len(who) else []
         order = np.argsort(who.child, kind="stable")
@@ -113,11 +112,7 @@ class Predictor:
 
 
 def trajectories(predicted: Any, count: int) -> FloatArray:
-    """Check what a function returned for `count` vehicles, and cut it to (n, 30, 2 to 4).
-
-    Raises:
-        ScexError: it has another shape, or is no array.
-    """
+    """Check a function's result for `count` vehicles, and cut it to (n, 30, 2 to 4)."""
     try:
         values = np.asarray(predicted, dtype=np.float64)
     except (TypeError, ValueError):
@@ -131,8 +126,8 @@ def trajectories(predicted: Any, count: int) -> FloatArray:
 def completed(values: FloatArray) -> FloatArray:
     """Add missing headings and speeds: (n, 30, 2 to 4) to (n, 30, 4) x, y, heading, speed.
 
-    A heading follows the motion, and stays below 0.5 m/s. A vehicle that moves against its heading is
-    reversing. A speed is the way of the step over its time, negative when reversing.
+    A heading follows the motion, and stays below 0.5 m/s. A vehicle that moves against its heading reverses,
+    at a negative speed.
     """
     columns = values.shape[2]
     way = np.diff(values[..., :2], axis=1, prepend=0.0)
@@ -147,7 +142,7 @@ def completed(values: FloatArray) -> FloatArray:
 
 
 def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
-    """(n, H) headings that follow the steps (n, H, 2) of these lengths, starting at 0."""
+    """Return (n, H) headings along the steps (n, H, 2), starting at 0."""
     heading = np.zeros(length.shape)
     before = np.zeros(len(length))
     for step in range(length.shape[1]):
@@ -159,27 +154,8 @@ def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
     return heading
 
 
-def _map_plan(local: FloatArray, history: SceneHistory, who: VehicleIndex) -> Plan:
-    """Transform trajectories (n, H, 4) from the vehicles' frames to the map."""
-    now = history.now[who.child, who.vehicle].map(lambda values: values[:, None])
-    x, y, heading, speed = np.moveaxis(local, -1, 0)
-    cos, sin = np.cos(now.heading), np.sin(now.heading)
-    return Plan(
-        x=now.x + cos * x - sin * y,
-        y=now.y + sin * x + cos * y,
-        heading=wrap(now.heading + heading),
-        speed=speed.copy(),
-    )
-
-
-def _graph(history: SceneHistory, road: Road) -> SceneGraph:
-    from scex_sumo.behaviors.scene_graph.graph import scene_graph  # few runs need it
-
-    return scene_graph(history, road)
-
-
 def graph_of_child(graph: SceneGraph, child: int, vehicles: int) -> SceneGraph:
-    """Return the scene graph of one child of a batch; its nodes are the vehicles."""
+    """Return the scene graph of one child of a batch."""
     nodes = slice(child * vehicles, (child + 1) * vehicles)
     edges = graph.edge_index[1] // vehicles == child
     return replace(

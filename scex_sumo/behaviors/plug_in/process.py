@@ -1,7 +1,7 @@
 """External driving function: a program in any language that answers lines of JSON.
 
 The program reads one line per question on standard input and answers with one line on standard output. The
-first line is the road; the program answers it with any JSON object when it is ready.
+first line is the road; any JSON object as answer means that the program is ready.
 """
 
 from __future__ import annotations
@@ -31,18 +31,17 @@ _KEYS = ("x", "y", "heading", "speed")
 
 
 class ProcessDriver:
-    """Single-vehicle model that asks a program; its mistakes are errors of the plan."""
+    """Single-vehicle model that asks a program.
+
+    Args:
+        command: as on a shell's command line; no shell is used. The program starts at the first question.
+        deadline_s: a later answer counts as none, and ends the program.
+
+    Raises:
+        UsageError: the command is empty, or the deadline is not positive.
+    """
 
     def __init__(self, command: str, deadline_s: float = 1.0) -> None:
-        """Keep the command; the program starts at the first question.
-
-        Args:
-            command: as on a shell's command line; no shell is used.
-            deadline_s: a later answer counts as none, and ends the program.
-
-        Raises:
-            UsageError: the command is empty, or the deadline is not positive.
-        """
         if not shlex.split(command):
             raise UsageError(f"{NAME}: needs a command, as in {NAME}:'python driver.py'")
         if not deadline_s > 0:
@@ -52,17 +51,12 @@ class ProcessDriver:
         self._starts = 0
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the running program: each worker starts its own."""
-        return {**self.__dict__, "_program": None, "_starts": 0}
+        return {**self.__dict__, "_program": None, "_starts": 0}  # each worker starts its own
 
     def plan_one(
         self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
     ) -> States:
-        """Ask the program; see `SingleVehicleBehavior`.
-
-        Raises:
-            ScexError: the program cannot be started, has ended, is late, or gives no plan.
-        """
+        """Ask the program; raise a `ScexError` if it gives no plan in time."""
         if self._program is None:
             if self._starts >= MAX_STARTS:
                 raise ScexError(f"{self.command}: ended or was late {MAX_STARTS} times; given up")
@@ -78,8 +72,6 @@ class ProcessDriver:
 
 
 class _Program:
-    """A running program and its pipes."""
-
     def __init__(self, command: str, setup: str) -> None:
         self._command = command
         try:
@@ -137,7 +129,6 @@ class _Program:
             return ""
 
     def end(self) -> None:
-        """Stop the program."""
         self._ready.close()
         self._selector.close()
         self._process.kill()
@@ -146,19 +137,17 @@ class _Program:
         self._out.close()
 
     def __del__(self) -> None:
-        """Stop the program when the worker is done."""
         if hasattr(self, "_selector") and not self._out.closed:
             self.end()
 
 
 def _wait(selector: selectors.BaseSelector, until: float) -> bool:
-    """Wait for a pipe; return False if the time is over, even if the pipe is ready."""
+    """Wait for a pipe; return False if the time is over."""
     left = until - time.monotonic()
     return left > 0 and bool(selector.select(left))
 
 
 def _setup(road: Road) -> str:
-    """Return the first line, which describes the road."""
     lanes = [
         {
             "id": lane.lane_id,
@@ -175,7 +164,6 @@ def _setup(road: Road) -> str:
 
 
 def _question(history: SceneHistory, child: int, vehicle: int) -> str:
-    """Return one vehicle's scene: the vehicle and all others, each with its last second, oldest first."""
     scene, states = history.scene, history.states[child]
 
     def described(v: int) -> dict[str, Any]:
@@ -195,7 +183,6 @@ def _question(history: SceneHistory, child: int, vehicle: int) -> str:
 
 
 def _states(command: str, answer: Any) -> States:
-    """Return the plan in an answer."""
     try:
         rows = {key: np.array(answer[key], dtype=np.float64) for key in _KEYS}
     except (KeyError, TypeError, ValueError):

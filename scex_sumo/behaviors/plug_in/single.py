@@ -1,4 +1,4 @@
-"""Single-vehicle models: they plan for one vehicle at a time, e.g. a driving function under test."""
+"""Single-vehicle models, which plan for one vehicle at a time, e.g. a driving function under test."""
 
 from __future__ import annotations
 
@@ -25,10 +25,9 @@ class SingleVehicleBehavior(Protocol):
         """Plan at least 30 steps for one vehicle.
 
         Args:
-            history: states of the vehicle's child alone, C = 1. Its own states are
-                ``history.states[child, vehicle]``, (11,); those of all vehicles ``history.states[child]``,
-                (V, 11).
-            road: the map; if the model has a `radius`, narrowed to that around the vehicle.
+            history: states of the vehicle's child alone. ``history.states[child, vehicle]`` (11,) are the
+                vehicle's, ``history.states[child]`` (V, 11) those of all.
+            road: the map; if the model has a `radius`, only the part around the vehicle.
             child: index into the history, 0; ``history.children[child]`` is the child's number.
             vehicle: index into the seed scene.
             rng: the child's generator.
@@ -49,14 +48,10 @@ class SingleVehicle:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Ask the model for one vehicle after the other; see `Behavior.plan`.
-
-        Raises:
-            ScexError: a plan is too short.
-        """
+        """Ask the model for one vehicle after the other; see `Behavior.plan`."""
         now = history.now
         plans = []
-        # The model sees one child, so that it neither depends on the others nor pays for them.
+        # One child, so that the others have no influence and cost nothing.
         alone = {c: _child_history(history, c) for c in np.unique(who.child).tolist()}
         for c, v in zip(who.child.tolist(), who.vehicle.tolist(), strict=True):
             visible = road
@@ -89,7 +84,7 @@ def _child_history(history: SceneHistory, child: int) -> SceneHistory:
 
 
 def narrow_road(road: Road, x: float, y: float, radius: float) -> Road:
-    """Return the lanes, markings and areas of a map that have a point within a radius of (x, y), m."""
+    """Return the lanes, markings and areas with a point within a radius of (x, y), m."""
 
     def near(points: FloatArray) -> bool:
         return bool(len(points) and (np.hypot(points[:, 0] - x, points[:, 1] - y) <= radius).any())

@@ -1,4 +1,4 @@
-"""User models before they are made: classes, functions and objects, with their parameters."""
+"""User models: classes, functions and objects with their parameters."""
 
 from __future__ import annotations
 
@@ -19,24 +19,18 @@ EMPTY = inspect.Parameter.empty
 
 @dataclass(frozen=True, kw_only=True)
 class UserModel:
-    """A user's model that is not made yet.
+    """A user's model that is not made yet."""
 
-    Attributes:
-        make: makes it, with parameters by name.
-        parameters: their defaults; ``EMPTY`` if the parameter must be given.
-        summary: one sentence for ``scex-sumo models``.
-    """
-
-    make: Callable[..., Any]
-    parameters: Mapping[str, Any]
-    summary: str
+    make: Callable[..., Any]  # makes it, with parameters by name
+    parameters: Mapping[str, Any]  # their defaults; ``EMPTY`` if there is none
+    summary: str  # one sentence for ``scex-sumo models``
 
 
 def user_model(given: Any, name: str) -> UserModel:
     """Return a class, function or object as a model.
 
-    A class, and a function that returns a model, makes the model. A function whose parameters are inputs of
-    a predictor, such as ``history``, predicts. An object with ``plan`` or ``plan_one`` is the model.
+    A class makes the model, as does a function that returns one. A function with inputs of a predictor,
+    such as ``history``, predicts. An object with ``plan`` or ``plan_one`` is the model.
 
     Raises:
         UsageError: it is none of these.
@@ -61,11 +55,9 @@ def user_model(given: Any, name: str) -> UserModel:
 def predictor_model(function: Callable[..., Any], *, batched: bool = False, **surroundings: Any) -> UserModel:
     """Return a function that predicts as a model.
 
-    The model's parameters are the function's parameters with a default that are no inputs, and the fields
-    of `Surroundings`.
+    Its parameters with a default that are no inputs become parameters, as do the fields of `Surroundings`.
 
     Args:
-        batched: as in `Predictor`.
         surroundings: fields of `Surroundings` with another default.
     """
     around = asdict(Surroundings(**surroundings))
@@ -89,7 +81,7 @@ def predictor_model(function: Callable[..., Any], *, batched: bool = False, **su
 
 
 def is_predictor(given: Any) -> bool:
-    """Return whether an object is a function of a vehicle's inputs, rather than one that makes a model."""
+    """Return whether an object is a function of a vehicle's inputs."""
     parameters = {} if inspect.isclass(given) or not callable(given) else _parameters(given)
     return any(p.name in INPUTS and p.default is EMPTY for p in parameters.values())
 
@@ -107,15 +99,11 @@ def _summary(given: Any) -> str:
 
 
 def is_import_path(module: str, attribute: str) -> bool:
-    """Return whether ``module:attribute`` can be an import path: both consist of identifiers."""
+    """Return whether both parts of ``module:attribute`` consist of identifiers."""
     return all(part.isidentifier() for part in module.split(".")) and attribute.isidentifier()
 
 
 def load_model(path: str) -> UserModel:
-    """Import the model of an import path ``package.module:Class``.
-
-    Raises:
-        UsageError: as `import_object`, or the object is no model.
-    """
+    """Import the model of an import path ``package.module:Class``."""
     hint = "; a model is name[:parameter=value]... or package.module:Class"
     return user_model(import_object(path, hint=hint, reason=model_error_reason), path)

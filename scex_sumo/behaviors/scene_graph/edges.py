@@ -1,4 +1,4 @@
-"""Edges of the semantic scene graph: lane relations of vehicle pairs, many at once."""
+"""Edges of the semantic scene graph: lane relations of vehicle pairs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ KINDS = ("ahead", "behind", "lateral", "intersecting")
 AHEAD, BEHIND, LATERAL, INTERSECTING = range(4)
 EDGE_COLUMNS = (
     *(f"is_{kind}" for kind in KINDS),
-    "path_distance",  # m, of the source from the target along the lanes: positive ahead; 0 if intersecting
+    "path_distance",  # m, of the source from the target along the lanes, positive ahead; 0 if intersecting
     "target_offset",  # m, from the centreline, left positive
     "source_offset",
     "target_to_crossing",  # m, along the lanes; 0 unless intersecting
     "source_to_crossing",
-    "target_probability",  # of the match with the lane that the relation is about
+    "target_probability",  # of the match with the lane
     "source_probability",
     "speed_difference",  # m/s, source minus target
     "x",  # m, of the source in the target's frame: ahead
@@ -28,7 +28,7 @@ EDGE_COLUMNS = (
     "sin",
 )
 WAY_M = 100.0  # along the lanes, for vehicles ahead or behind
-SECOND_MATCH = 0.2  # a second lane counts from this probability on
+SECOND_MATCH = 0.2  # from this probability on
 MATCHES = 2  # lanes per vehicle
 
 
@@ -36,7 +36,7 @@ MATCHES = 2  # lanes per vehicle
 class Located:
     """Lanes of N vehicles: the most probable one in row 0, the second in row 1."""
 
-    lane: IntArray  # (MATCHES, N) number in the road index; arbitrary where the probability is 0
+    lane: IntArray  # (MATCHES, N) number in the road index; arbitrary at probability 0
     s: FloatArray  # (MATCHES, N) arc length on it, m
     offset: FloatArray  # (MATCHES, N) from its centreline, m, left positive
     heading_error: FloatArray  # (MATCHES, N) vehicle minus lane, rad
@@ -63,7 +63,7 @@ class Edges:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Relation:
-    """Relation of M targets and sources on given lanes; `kind` is -1 without one."""
+    """Relation of M targets and sources; `kind` is -1 without one."""
 
     kind: IntArray
     path_distance: FloatArray
@@ -79,17 +79,12 @@ def scene_edges(
     place: Located,
     relations: LaneRelations,
 ) -> Edges:
-    """Find the relations of M pairs of vehicles that are on the road.
+    """Find the relations of M pairs of vehicles that are on the road; of two lanes, the likeliest counts.
 
     Args:
-        target: (M,) node.
-        source: (M,) node.
+        target: (M,) node; ``source`` too.
         now: (N,) present states.
-        length: (N,) of the vehicles, m.
-
-    Returns:
-        One edge per related pair, in their order. If a vehicle may be on two lanes, the most probable
-        relation counts.
+        length: (N,) m.
     """
     pair, on_target, on_source = _combinations(target, source, place)
     t, s = target[pair], source[pair]
@@ -104,7 +99,7 @@ def scene_edges(
         relations,
     )
     row = np.flatnonzero(relation.kind >= 0)
-    # The most probable relation of each pair; of equals the first kind, then the first match.
+    # Of equals the first kind, then the first match.
     row = row[least_of(pair[row], -joint[row], relation.kind[row])]
     features = _features(relation, row, (on_target[row], t[row]), (on_source[row], s[row]), now, place)
     return Edges(source=s[row], target=t[row], kind=relation.kind[row], features=features)
@@ -118,11 +113,6 @@ def _features(
     now: States,
     place: Located,
 ) -> FloatArray:
-    """(E, G) columns as in `EDGE_COLUMNS` for rows (E,) of the relations.
-
-    Args:
-        at_target: match and node of each target: an index into the tables of `place`.
-    """
     target, source = at_target[1], at_source[1]
     columns = (
         relation.path_distance[row],
@@ -161,7 +151,6 @@ def _relate(
     half_s: FloatArray,
     relations: LaneRelations,
 ) -> _Relation:
-    """Relate targets and sources on given lanes: ahead or behind, else lateral, else intersecting."""
     ahead, behind = _along(lane_t, lane_s, s_s - s_t, relations)
     kind = np.where(np.minimum(ahead, behind) <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
     distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))
@@ -176,7 +165,7 @@ def _relate(
     rest = np.flatnonzero(kind < 0)
     to_place = relations.meeting[lane_t[rest], lane_s[rest]]
     to_t, to_s = to_place[:, :, 0] - s_t[rest, None], to_place[:, :, 1] - s_s[rest, None]
-    # A vehicle whose rear has not cleared the place is still before it.
+    # A vehicle is before the place until its rear has cleared it.
     before = (to_t >= -half_t[rest, None]) & (to_s >= -half_s[rest, None])
     before &= (to_t <= CONFLICT_M) & (to_s <= CONFLICT_M)
     some = np.flatnonzero(before.any(axis=1))
@@ -191,10 +180,10 @@ def _relate(
 def _along(
     lane_t: IntArray, lane_s: IntArray, lead: FloatArray, relations: LaneRelations
 ) -> tuple[FloatArray, FloatArray]:
-    """(M,) way from target to source, and from source to target, m; inf without one.
+    """Return (M,) ways from target to source and back, m; inf without one.
 
     Args:
-        lead: (M,) arc length of the source on its lane minus that of the target on its lane, m.
+        lead: (M,) arc length of the source minus that of the target, each on its lane, m.
     """
     ahead = relations.ahead[lane_t, lane_s] + lead
     behind = relations.ahead[lane_s, lane_t] - lead
@@ -206,7 +195,7 @@ def _along(
 
 
 def _relative(now: States, target: IntArray, source: IntArray) -> tuple[FloatArray, ...]:
-    """(E,) x, y, cos, sin of the sources in the frames of their targets."""
+    """Return (E,) x, y, cos, sin of the sources in their targets' frames."""
     dx, dy = now.x[source] - now.x[target], now.y[source] - now.y[target]
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     cos_t, sin_t, cos_s, sin_s = cos[target], sin[target], cos[source], sin[source]

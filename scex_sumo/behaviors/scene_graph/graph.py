@@ -1,7 +1,4 @@
-"""Semantic scene graph: vehicles as nodes, and edges where lanes relate two vehicles.
-
-All children of a batch form one graph, without edges between children. Units are SI.
-"""
+"""Semantic scene graph of all children of a batch, without edges between children; SI units."""
 
 from __future__ import annotations
 
@@ -32,7 +29,7 @@ class SceneGraph:
     Attributes:
         child: (N,) index into the batch.
         vehicle: (N,) index into the seed scene's vehicles.
-        node: (N, F) features of the vehicles, columns as in `NODE_COLUMNS`.
+        node: (N, F) features, columns as in `NODE_COLUMNS`.
         node_columns: names of the F columns.
         history: (N, 11, 5) the last second in the node's present frame, oldest first, columns as in
             `HISTORY_COLUMNS`.
@@ -40,12 +37,12 @@ class SceneGraph:
         edge_index: (2, E) source and target, sorted by target, then by source. The source influences the
             target.
         edge_kind: (E,) index into `KINDS`: the source is ahead of the target (0), behind it (1), on a lane
-            beside (2), or the ways of both meet ahead of both (3).
-        edge: (E, G) features of the edges, columns as in `EDGE_COLUMNS`.
+            beside (2), or their ways meet ahead of both (3).
+        edge: (E, G) features, columns as in `EDGE_COLUMNS`.
         edge_columns: names of the G columns.
         on_road: (N,) False for a vehicle without a fitting lane; it has no edges.
         lane_id: (N,) most probable lane; arbitrary off the road.
-        arc: (N,) arc length of the foot point on that lane, m; 0 off the road.
+        arc: (N,) arc length on that lane, m; 0 off the road.
 
     Example:
         >>> graph = scex.scene_graph(scene)
@@ -71,10 +68,10 @@ class SceneGraph:
 def scene_graph(
     history: SceneHistory | SeedScene, road: Road | None = None, *, radius: float = RADIUS_M
 ) -> SceneGraph:
-    """Build the semantic scene graphs of all children at once; kept with the history.
+    """Build the semantic scene graphs of all children; kept with the history.
 
     Args:
-        history: a batch of children; or a seed scene, which counts as one child.
+        history: a batch of children, or a seed scene as the only child.
         road: the map; None takes that of the seed scene.
         radius: largest length of an edge, centre to centre, m.
 
@@ -120,7 +117,6 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
 
 
 def _locate(index: RoadIndex, matches: Matches, count: int) -> Located:
-    """Return the two most probable lanes of each of N vehicles."""
     place = Located.nowhere(count)
     rank = np.arange(len(matches.vehicle)) - np.searchsorted(matches.vehicle, matches.vehicle)
     for k in range(len(place.lane)):
@@ -138,7 +134,6 @@ def _locate(index: RoadIndex, matches: Matches, count: int) -> Located:
 
 
 def _edges(history: SceneHistory, now: States, place: Located, index: RoadIndex, radius: float) -> Edges:
-    """Relate the pairs within each child that are near enough and on the road."""
     children, vehicles = history.now.shape
     x, y = history.now.x, history.now.y
     near = (x[:, :, None] - x[:, None, :]) ** 2 + (y[:, :, None] - y[:, None, :]) ** 2 <= radius**2
@@ -160,29 +155,29 @@ NODE_COLUMNS = (
     "speed",  # m/s
     "yaw_rate",  # rad/s
     "acceleration",  # m/s²
-    "match_probability",  # of the most probable lane; 0 off the road, and so the next three
+    "match_probability",  # of the most probable lane; this and the next three are 0 off the road
     "lane_offset",  # m, from the centreline, left positive
     "lane_heading_error",  # rad, vehicle minus lane
     "speed_limit",  # m/s, of the lane
-    "obstacle_ahead",  # 1 if a pedestrian or cyclist is in the corridor ahead, else 0, and so the next two
+    "obstacle_ahead",  # 1 if a pedestrian or cyclist is in the corridor ahead; else 0, and the next two
     "obstacle_distance",  # m, from the front bumper to the obstacle's centre
     "obstacle_offset",  # m, left positive
 )
 HISTORY_COLUMNS = SEEN_COLUMNS
 SLOPE_STEPS = 5  # 0.5 s
 CORRIDOR_M = 30.0  # ahead of the front bumper: where a car at 50 km/h stops comfortably
-CORRIDOR_HALF_WIDTH_M = 3.0  # to either side: the lane, and pedestrians at its edge
+CORRIDOR_HALF_WIDTH_M = 3.0  # to either side, with pedestrians at the edge of the lane
 _WORDS = {"motor": 2, "truck": 1, "bus": 1, "trailer": 1, "car": 0, "van": 0}
 
 
 def node_history(history: SceneHistory) -> FloatArray:
-    """(C * V, 11, 5) the last second in each vehicle's present frame, columns as in `HISTORY_COLUMNS`."""
+    """Return (C * V, 11, 5) `HISTORY_COLUMNS` in each vehicle's present frame."""
     seen = seen_from(history.now, history.states)
     return seen.reshape(-1, *seen.shape[2:])
 
 
 def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> FloatArray:
-    """(C * V, F) columns as in `NODE_COLUMNS`, with the lanes of the C * V vehicles."""
+    """Return (C * V, F) `NODE_COLUMNS`."""
     children, vehicles = history.now.shape
     features = np.zeros((children, vehicles, len(NODE_COLUMNS)))
     scene = history.scene
@@ -202,15 +197,11 @@ def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> Fl
 
 
 def _type_of(name: str) -> int:
-    """Return the index into `TYPES` of a recorded type, e.g. ``truck_bus``."""
     return next((number for word, number in _WORDS.items() if word in name.lower()), TYPES.index("other"))
 
 
 def slope(values: FloatArray) -> FloatArray:
-    """Change per second of evenly spaced values (..., K): the median slope of all pairs.
-
-    It is robust against one outlier in six values. Source: Theil 1950, Sen 1968.
-    """
+    """Return robust changes per second of values (..., K): the median slope (Theil 1950, Sen 1968)."""
     first, second = np.triu_indices(values.shape[-1], 1)
     slopes = (values[..., second] - values[..., first]) / ((second - first) * STEP_S)
     median: FloatArray = np.median(slopes, axis=-1)
@@ -218,7 +209,7 @@ def slope(values: FloatArray) -> FloatArray:
 
 
 def _obstacle_ahead(history: SceneHistory) -> FloatArray:
-    """(C, V, 3) whether a pedestrian or cyclist is in the corridor ahead, and the nearest one's place."""
+    """Return (C, V, 3) whether an obstacle is in the corridor ahead, and the nearest's place."""
     now, obstacles, present = history.now, history.obstacle_states, history.obstacle_present
     nearest = np.zeros((*now.shape, 3))
     if obstacles is None or present is None or not present.any():

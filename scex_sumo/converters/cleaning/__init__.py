@@ -1,4 +1,1 @@
-"""Cleaning of recorded tracks: copies, headings, jitter, offsets to the map.
-
-May import geometry, roads, converters.tracks.rows.
-"""
+"""Cleaning of recorded tracks: copies, headings, jitter, offsets to the map."""

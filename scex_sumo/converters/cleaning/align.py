@@ -1,7 +1,6 @@
-"""Alignment of tracks to their map: a residual offset is estimated from the driving and removed.
+"""Alignment of tracks to their map.
 
-Tracks and map are surveyed independently and often differ by half a metre and a degree. Over a whole
-recording the offset shows, because drivers keep near the middle of lanes that run in several directions.
+Tracks and map are surveyed independently and often differ by half a metre and a degree.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ MIN_SAMPLES, MIN_TRACKS = 500, 20  # with fewer nothing is done
 # Share of the samples that must be more than 45° off the main direction: on a road of one direction an offset
 # looks like a habit of driving beside the middle.
 MIN_OTHER_DIRECTIONS = 0.1
-LANE_SIGMA_M = 0.5  # usual distance of drivers from the middle; samples farther off count less
+LANE_SIGMA_M = 0.5  # samples farther off the middle count less
 SHIFT_SIGMA_M = 1.0  # usual offsets: the prior where the lanes say nothing (along a straight road)
 TURN_SIGMA_RAD = math.radians(1.5)
 # Number of independent observations at most: samples of one track share its error, tracks of one lane the
@@ -34,7 +33,7 @@ TURN_SIGMA_RAD = math.radians(1.5)
 INDEPENDENT = 30
 MIN_OFFSET_M = 0.3  # across the lanes; smaller offsets are left alone
 MIN_GAIN = 0.2  # by which the spread within lanes must shrink, for tracks that the estimate has not seen
-MAX_OFFSET_M = 3.0  # a larger offset is no residual one: the map's origin is wrong
+MAX_OFFSET_M = 3.0  # a larger offset means a wrong origin
 _ROUNDS, _STILL_M, _STILL_RAD = 6, 0.005, 1e-4
 
 
@@ -59,16 +58,13 @@ class Evidence:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Alignment:
-    """Rotation about ``centre`` by ``turn`` (rad, counter-clockwise), then shift by ``dx, dy`` (m)."""
-
+class _Alignment:
     dx: float
     dy: float
     turn: float
     centre: tuple[float, float]
 
     def points(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the moved points."""
         c, s = math.cos(self.turn), math.sin(self.turn)
         rx, ry = x - self.centre[0], y - self.centre[1]
         return self.centre[0] + c * rx - s * ry + self.dx, self.centre[1] + s * rx + c * ry + self.dy
@@ -79,17 +75,15 @@ def align_tracks(
 ) -> tuple[TrackTable, str | None]:
     """Move a recording onto the lanes of its map if its vehicles drive beside them.
 
-    Shift and rotation are the least-squares fit of moving vehicles' centres to the centrelines of the lanes
-    they match. A track counts by the root of its samples; samples far off (lane changes, parking) count less.
-    A common habit of driving left or right of the middle is estimated too, and kept.
+    Shift and rotation are the least-squares fit of moving vehicles' centres to the centrelines that they
+    match. A track counts by the root of its samples; samples far off count less. A common habit of driving
+    left or right of the middle is estimated and kept.
 
     Args:
-        siblings: name and evidence of other recordings of the site by the same tracker; read only if the
-            recording's own evidence is thin.
+        siblings: name and evidence of other recordings of the site; read only if the own evidence is thin.
 
     Returns:
-        The table and a phrase with the shift and its effect; or the same table and None if the evidence is
-        too thin or the tracks are right.
+        The table, and a phrase about the shift; None if the evidence is too thin or the tracks are right.
     """
     parts = [(table.path.name, evidence(table.vehicles))]
     if parts[0][1].tracks < OWN_TRACKS:
@@ -97,9 +91,8 @@ def align_tracks(
             if sum(part.tracks for _, part in parts) >= ENOUGH_TRACKS:
                 break
             parts.append(sibling)
-    # By name: the same recordings in any order give the same bits.
     pooled = _thinned(_pooled([part for _, part in sorted(parts, key=lambda named: named[0])]))
-    estimate = find_alignment(pooled, road)
+    estimate = _find_alignment(pooled, road)
     if estimate is None:
         return table, None
     alignment, before, after = estimate
@@ -123,11 +116,10 @@ def evidence(rows: TrackRows) -> Evidence:
     return Evidence(x=rows.x[keep], y=rows.y[keep], heading=rows.psi_rad[keep], track=track)
 
 
-def find_alignment(samples: Evidence, road: Road) -> tuple[Alignment, float, float] | None:
-    """Find the offset of samples to their lanes, and the median distance to the middle before and after, m.
+def _find_alignment(samples: Evidence, road: Road) -> tuple[_Alignment, float, float] | None:
+    """Return the offset of samples to their lanes, and the median distance to the middle before and after, m.
 
-    Returns:
-        None with too few samples or directions, or if the offset is too small or explains too little.
+    None with too few samples or directions, or if the offset is too small or explains too little.
     """
     if len(samples.x) < MIN_SAMPLES or samples.tracks < MIN_TRACKS or _one_way(samples.heading):
         return None
@@ -156,15 +148,15 @@ def on_lanes(samples: Evidence, road: Road) -> float:
 def lane_distance(samples: Evidence, road: Road) -> float:
     """Return the median distance of samples to the middle of their lanes, m; nan without any."""
     few = _thinned(samples)
-    stay = Alignment(dx=0.0, dy=0.0, turn=0.0, centre=(0.0, 0.0))
+    stay = _Alignment(dx=0.0, dy=0.0, turn=0.0, centre=(0.0, 0.0))
     offsets = _offsets(few, road, stay) if len(few.x) else np.zeros(0)
     return float(np.median(np.abs(offsets))) if len(offsets) else math.nan
 
 
-def _fit(samples: Evidence, road: Road) -> Alignment:
+def _fit(samples: Evidence, road: Road) -> _Alignment:
     """Fit by Gauss-Newton on weighted offsets; samples are matched again in every round."""
     centre = float(samples.x.mean()), float(samples.y.mean())
-    fit = Alignment(dx=0.0, dy=0.0, turn=0.0, centre=centre)
+    fit = _Alignment(dx=0.0, dy=0.0, turn=0.0, centre=centre)
     habit = 0.0
     shift, turn = SHIFT_SIGMA_M**-2.0, TURN_SIGMA_RAD**-2.0
     prior = np.diag([shift, shift, turn, LANE_SIGMA_M**-2.0])
@@ -194,7 +186,7 @@ def _fit(samples: Evidence, road: Road) -> Alignment:
 
 
 def _matched(
-    samples: Evidence, road: Road, alignment: Alignment
+    samples: Evidence, road: Road, alignment: _Alignment
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray]:
     """Return moved x, y (n,); of the matched (m,) the lane's direction, the sample's index, its offset."""
     x, y = alignment.points(samples.x, samples.y)
@@ -205,17 +197,16 @@ def _matched(
     return x, y, heading[sample] - matches.heading_error[best], sample, matches.offset[best]
 
 
-def _offsets(samples: Evidence, road: Road, alignment: Alignment) -> FloatArray:
+def _offsets(samples: Evidence, road: Road, alignment: _Alignment) -> FloatArray:
     """Return how far left of the lane's middle the samples on lanes are (m,), in m."""
     return _matched(samples, road, alignment)[4]
 
 
 def _spread(offsets: FloatArray) -> float:
-    """Return the median deviation from the median offset, m; inf without any."""
     return float(np.median(np.abs(offsets - np.median(offsets)))) if len(offsets) else math.inf
 
 
-def _across(samples: Evidence, alignment: Alignment) -> FloatArray:
+def _across(samples: Evidence, alignment: _Alignment) -> FloatArray:
     """Return by how much samples are moved across their heading (n,), in m."""
     x, y = alignment.points(samples.x, samples.y)
     return (y - samples.y) * np.cos(samples.heading) - (x - samples.x) * np.sin(samples.heading)
@@ -246,6 +237,6 @@ def _thinned(samples: Evidence, most: int = MAX_SAMPLES) -> Evidence:
     return samples.take(chosen)
 
 
-def _moved(rows: TrackRows, alignment: Alignment) -> TrackRows:
+def _moved(rows: TrackRows, alignment: _Alignment) -> TrackRows:
     x, y = alignment.points(rows.x, rows.y)
     return rows.turned(alignment.turn).with_columns(x=x, y=y)

@@ -1,4 +1,4 @@
-"""Duplicate samples: several of one track with one time stamp, also two road users under one id."""
+"""Duplicate samples of one track at one time stamp, and two road users under one id."""
 
 from __future__ import annotations
 
@@ -13,15 +13,12 @@ FIT_M = 1.5  # a sample this close to the middle between its neighbours in time 
 
 
 def drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Keep one sample per track and time stamp.
+    """Keep one sample per track and time stamp, with a phrase for each kind of defect.
 
-    - Kept is the sample nearest to the middle of the samples before and after. If those are doubled too (two
-      camera frames for every stamp), the first is kept, so that the kept ones are equally far apart in time.
-    - Two road users share an id if the samples are far apart, and none fits or those before or after are
-      doubled too. Then all samples are left out while the stamps are doubled.
-
-    Returns:
-        The rows, and a phrase for each of both findings.
+    - The sample nearest to the middle of those before and after is kept. If these are doubled too, the first
+      is kept, so that kept samples are equally far apart in time.
+    - Samples far apart belong to two road users if none fits, or if those before or after are doubled too.
+      All are then left out while stamps are doubled.
     """
     again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
     if not again.any():
@@ -66,10 +63,6 @@ def _shared_ids(rows: TrackRows, begins: IntArray) -> str:
 def _off_middle(
     rows: TrackRows, group: IntArray, first: IntArray, last: IntArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the distances (N,) to the middle of the samples before and after, m; inf without either.
-
-    Also returns whether the groups before and after each group (G,) are single samples.
-    """
     size = last - first + 1
     track = rows.track[first]
     joined = np.diff(track) == 0

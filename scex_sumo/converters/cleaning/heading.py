@@ -19,8 +19,8 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     """Set headings along the motion, and hold them while a vehicle stands.
 
     - A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course.
-    - If the heading turns by more than 10° during a stop, or is far off the one before it, the vehicle keeps
-      the last heading of its motion: before the first motion the next one, without any the most frequent.
+    - If the heading turns by more than 10° during a stop, the vehicle keeps the last heading of its motion;
+      else the next one; without any motion the most frequent.
     """
     heading = rows.psi_rad.copy()
     course = np.arctan2(rows.vy, rows.vx)
@@ -32,7 +32,7 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     stretch = np.cumsum(starts) - 1
     turn = np.abs(wrap(heading - heading[starts][stretch]))
     off = (turn > JITTER_RAD) | (np.abs(wrap(heading - held)) > limit)
-    # The whole stop is held, not only its worst samples: what is held once needs no second repair.
+    # The whole stop is held, so that a second repair changes nothing.
     unsteady = np.bincount(stretch, standing & off) > 0
     turned = unsteady[stretch]
     heading[turned] = held[turned]
@@ -68,7 +68,6 @@ def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _usual(angles: FloatArray) -> float:
-    """Return the most frequent angle; a mean would lie between flipped ones."""
     bins = np.floor(np.mod(angles, 2.0 * np.pi) / (np.pi / 18.0)).astype(int) % 36
     counts = np.bincount(bins, minlength=36)
     near = counts + np.roll(counts, 1) + np.roll(counts, -1)

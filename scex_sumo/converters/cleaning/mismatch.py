@@ -20,8 +20,8 @@ CELL_M, COURSES, MAX_CELLS = 4.0, 8, 1500
 def explain_mismatch(samples: Evidence, road: Road) -> str:
     """Explain why tracks do not lie on a map's lanes: a phrase with the remedy.
 
-    If one shift puts all tracks onto lanes, the origin is wrong; if none does, the map is another site's. Few
-    tracks, or tracks of few directions, fit any map somewhere and tell nothing.
+    If one shift puts all tracks onto lanes, the origin is wrong; else the map is of another site. Few tracks
+    or directions fit any map and give no phrase.
     """
     used = f"(used: {road.origin[0]:g},{road.origin[1]:g})"
     wrong = f"the map's origin is not the recording's {used}"
@@ -42,12 +42,10 @@ def explain_mismatch(samples: Evidence, road: Road) -> str:
 
 
 def _course(heading: FloatArray) -> FloatArray:
-    """Return directions in eighths of a turn, 0 to 7."""
     return np.asarray(np.rint(wrap(heading) / (2.0 * np.pi / COURSES)) % COURSES)
 
 
 def _best_shift(samples: Evidence, road: Road) -> tuple[float, float] | None:
-    """Return the shift in m that puts most poses onto lanes of their direction; None if all is too large."""
     from scipy.signal import fftconvolve  # as slow to import as all the rest, and hardly ever needed
 
     lanes = [_dense(lane.centreline) for lane in road.vehicle_lanes.values() if len(lane.centreline) > 1]
@@ -80,7 +78,6 @@ def _cells(points: FloatArray, begin: FloatArray, shape: tuple[int, ...]) -> Flo
 
 
 def _dense(line: FloatArray) -> FloatArray:
-    """Return (n, 3) points of a line, one for each half cell, with its direction there."""
     arc = arc_lengths(line)
     s = np.arange(0.0, arc[-1], CELL_M / 2.0)
     segment = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(line) - 2)

@@ -1,4 +1,4 @@
-"""Repair of recordings: defects are found in the data, counted, and repaired if that is unambiguous."""
+"""Repair of recordings: counts defects, and repairs those that are unambiguous."""
 
 from __future__ import annotations
 
@@ -33,12 +33,10 @@ MAX_SPEED_MPS = 100.0  # 360 km/h; a track that is faster after all repairs is a
 def repair_tracks(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
     """Repair a recording, or one case of a file of cases.
 
-    In this order: duplicate samples, tracker warm-up, jumps, velocities and noise, headings, tracks of
-    implausible size or speed.
+    In order: duplicates, tracker warm-up, jumps, velocities and noise, headings, implausible sizes or speeds.
 
     Returns:
-        The repaired table, and a phrase with counts for each kind of defect of the vehicles; one more for the
-        defects of all others.
+        The repaired table, and a phrase with counts for each kind of defect.
     """
     vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS)
     # Pedestrians and cyclists face where they go.
@@ -94,7 +92,6 @@ def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
 
 
 def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Drop single samples far off; cut a track that continues elsewhere."""
     jump = _jumps(rows)
     if not jump.any():
         return rows, []
@@ -124,7 +121,6 @@ def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
         tracks = len(np.unique(rows.track[cut]))
         found.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
     rows = rows.with_columns(segment=segment).take(~drop)
-    # A dropped sample may leave a gap that is too long; cuts stay.
     new = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
     return rows.with_columns(segment=new.astype(np.int64)), found
 
@@ -134,7 +130,6 @@ def _gap(rows: TrackRows) -> BoolArray:
 
 
 def _jumps(rows: TrackRows) -> BoolArray:
-    """Return whether the step to the next row of the segment is a jump, (N - 1,)."""
     joined: BoolArray = np.diff(rows.segment) == 0
     if not joined.any():
         return joined
@@ -155,7 +150,6 @@ def _jumps(rows: TrackRows) -> BoolArray:
 
 
 def _renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Recompute velocities that contradict the positions; smooth positions that jitter."""
     if not (np.diff(rows.segment) == 0).any():
         return rows, []
     time_s = rows.timestamp_ms / 1000.0
@@ -236,7 +230,6 @@ def _contradictions(
 
 
 def _how_wrong(factor: FloatArray) -> str:
-    """Return the factors of the wrong tracks in words; 0 stands for velocities that point elsewhere."""
     scaled = factor[factor > 0.0]
     words = []
     if len(scaled):
@@ -249,7 +242,6 @@ def _how_wrong(factor: FloatArray) -> str:
 
 
 def _drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Leave out tracks that no road user can have: of impossible size or speed."""
     size: BoolArray = (np.maximum(rows.length / MAX_LENGTH_M, rows.width / MAX_WIDTH_M) > 1.0) | (
         np.minimum(rows.length, rows.width) < MIN_SIZE_M
     )

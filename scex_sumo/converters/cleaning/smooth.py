@@ -20,8 +20,8 @@ _HUBER = 2.5  # residuals beyond this many sigmas count linearly
 def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) -> float:
     """Estimate the standard deviation of white noise in the positions of moving tracks, per axis in m.
 
-    The variance of third differences is 20 times that of white noise, and smooth motion adds almost nothing;
-    the largest 2 % are left out as jumps. Returns 0 with too few samples.
+    The variance of third differences is 20 times that of white noise. The largest 2 % are left out as jumps.
+    0 with too few samples.
 
     Args:
         points: (N, 2) m.
@@ -42,16 +42,15 @@ def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) ->
 
 
 def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: float) -> FloatArray:
-    """Smooth positions as a constant-acceleration Kalman (RTS) smoother does; returns (N, 2) m.
+    """Smooth positions (N, 2) as a constant-acceleration Kalman (RTS) smoother does, m.
 
-    For white jerk and white position noise its estimate minimises sum |z - p|² + lambda integral |p'''|² dt
-    with lambda = noise² / jerk density: a banded linear system for all tracks at once (Whittaker 1923).
-    Samples far off are weighted down (Huber) in three iterations.
+    The result minimises sum |z - p|² + lambda integral |p'''|² dt with lambda = noise² / jerk density: a
+    banded linear system for all tracks at once (Whittaker 1923), with Huber weights in three iterations.
 
     Args:
         points: (N, 2) m.
         time_s: (N,) s, rising within a segment.
-        segment: (N,) number of the piece; each is smoothed alone, those under four rows are left as they are.
+        segment: (N,) number of the piece; pieces under four rows stay.
         noise_m: standard deviation of the noise per axis, m.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Recordings in folders, and the recording of a map, found by the layouts that datasets are published in."""
+"""Recordings in folders, and the recording of a map, by the layouts of datasets."""
 
 from __future__ import annotations
 
@@ -49,9 +49,8 @@ def find_recordings(roots: Sequence[str | Path]) -> tuple[Recording, ...]:
 def find_tracks(map_path: str | Path) -> Path:
     """Find the recording of a map, plain or packed.
 
-    The first that exists: ``MAP.csv`` beside the map; the recording that comes with the map's format, e.g. a
-    CommonRoad scenario's own vehicles; INTERACTION's layouts in the folder above ``maps/`` or in the map's
-    own.
+    The first that exists: ``MAP.csv`` beside the map; the recording of the map's own format, e.g. CommonRoad;
+    INTERACTION's layouts in the folder above ``maps/`` or in the map's own.
 
     Raises:
         MapError: the map does not exist.
@@ -85,19 +84,16 @@ def find_tracks(map_path: str | Path) -> Path:
 
 
 def _walk(root: Path) -> Iterator[Path]:
-    """All files below a folder in a fixed order, hidden folders left out."""
     for folder, below, names in os.walk(root):
         below[:] = sorted(name for name in below if not name.startswith("."))
         yield from (Path(folder, name) for name in sorted(names))
 
 
 def _tracks_named(path: Path) -> list[Path]:
-    """The tracks that a file stands for: itself, or those of a map."""
     return tracks_of_map(path) if unpacked_name(path).endswith(".osm") else [path]
 
 
 def _with_unique_names(recordings: list[Recording]) -> Iterator[Recording]:
-    """The same recordings; repeated names get a number."""
     used: set[str] = set()
     for recording in recordings:
         safe = re.sub(r"[^A-Za-z0-9._+-]+", "-", recording.name)

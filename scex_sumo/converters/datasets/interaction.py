@@ -41,7 +41,6 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 
 def _map_of(path: Path) -> Path | None:
-    """The map of a track file by the layouts; None if the path fits none of them."""
     folder, stem = path.parent, Path(unpacked_name(path)).stem
     if path.name.startswith("vehicle_tracks_"):
         map_path = folder.parent.parent / "maps" / f"{folder.name}.osm"

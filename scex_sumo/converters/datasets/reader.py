@@ -21,10 +21,10 @@ from scex_sumo.scene import STEP_S
 
 
 def read_recorded(paths: Sequence[Path], net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    """Read a recording, one file or consecutive chunks, as it is; nothing is repaired.
+    """Read a recording, one file or consecutive chunks; nothing is repaired.
 
     Returns:
-        The recording, and one phrase for what had to be left out, if anything.
+        The recording, and a phrase for each thing left out.
 
     Raises:
         TrackError: it cannot be read, or has an impossible value.
@@ -41,9 +41,8 @@ def read_clean(
 
     Args:
         road: the map; without it nothing is aligned.
-        repair: as `repair_tracks` does. Cases of INTERACTION v1.2 stay as they are until one is taken.
-        align: as `align_tracks` does. A file with little evidence also uses the other recordings of its
-            folder.
+        repair: as `repair_tracks`. Cases of INTERACTION v1.2 are repaired when one is taken.
+        align: as `align_tracks`, with the other recordings of the folder if the evidence is thin.
 
     Raises:
         TrackError: it cannot be read, or a track is in two places at once.
@@ -73,7 +72,6 @@ def _repaired(
 
 
 def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
-    """Evidence of other recordings by the same tracker at the same site; broken ones are skipped."""
     if len(paths) > 1:
         return
     for file in sorted(dataset_of(paths[0]).siblings(paths[0])):
@@ -84,5 +82,4 @@ def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
 
 @lru_cache(maxsize=128)
 def _evidence(path: Path, _changed_ns: int) -> Evidence:
-    """Remembered, because the recordings of one folder use one another."""
     return evidence(_repaired([path])[0].vehicles)

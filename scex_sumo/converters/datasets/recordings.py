@@ -182,7 +182,6 @@ def beside_lanes(map_path: Path, tracks: Path | None, road: Road) -> str:
 
 
 def _check(table: TrackTable, road: Road, map_path: Path) -> None:
-    """Refuse tracks that no seed scene can be made of."""
     if not len(table.vehicles):
         raise TrackError(f"{table.path}: no motor vehicle among the tracks; leave it out")
     samples = evidence(table.vehicles)

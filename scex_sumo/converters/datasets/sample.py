@@ -37,8 +37,8 @@ class Sampled:
 def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
     """Sample the road users of one case present at a moment, in the order of the rows.
 
-    A sample within 0.6 ms of a step is taken as it is. Between samples positions follow the cubic through
-    both positions and velocities; headings turn the shorter way. The grid (T,) rises and has the moment.
+    A sample within 0.6 ms of a step is taken unchanged. Between samples positions follow a cubic through both
+    positions and velocities; headings turn the shorter way.
     """
     begin, end = rows.pieces
     stamps = rows.timestamp_ms
@@ -126,7 +126,6 @@ def _interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: Flo
 
 
 def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:
-    """First row of each piece at or after a time; beyond the piece if there is none."""
     if not len(rows):
         return np.zeros(np.broadcast_shapes(first.shape, time_ms.shape), np.int64)
     # Pieces one after the other on one axis, so that one search finds all.

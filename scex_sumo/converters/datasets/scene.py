@@ -22,11 +22,10 @@ FUTURE_STEPS = 50
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CleanRecording:
-    """A recording from which seed scenes can be taken.
+    """Recording from which seed scenes can be taken.
 
     Attributes:
-        table: repaired and aligned to the map; a file of cases is only aligned, not repaired.
-        findings: one phrase for each kind of defect that was repaired.
+        table: repaired and aligned to the map; cases are only aligned.
         repair: whether a case is repaired when it is taken.
     """
 
@@ -46,8 +45,6 @@ def take_scene(
 ) -> SeedScene:
     """Take the seed scene of one moment; see `recorded_scene`.
 
-    ``name`` is that of the recording, ``location`` that of the map.
-
     Raises:
         TrackError: an unknown case, a moment outside the recording or without vehicles.
     """
@@ -58,7 +55,7 @@ def take_scene(
         raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
     case_id = ""
     if table.has_cases:
-        index = choose_case(table, case, time_s)
+        index = _choose_case(table, case, time_s)
         case_id = table.cases[index]
         table = table.case(index)
         if clean.repair:
@@ -68,11 +65,11 @@ def take_scene(
         raise TrackError(
             f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
         )
-    moment_ms = choose_moment(table, case_id, time_s)
+    moment_ms = _choose_moment(table, case_id, time_s)
     return _build(table, name, location, case_id, moment_ms, min_history, findings)
 
 
-def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
+def _choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
     """Index of the case by its id; else the first one if a time is given; else the busiest one.
 
     Raises:
@@ -103,7 +100,7 @@ def _as_number(text: str) -> float | str:
         return text
 
 
-def choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
+def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
     """Stamp of the moment, ms: the nearest frame to a time, else the busiest moment.
 
     Raises:

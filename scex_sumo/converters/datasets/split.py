@@ -17,15 +17,15 @@ TARGET_S = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Split:
-    """Split by time: training first, then validation, then test, each one continuous part.
+    """Split by time into three continuous parts: training, validation, test.
 
     Attributes:
         validation: share of the recording's time.
         test: share of the recording's time, at its end.
         history_s: time before its moment that a sample sees.
-        future_s: time after its moment that a sample may use: 3 s of target and 2 s of driving in between.
-        kept_validation: names of short recordings (`whole_part`) that are for validation as a whole.
-        kept_test: names of those for test.
+        future_s: time after its moment that a sample uses: 3 s of target and 2 s of driving in between.
+        kept_validation: names of short recordings (`whole_part`) for validation.
+        kept_test: names of short recordings for test.
     """
 
     validation: float = 0.1
@@ -43,10 +43,7 @@ class Split:
             )
 
     def whole_part(self, name: str, span_s: float) -> Part | None:
-        """Part of a recording that is too short to have a sample in a test part; None for one that is cut.
-
-        A short recording that is not kept for another part is for training.
-        """
+        """Return the part of a recording that is too short to be cut; None for others."""
         if not self.test or self.test * span_s >= self.history_s + TARGET_S:
             return None
         if name in self.kept_test:
@@ -54,10 +51,7 @@ class Split:
         return "validation" if name in self.kept_validation else "train"
 
     def part(self, time_s: float, first_s: float, last_s: float) -> Part | None:
-        """Part of a moment in a recording from ``first_s`` to ``last_s``; None in the gaps between the parts.
-
-        A sample sees and uses only its own part. At the end of the test part the recording itself ends.
-        """
+        """Return the part of a moment in a recording; None in the gaps between parts."""
         span = last_s - first_s
         validation_s = first_s + (1 - self.validation - self.test) * span
         test_s = first_s + (1 - self.test) * span
@@ -72,9 +66,9 @@ class Split:
 
 
 def split_moments(moments: Sequence[Moment], split: Split) -> dict[Part, list[Moment]]:
-    """Split the moments of one recording, which are in order, into parts.
+    """Split the moments of one recording into parts.
 
-    Cases are split by their order, with one case left out between two parts: neighbours may overlap in time.
+    Cases are split by order, one left out between two parts, because neighbours may overlap in time.
     """
     parts: dict[Part, list[Moment]] = {part: [] for part in PARTS}
     if not moments:

@@ -13,10 +13,9 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 
 def write_tracks(path: str | Path, scene: SeedScene) -> Path:
-    """Write a seed scene and its recorded future as one INTERACTION v1.2 case, whole or not at all.
+    """Write a seed scene and its recorded future atomically as one INTERACTION v1.2 case.
 
-    Frame 10 (1000 ms) is the moment. Frames 0 to 9 are the recorded previous steps, so that the file reads
-    back as the same seed scene; the format itself starts at frame 1.
+    Frame 10 (1000 ms) is the moment; frames 0 to 9 are the history. The format itself starts at frame 1.
 
     Raises:
         ResultError: the file cannot be written.
@@ -57,7 +56,6 @@ def _columns(
     states: States,
     known: BoolArray,
 ) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
-    """Flat columns of the known states, user by user."""
     user, step = np.nonzero(known)
     frame: IntArray = step - HISTORY_STEPS + CASE_FRAME
     heading, speed = states.heading[user, step], states.speed[user, step]

@@ -1,4 +1,1 @@
-"""Lanelet2 maps: read, repaired, turned into roads. No other package imports lanelet2.
-
-May import roads, geometry, road.
-"""
+"""Lanelet2 maps as roads. No other package imports lanelet2."""

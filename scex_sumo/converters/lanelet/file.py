@@ -1,6 +1,6 @@
 """Lanelet2 map file: its nodes, ways and relations, before Lanelet2 reads them.
 
-Lanelet2 silently drops what it cannot use, or crashes on it. This module finds what is broken in a map.
+Lanelet2 silently drops broken elements, or crashes on them.
 """
 
 from __future__ import annotations
@@ -74,9 +74,9 @@ class MapFile:
     """Contents of one map file, elements by id.
 
     Attributes:
-        notes: one short sentence for each kind of defect; empty if Lanelet2 reads the file as it stands.
-        unread: ids of the lanelets that are in the file and not here.
-        local: whether the nodes have local coordinates in m, taken as projected from 0, 0.
+        notes: one sentence for each kind of defect; empty if Lanelet2 reads the file unchanged.
+        unread: ids of broken lanelets of the file.
+        local: whether nodes have local coordinates in m, projected from 0, 0.
     """
 
     path: Path
@@ -98,14 +98,10 @@ def list_ids(ids: Iterable[int | str]) -> str:
 
 
 def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
-    """Parse a map's XML, packed or not, and return its root.
-
-    Args:
-        kind: wanted kind of map, for the messages.
-        ending: usual ending of its file names, for the messages.
+    """Parse a map's XML, packed or not, and return its root; ``kind`` and ``ending`` are for messages.
 
     Raises:
-        MapError: the file is missing, is no file, or is not XML.
+        MapError: the file is missing, a folder, or not XML.
     """
     if path.is_dir():
         raise MapError(f"{path}: is a folder; name the {ending} file in it")
@@ -139,14 +135,13 @@ class Findings:
 
 
 def read_map_file(path: str | Path) -> MapFile:
-    """Read the elements of an ``.osm`` or ``.osm.gz`` file, without those marked as deleted.
+    """Read the elements of an ``.osm`` or ``.osm.gz`` file, without deleted ones.
 
-    Of several elements with one id the first is kept. Elements without an id or without a place on Earth are
-    left out. Both are noted. If most nodes have ``local_x`` and ``local_y``, these are their places, as in
-    Autoware.
+    Of elements with one id the first is kept. Elements without an id or a place on Earth are left out. Both
+    are noted. Most nodes with ``local_x`` and ``local_y`` make these the coordinates, as in Autoware.
 
     Raises:
-        MapError: the file is missing, is no file, is not XML, or is not an OSM file.
+        MapError: the file is missing, not XML, or no OSM file.
     """
     path = Path(path)
     nodes: dict[int, MapPoint] = {}
@@ -226,7 +221,6 @@ def _tag_lines(tags: Tags) -> list[str]:
 
 
 def _put(elements: dict[int, _Element], element_id: int, element: _Element) -> bool:
-    """Add an element; returns False if its id is taken."""
     return elements.setdefault(element_id, element) is element
 
 
@@ -250,13 +244,11 @@ def _tags(element: ElementTree.Element) -> Tags:
 
 
 def _is_local(root: ElementTree.Element) -> bool:
-    """Return whether most nodes have local coordinates."""
     nodes = root.findall("node")
     return 2 * sum({"local_x", "local_y"} <= _tags(node).keys() for node in nodes) > len(nodes)
 
 
 def _node(element: ElementTree.Element, local: bool) -> MapPoint:
-    """Return a node at its latitude and longitude; in a local map at its y and x, in m."""
     tags = _tags(element)
     limits = _LOCAL if local else _EARTH
     lat, lon = (float(tags.get(key, "") if local else element.get(key, "")) for key in limits)
@@ -266,7 +258,6 @@ def _node(element: ElementTree.Element, local: bool) -> MapPoint:
 
 
 def _height_m(node: ElementTree.Element) -> float | None:
-    """Return a node's height: 0 if none is given, None if no road has such a height."""
     word = next((tag.get("v", "") for tag in node.findall("tag") if tag.get("k") == "ele"), "0")
     try:
         return height if abs(height := float(word)) < MAX_HEIGHT_M else None  # nan fails too

@@ -1,7 +1,7 @@
-"""Lanes of a Lanelet2 map: its lanelets in driving direction, related by Lanelet2's routing graph.
+"""Lanes of a Lanelet2 map, related by Lanelet2's routing graph.
 
-Lanelet2 has two silent gaps, which this module fills. Nobody may use a lanelet of an unknown subtype or
-location; and lanelets are only linked by shared end points.
+Two gaps of Lanelet2 are filled here: lanelets of unknown subtype or location are closed to all, and lanelets
+are linked by shared end points only.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ Rules = Any
 _Lanelet = Any
 _Graph = Any
 
-MIN_LENGTH_M = 0.01  # the net has no place for shorter lanes
+MIN_LENGTH_M = 0.01  # of lanes in the net
 MIN_HEADROOM_M = 3.0  # lanes this far above one another do not conflict; bridges leave 4.5 m and more
 
 ROAD_WIDTH_M = (2.2, 8.0)  # of a lane for cars: narrower ones are for bicycles, wider ones are places
 SAME_END_M = 0.1  # ends of bounds that coincide; one lanelet then leads into the other
 _LOCATIONS = ("", "urban", "nonurban")
-# Lanelet2's own; those that cars may use are not asked about unless the map forbids it.
+# Lanelet2's own.
 _KNOWN_SUBTYPES = {
     *("road", "highway", "play_street", "emergency_lane", "exit", "parking", "freespace", "vegetation"),
     *("keepout", "building", "traffic_island"),
 }
 _TRACKS = {"tram", "rail", "railway", "train", "subway", "light_rail"}
 
-MISSED_JOINT_M = 0.6  # from the end of one centreline to the beginning of the next: a careless click
+MISSED_JOINT_M = 0.6  # between two centrelines
 ALIGNED_RAD = math.radians(15.0)
 
 
@@ -128,8 +128,6 @@ def _lane(vertex: Vertex, rules: Rules, map_file: MapFile, country: str) -> Lane
 def _relations(
     graph: _Graph, vertex: Vertex, ids: dict[tuple[int, bool], int], stacked: bool
 ) -> dict[str, Any]:
-    """Return the routing graph's relations of a lane, by attribute of `Lane`."""
-
     def lane_ids(others: Iterable[Any]) -> tuple[int, ...]:
         lanelets = [other for other in others if isinstance(other, core.ConstLanelet)]  # areas are no lanes
         keys = {(other.id, other.inverted()) for other in lanelets}
@@ -167,9 +165,8 @@ def unknown_subtypes(
 ) -> tuple[dict[str, set[int]], dict[str, set[int]]]:
     """Find the lanelets of unknown subtype or location: those that are roads, and the others.
 
-    A road is as wide as a car needs, and connected to a road that cars may use, directly or over others of
-    unknown subtype. The rest of its subtype is a road if connected. In a map without any known road all
-    connected lanelets are roads.
+    A road is as wide as a car needs and connected to a known road, directly or over others; then connected
+    lanelets of its subtype are roads too. Without any known road all connected ones are.
 
     Returns:
         Lanelet ids of the roads, and of the others, each by the unknown tag in words.
@@ -188,8 +185,10 @@ def unknown_subtypes(
     linked = _linked([v for v in vertices if v.lanelet_id in driven | wide]) if wide else {}
     connected = {i for i in wide if linked.get(i)}
     roads = _reached(driven, linked) & wide if driven else connected
-    while more := {i for i in connected - roads if unknown[i] in {unknown[j] for j in roads}}:
-        roads |= _reached(more, linked) & wide
+    words: set[str] = set()
+    while fresh := {unknown[i] for i in roads} - words:
+        words |= fresh
+        roads |= _reached({i for i in connected if unknown[i] in fresh}, linked) & wide
     return _by_word(unknown, roads), _by_word(unknown, set(unknown) - roads)
 
 
@@ -217,7 +216,6 @@ def _unknown_tag(lanelet: Relation) -> str:
 
 
 def _linked(vertices: list[Vertex]) -> dict[int, set[int]]:
-    """Return for each lanelet those that begin where it ends, or end where it begins."""
     starts = np.array([[*v.left[0], *v.right[0]] for v in vertices])
     ends = np.array([[*v.left[-1], *v.right[-1]] for v in vertices])
     linked: dict[int, set[int]] = {v.lanelet_id: set() for v in vertices}
@@ -246,9 +244,9 @@ def _by_word(unknown: Mapping[int, str], ids: Iterable[int]) -> dict[str, set[in
 
 
 def join_lanes(lanes: Mapping[int, Lane]) -> tuple[dict[int, Lane], list[int], list[int]]:
-    """Link aligned vehicle lanes whose ends meet, if at least one end is loose and neither has a choice.
+    """Link aligned vehicle lanes whose ends nearly meet, and move the loose end.
 
-    The loose end is moved to meet the other.
+    At least one end must be loose, and neither may have a choice.
 
     Returns:
         All lanes; ids of the linked ones; ids of those that still begin within other traffic.
@@ -300,7 +298,6 @@ def _link(lanes: dict[int, Lane], before: int, after: int, *, move_start: bool) 
 
 
 def _begun_at(line: FloatArray, start: FloatArray) -> FloatArray:
-    """Return a polyline with a new beginning, without the points that lie behind it."""
     direction = line[-1] - line[0] if len(line) == 2 else line[1] - line[0]
     ahead = line[1:][(line[1:] - start) @ direction > 1e-3]
     return np.vstack([start, ahead if len(ahead) else line[-1:]])

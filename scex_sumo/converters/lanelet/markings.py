@@ -14,7 +14,6 @@ from scex_sumo.road import Area, Lane, Marking
 Points: TypeAlias = Mapping[int, FloatArray]
 """(P, 2) points of every way by id, m."""
 
-# Ways that are no line on the ground.
 _NO_MARKING = {"", "virtual", "traffic_sign", "traffic_light"}
 
 

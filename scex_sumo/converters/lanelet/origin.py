@@ -1,4 +1,4 @@
-"""Origin of a map: the latitude and longitude that its coordinates are projected with."""
+"""Origin of a map: latitude and longitude of its coordinates."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ def find_origin(
 
 
 def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = None) -> Place | None:
-    """Return the origin that a recording's files give, beside the tracks or the map; None without any.
+    """Return the origin in files beside the tracks or the map; None without any.
 
     Raises:
-        MapError: a ``recordingMeta.csv`` or ``meta_data.csv`` gives an invalid origin.
+        MapError: a file gives an invalid origin.
     """
     if tracks_path is not None:
         found = dataset_of(Path(tracks_path)).origin(Path(tracks_path), Path(map_path))
@@ -58,9 +58,7 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
 
 
 def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
-    """Return the origin by the map's own coordinates: 0, 0 if it lies there, else its south-west corner.
-
-    The origin of a map with local coordinates is 0, 0.
+    """Return the origin by the map's coordinates: 0, 0 for local or near ones, else the south-west corner.
 
     Raises:
         MapError: the map lies elsewhere and ``own_corner`` is False, or it has no nodes.
@@ -106,7 +104,6 @@ def _meta_data_paths(map_path: Path, tracks_path: Path | None) -> Iterator[Path]
 
 
 def _read_meta_data(path: Path) -> Place | None:
-    """Return the origin in a ``meta_data.csv``; None if the file or its columns are missing."""
     if not path.is_file():
         return None
     try:

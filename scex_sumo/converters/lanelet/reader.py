@@ -102,7 +102,6 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
 
 
 def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findings:
-    """Find the lanes that may not be what the map's author meant."""
     doubts = Findings()
     drawn = {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
     crossed = (i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound))
@@ -177,7 +176,6 @@ def _load(
 
 
 def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[Map, list[str]]:
-    """Read the map's file, or a mended copy, with Lanelet2; returns its map and its complaints."""
     projector = projection.UtmProjector(io.Origin(*origin))
     # Lanelet2 reads neither packed files nor paths that are not UTF-8.
     itself = str(map_file.path).endswith(".osm") and str(map_file.path).isprintable()
@@ -195,7 +193,6 @@ def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[Map, list[st
 
 
 def _complaints(errors: Iterable[str]) -> list[str]:
-    """Return Lanelet2's error messages, one sentence for each kind with the ids of the elements."""
     complaints = Findings()
     for error in errors:
         match = _LOAD_ERROR.search(error)
@@ -206,7 +203,6 @@ def _complaints(errors: Iterable[str]) -> list[str]:
 
 
 def _lines(lanelet_map: Map) -> Points:
-    """Return the (P, 2) points of every linestring and polygon of the map by id, m."""
     layers = (lanelet_map.lineStringLayer, lanelet_map.polygonLayer)
     lines = {
         line.id: np.array([(p.x, p.y) for p in line]).reshape(-1, 2) for layer in layers for line in layer

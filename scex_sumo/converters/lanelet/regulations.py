@@ -12,6 +12,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.lanelet.file import MapFile, Relation, Tags
 from scex_sumo.converters.lanelet.markings import Points
+from scex_sumo.converters.lanes_ahead import lanes_ahead
 from scex_sumo.geometry.polylines import along, length_of, turn
 from scex_sumo.road import Lane, Regulation
 
@@ -21,7 +22,7 @@ _STOP_SIGNS = {"stop", "stopsign", "de206", "usr1-1", "r1-1"}
 _YIELD_SIGNS = {"yield", "yieldsign", "giveway", "de205", "usr1-2", "r1-2"}
 
 BESIDE_M = 0.5  # a stop line may end this far beside the centreline that it stops
-MIN_SLANT_RAD = 0.7  # 40 degrees: a line along the lane is none to stop at
+MIN_SLANT_RAD = 0.7  # 40 degrees
 AHEAD_M = 30.0  # where conflicts begin behind a stop line
 LIGHT_M = 6.0  # from a light without an element to its stop line
 _STOPS = ("traffic_light", "stop", "yield")
@@ -61,7 +62,6 @@ def regulations(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> 
 
 
 def _lines_and_lights(element: Relation, map_file: MapFile) -> tuple[list[int], list[int]]:
-    """Return ids of an element's stop lines and lights, by type: some maps swap their roles."""
     ways = _ways(element, ("refers", "ref_line", "stop_line"), map_file)
     kinds = {i: (role, tags.get("type")) for i, (role, tags) in ways.items()}
     swapped = ("ref_line", "traffic_sign") in kinds.values()
@@ -80,14 +80,12 @@ def _ways(element: Relation, roles: tuple[str, ...], map_file: MapFile) -> _Tagg
 
 
 def _signs(element: Relation, map_file: MapFile) -> tuple[str, ...]:
-    """Return the signs of an element as written: its own ``sign_type``, the subtypes of its ways."""
     ways = _ways(element, ("refers", "ref_line"), map_file).values()
     signs = [tags.get("subtype", "") for _, tags in ways if tags.get("type") == "traffic_sign"]
     return tuple(sign for sign in [element.tags.get("sign_type", ""), *signs] if sign)
 
 
 def _kind(element: Relation, signs: Iterable[str]) -> str | None:
-    """Return the kind of a regulatory element, or None if it regulates no right of way."""
     subtype = element.tags.get("subtype", "")
     if subtype in _REGULATIONS:
         return subtype
@@ -104,10 +102,10 @@ def attach(
 ) -> tuple[tuple[Regulation, ...], list[int], list[int]]:
     """Attach stops, yields and lights that no lanelet names to the lanes at their stop lines.
 
-    A light without a regulatory element belongs to the nearest stop line without one.
+    A light without a regulatory element belongs to the nearest free stop line.
 
     Returns:
-        All rules by ascending id; ids of those attached here; ids of the lights that got no lane.
+        All rules; ids of those attached here; ids of the lights that got no lane.
     """
     named = {m.ref for r in map_file.of_type("regulatory_element").values() for m in r.members}
     bare = [i for i in _of_type(map_file, "traffic_light", lines) if i not in named]
@@ -155,28 +153,11 @@ def _lanes_at(stop: FloatArray, lanes: Mapping[int, Lane]) -> Iterator[int]:
                 yield i
         elif lane.conflicts:
             yield from (j for j in onward if lanes[j].conflicts)
-        elif _contested(lanes, onward):
+        elif any(lanes[j].conflicts for j in lanes_ahead(lanes, onward, AHEAD_M)):
             yield i
 
 
-def _contested(lanes: Mapping[int, Lane], ids: Iterable[int]) -> bool:
-    """Return whether other traffic crosses or joins within 30 m along some lanes."""
-    stack = [(i, 0.0) for i in ids]
-    reached: dict[int, float] = {}
-    while stack:
-        i, start = stack.pop()
-        if i not in lanes or start > AHEAD_M or start >= reached.get(i, math.inf):
-            continue
-        reached[i] = start
-        if lanes[i].conflicts:
-            return True
-        end = start + max(length_of(lanes[i].centreline), 0.1)
-        stack += [(j, end) for j in lanes[i].successors]
-    return False
-
-
 def _bare_lights(bare: Sequence[int], free: Mapping[int, FloatArray], lines: Points) -> Iterator[Regulation]:
-    """Yield a rule for each stop line without an element that has such lights near it."""
     places = {i: shapely.LineString(line) for i, line in free.items()}
     lights: dict[int, list[int]] = {}
     for i in bare:

@@ -1,4 +1,4 @@
-"""Repair of a map file before Lanelet2 reads it: defects are repaired, or left out and noted."""
+"""Repair of a map file before Lanelet2 reads it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ SIDES = ("left", "right")
 
 
 def repair(map_file: MapFile) -> tuple[MapFile, bool]:
-    """Repair or leave out what Lanelet2 would silently drop, misread or crash on.
+    """Repair or leave out what Lanelet2 would drop, misread or crash on.
 
     - Nodes over 50 km from the map's middle and references to missing elements are dropped.
     - Ways that end at one place end in one node.
-    - Bounds in several pieces are joined; lanelets without two bounds are left out.
+    - Bounds in pieces are joined; lanelets without two bounds are left out.
 
     Returns:
         The map with its notes, and whether it differs from its file.
@@ -56,7 +56,6 @@ def middle(map_file: MapFile) -> Place:
 
 
 def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
-    """Return the ways without missing nodes; ways without any node are left out. Bounds are never areas."""
     known = map_file.nodes.keys()
     borders = {
         m.ref
@@ -103,7 +102,6 @@ def _joined_ends(map_file: MapFile, ways: Mapping[int, Way], done: Findings) -> 
 
 
 def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], dict[int, Way]]:
-    """Return the lanelets with two usable bounds, and the new ways joined from pieces for them."""
     lanelets: dict[int, Relation] = {}
     joined: dict[int, Way] = {}
     drawn: set[tuple[int, int, str]] = set()
@@ -138,7 +136,6 @@ def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], d
 
 
 def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: Findings) -> list[Member]:
-    """Return a lanelet's members besides its bounds; a centreline is kept only if it is the only one."""
     rest = [m for m in lanelet.members if m.role not in SIDES]
     centres = [m for m in rest if m.role == "centerline"]
     if not centres:
@@ -182,7 +179,6 @@ def chain(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
 
 
 def _members(map_file: MapFile, done: Findings) -> dict[int, Relation]:
-    """Return the relations without missing members; areas with missing bounds are left out."""
     known = {
         "node": map_file.nodes.keys(),
         "way": map_file.ways.keys(),

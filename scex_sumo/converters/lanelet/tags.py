@@ -42,9 +42,7 @@ _BUS = {"bus_lane", "busway", "bus"}
 _BY_KIND = {"pedestrian": 5.0, "bicycle": 20.0}
 
 
-class Country(NamedTuple):
-    """Speed limits of a country for cars without a sign, km/h; the usual ones if states differ."""
-
+class _Country(NamedTuple):
     name: str
     urban: float
     rural: float
@@ -55,20 +53,20 @@ class Country(NamedTuple):
 _MPH = 1.609344  # km/h
 GERMANY = "de"
 COUNTRIES = {
-    GERMANY: Country("Germany", 50, 100, 130, 7),
-    "at": Country("Austria", 50, 100, 130),
-    "be": Country("Belgium", 50, 90, 120),
-    "bg": Country("Bulgaria", 50, 90, 140),
-    "ch": Country("Switzerland", 50, 80, 120),
-    "cn": Country("China", 50, 70, 120),
-    "cz": Country("Czechia", 50, 90, 130),
-    "es": Country("Spain", 50, 90, 120),
-    "fr": Country("France", 50, 80, 130),
-    "gb": Country("Great Britain", 30 * _MPH, 60 * _MPH, 70 * _MPH),
-    "it": Country("Italy", 50, 90, 130),
-    "nl": Country("the Netherlands", 50, 80, 100, 15),
-    "pl": Country("Poland", 50, 90, 140),
-    "us": Country("the United States", 25 * _MPH, 55 * _MPH, 65 * _MPH),
+    GERMANY: _Country("Germany", 50, 100, 130, 7),
+    "at": _Country("Austria", 50, 100, 130),
+    "be": _Country("Belgium", 50, 90, 120),
+    "bg": _Country("Bulgaria", 50, 90, 140),
+    "ch": _Country("Switzerland", 50, 80, 120),
+    "cn": _Country("China", 50, 70, 120),
+    "cz": _Country("Czechia", 50, 90, 130),
+    "es": _Country("Spain", 50, 90, 120),
+    "fr": _Country("France", 50, 80, 130),
+    "gb": _Country("Great Britain", 30 * _MPH, 60 * _MPH, 70 * _MPH),
+    "it": _Country("Italy", 50, 90, 130),
+    "nl": _Country("the Netherlands", 50, 80, 100, 15),
+    "pl": _Country("Poland", 50, 90, 140),
+    "us": _Country("the United States", 25 * _MPH, 55 * _MPH, 65 * _MPH),
 }
 _SPEED_KEYS = (
     "speed_limit",
@@ -81,10 +79,10 @@ _SIGN_KEYS = ("sign_type", "subtype", *_SPEED_KEYS)
 
 
 def speed_mps(text: str) -> float | None:
-    """Parse a speed limit as maps write it and return m/s, or None if it is no speed.
+    """Parse a speed limit of a map, m/s; None if it is no speed or zero.
 
-    Understood are numbers in km/h, ``30 km/h``, ``50kmh``, ``15mph``, ``13.9 m/s``, ``DE:urban``, ``none``
-    (130 km/h) and the German sign ``de274-60``. Zero is no limit.
+    Examples: ``30 km/h``, ``50kmh``, ``15mph``, ``13.9 m/s``, ``DE:urban``, ``none`` (130 km/h),
+    ``de274-60``.
     """
     word = text.strip().lower()
     sign = _LIMIT_SIGN.fullmatch(word)
@@ -100,10 +98,9 @@ def speed_mps(text: str) -> float | None:
 
 
 def lane_speed_mps(lanelet: Relation, map_file: MapFile) -> float | None:
-    """Return the speed limit that the map gives for a lanelet, m/s, or None.
+    """Return a lanelet's first understood speed limit, m/s, or None.
 
-    ``speed_limit`` regulatory elements come before the lanelet's own tags, as in Lanelet2. The first limit
-    that is understood counts.
+    ``speed_limit`` elements come before the lanelet's own tags, as in Lanelet2.
     """
     speeds = (speed_mps(text) for text in _limits(lanelet, map_file))
     return next((speed for speed in speeds if speed is not None), None)
@@ -115,7 +112,6 @@ def says_limit(lanelet: Relation, map_file: MapFile) -> bool:
 
 
 def _limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
-    """Yield possible limits as written: of the elements, their signs, the lanelet's tags."""
     for ref in lanelet.refs("regulatory_element", "relation"):
         element = map_file.relations.get(ref)
         if element is None or element.tags.get("subtype") != "speed_limit":

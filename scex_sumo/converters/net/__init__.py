@@ -1,4 +1,1 @@
-"""Writer of SUMO nets: a road as edges, connections, nodes, lights, and text.
-
-May import roads, geometry, road; no SUMO.
-"""
+"""Writer of SUMO nets: a road as edges, connections, nodes, lights, and text; no SUMO."""

@@ -1,8 +1,8 @@
-"""Allow-list of SUMO nets: roads and lights, and nothing by which SUMO writes or reads other files.
+"""Allow-list of SUMO nets: roads and lights only.
 
-SUMO reads a net as it reads an additional file: detectors, outputs, ``include``, vehicles with devices and
-calibrators take effect there, and many of them name files that SUMO then writes. So a net that somebody else
-wrote is reduced to the elements and attributes below when it is read, and checked again before SUMO loads it.
+SUMO reads a net like an additional file: detectors, outputs, ``include`` and calibrators in it take effect
+and write files. A net is therefore reduced to the elements below when it is read, and checked before SUMO
+loads it.
 """
 
 from __future__ import annotations
@@ -80,10 +80,9 @@ _SCHEMA = re.compile(rb"""schemaLocation\s*=\s*["'](?!https?://sumo[./-])""", re
 
 
 def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
-    """Read a net or a drawing for it, reduced to what is allowed.
+    """Return a net or drawing reduced to what is allowed, and what was left out, e.g. ``2 <inductionLoop>``.
 
-    Returns:
-        The file's own bytes if all of it is allowed; and what was left out, e.g. ``2 <inductionLoop>``.
+    A file that is allowed as a whole keeps its bytes.
 
     Raises:
         MapError: it cannot be read, or is not XML.
@@ -113,7 +112,7 @@ def prune(root: Element) -> tuple[str, ...]:
 def _prune(element: Element, left_out: Counter[str]) -> None:
     attributes, children = _ATTRIBUTES[element.tag].split(), _CHILDREN.get(element.tag, "").split()
     for name in [name for name in element.attrib if name not in attributes]:
-        if not name.startswith("{"):  # a schema's place, of use to nobody here
+        if not name.startswith("{"):  # the place of a schema
             left_out[f"{name} of <{element.tag}>"] += 1
         del element.attrib[name]
     for child in list(element):
@@ -141,7 +140,7 @@ def _plain(content: bytes) -> bool:
 
 @contextmanager
 def allowed_copy(path: Path) -> Iterator[Path]:
-    """Give SUMO a net to load: a temporary copy of what is allowed in it; errors name the net itself."""
+    """Give SUMO a temporary copy of what is allowed in a net; errors name the net itself."""
     content, _ = allowed_content(path)
     with TemporaryFolder() as folder:
         copy = Path(folder) / "allowed.net.xml"

@@ -1,8 +1,7 @@
 """Conversion of a road to a SUMO net.
 
-The net is written directly, not by netconvert, so that every shape is the map's own. Coordinates are the
-map's own; less netOffset they are those of the projection, where that is known. Internal ids begin with a
-colon.
+The net is written directly, not by netconvert, to keep the map's shapes. Coordinates are the map's own; less
+netOffset they are those of the projection, if known.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from scex_sumo.converters.net.lanelets import lane_places
 from scex_sumo.converters.net.map_borders import add_approaches, add_entries
 from scex_sumo.converters.net.plan import plan_net
 from scex_sumo.converters.net.reader import net_root
-from scex_sumo.converters.net.recorded_signals import recorded_programme
 from scex_sumo.converters.net.rows import build_rows
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, lane_table, net_file, read_ends
 from scex_sumo.converters.net.text import net_text
 from scex_sumo.converters.net.topology import Topology, cut_lanes
 from scex_sumo.converters.net.traffic_lights import Programme, fixed_programmes, with_crossings
 from scex_sumo.converters.net.walks import plan_walks
+from scex_sumo.converters.registries import signal_format
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import MapLoss, Road
 from scex_sumo.roads.conflicts import conflicts
@@ -35,7 +34,7 @@ from scex_sumo.roads.conflicts import conflicts
 __all__ = ["LaneTable", "SumoNet", "convert"]
 
 SHORTEST_M = 0.01
-JOINED_M = 0.3  # how far apart bus or bicycle lanes may end and begin and still follow one another
+JOINED_M = 0.3  # between consecutive bus or bicycle lanes
 
 
 def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:
@@ -67,7 +66,9 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     ways = footways(road.lanes, lanes)
     topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
     layout = plan_net(topology, road.regulations, found)
-    recorded, notes = (None, []) if signals is None else recorded_programme(layout, road.origin, signals)
+    recorded, notes = None, list[str]()
+    if signals is not None:
+        recorded, notes = signal_format(signals).read(layout, road.origin, signals)
     fixed = fixed_programmes(layout, lanes, road.regulations, found)
     walks = plan_walks(ways, topology, layout)
     lights, unlit = with_crossings(_with_fixed_programmes(recorded, fixed), recorded, walks, layout)
@@ -103,7 +104,6 @@ def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
 
 
 def _side_lanes(road: Road) -> NetLayout:
-    """Plan the lanes for buses or bicycles only."""
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
     ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
     following = {
@@ -130,7 +130,6 @@ def _side_lanes(road: Road) -> NetLayout:
 
 
 def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -> list[Programme]:
-    """Add the fixed programs of links that the recorded one does not control."""
     if recorded is None:
         return fixed
     taken = {c.internal.name for c in recorded.connections}

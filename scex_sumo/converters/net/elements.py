@@ -1,4 +1,4 @@
-"""Elements of a SUMO net: lanes, edges, connections and nodes, with names and shapes."""
+"""Elements of a SUMO net: lanes, edges, connections and nodes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ EXACT = 9  # decimals of lanes' shapes: drivers on a net that is read back shall
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetLane:
-    """A lane of an edge or of an internal edge.
+    """Lane of an edge or of an internal edge.
 
     Attributes:
-        length: nominal length, the same for all lanes of an edge, m.
+        length: nominal, the same for all lanes of an edge, m.
         allow: SUMO's vehicle class if only one may drive here, else empty.
-        parts: stretches of lanelets that the shape is made of, in driving order.
+        parts: stretches of lanelets under it, in driving order.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Edge:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Connection:
-    """A link with its internal lane and its end points (edge names and lane indices).
+    """Link with its internal lane and its ends.
 
     Attributes:
         lanelets: from the road before to the road after, without repeats.

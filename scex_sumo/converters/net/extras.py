@@ -1,4 +1,4 @@
-"""Drawing for sumo-gui: markings, stop lines, crosswalks and areas, as polygons of an additional file."""
+"""Drawing of a road for sumo-gui: polygons of an additional file."""
 
 from __future__ import annotations
 
@@ -15,11 +15,7 @@ from scex_sumo.road import Marking, Road
 
 
 @dataclass(frozen=True, kw_only=True)
-class Style:
-    """How a line or an area is drawn; ``layer`` as in SUMO (roads at 0), ``width`` and ``dash`` in m (0 is
-    solid).
-    """
-
+class _Style:
     color: str
     layer: int
     width: float = 0.12
@@ -28,33 +24,33 @@ class Style:
 
 WHITE, GREY = "240,240,240", "130,130,130"
 LINES = {
-    "line_thin": Style(color=WHITE, layer=5),
-    "line_thick": Style(color=WHITE, layer=5, width=0.25),
-    "stop_line": Style(color=WHITE, layer=6, width=0.40),
-    "pedestrian_marking": Style(color=WHITE, layer=6, width=0.30, dash=0.5),
-    "zebra_marking": Style(color=WHITE, layer=6, width=0.30, dash=0.5),
-    "bike_marking": Style(color="200,80,60", layer=6, dash=0.5),
-    "curbstone": Style(color=GREY, layer=4, width=0.20),
-    "road_border": Style(color=GREY, layer=4, width=0.20),
-    "guard_rail": Style(color="90,90,110", layer=4, width=0.20),
-    "fence": Style(color="110,90,70", layer=4),
-    "wall": Style(color="90,80,70", layer=4, width=0.30),
+    "line_thin": _Style(color=WHITE, layer=5),
+    "line_thick": _Style(color=WHITE, layer=5, width=0.25),
+    "stop_line": _Style(color=WHITE, layer=6, width=0.40),
+    "pedestrian_marking": _Style(color=WHITE, layer=6, width=0.30, dash=0.5),
+    "zebra_marking": _Style(color=WHITE, layer=6, width=0.30, dash=0.5),
+    "bike_marking": _Style(color="200,80,60", layer=6, dash=0.5),
+    "curbstone": _Style(color=GREY, layer=4, width=0.20),
+    "road_border": _Style(color=GREY, layer=4, width=0.20),
+    "guard_rail": _Style(color="90,90,110", layer=4, width=0.20),
+    "fence": _Style(color="110,90,70", layer=4),
+    "wall": _Style(color="90,80,70", layer=4, width=0.30),
 }
-OTHER_LINE = Style(color="180,180,180", layer=4, width=0.10)
+OTHER_LINE = _Style(color="180,180,180", layer=4, width=0.10)
 AREAS = {
-    "crosswalk": Style(color="235,235,200,140", layer=2),
-    "walkway": Style(color="170,165,155,200", layer=-2),
-    "shared_walkway": Style(color="170,165,155,200", layer=-2),
-    "stairs": Style(color="150,145,140,200", layer=-2),
-    "bikelane": Style(color="190,110,90,180", layer=-1),
-    "bicycle_lane": Style(color="190,110,90,180", layer=-1),
-    "keepout": Style(color="210,120,100,120", layer=1),
-    "parking": Style(color="120,140,180,160", layer=-1),
-    "traffic_island": Style(color="120,150,110,220", layer=3),
-    "vegetation": Style(color="110,150,100,220", layer=-3),
-    "building": Style(color="140,120,110,220", layer=-3),
+    "crosswalk": _Style(color="235,235,200,140", layer=2),
+    "walkway": _Style(color="170,165,155,200", layer=-2),
+    "shared_walkway": _Style(color="170,165,155,200", layer=-2),
+    "stairs": _Style(color="150,145,140,200", layer=-2),
+    "bikelane": _Style(color="190,110,90,180", layer=-1),
+    "bicycle_lane": _Style(color="190,110,90,180", layer=-1),
+    "keepout": _Style(color="210,120,100,120", layer=1),
+    "parking": _Style(color="120,140,180,160", layer=-1),
+    "traffic_island": _Style(color="120,150,110,220", layer=3),
+    "vegetation": _Style(color="110,150,100,220", layer=-3),
+    "building": _Style(color="140,120,110,220", layer=-3),
 }
-OTHER_AREA = Style(color="150,160,140,150", layer=-3)
+OTHER_AREA = _Style(color="150,160,140,150", layer=-3)
 DASH_M = 3.0
 
 
@@ -83,7 +79,6 @@ def _markings(road: Road) -> Iterator[str]:
 
 
 def _stop_lines(road: Road) -> Iterator[str]:
-    """Stop lines of rules, unless the map draws them as markings."""
     drawn = [marking.points for marking in road.markings if marking.kind == "stop_line"]
     number = 0
     for rule in road.regulations:
@@ -94,7 +89,7 @@ def _stop_lines(road: Road) -> Iterator[str]:
                 number += 1
 
 
-def _strokes(marking: Marking, style: Style) -> Iterator[FloatArray]:
+def _strokes(marking: Marking, style: _Style) -> Iterator[FloatArray]:
     dash = style.dash or (DASH_M if "dashed" in marking.subtype else 0.0)
     total = length_of(marking.points)
     if dash == 0.0 or total <= dash:
@@ -106,7 +101,7 @@ def _strokes(marking: Marking, style: Style) -> Iterator[FloatArray]:
         yield cut(marking.points, k * total / count, (k + 1) * total / count)
 
 
-def _line(name: str, kind: str, style: Style, line: FloatArray) -> str:
+def _line(name: str, kind: str, style: _Style, line: FloatArray) -> str:
     return (
         f'    <poly id="{name}" type={quoted(kind)} color="{style.color}" fill="0" layer="{style.layer}"'
         f' lineWidth="{style.width:.2f}" shape="{shape_text(line)}"/>'

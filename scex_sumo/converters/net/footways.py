@@ -14,12 +14,12 @@ from scex_sumo.converters.net.rows import Zone
 from scex_sumo.geometry.polylines import along, cut, length_of, nearest
 from scex_sumo.road import Lane
 
-MEET_M = 0.5  # between the ends of two footways, or from the end of one to the side of another
-END_M = 2.0  # who comes in this close to a footway's end comes in there
+MEET_M = 0.5  # between footways that meet
+END_M = 2.0  # another footway this close to an end joins there
 KERB_M = 1.0  # between the edge of a lane and where people wait
 ISLAND_M = 4.0  # between lanes that are crossed at one go
 ALONG = 3.0  # a lane that runs over more than so many widths of a walkway runs along it
-PASS_M = 1.3  # from the middle of a lane to people whom its cars pass: half a car and some room
+PASS_M = 1.3  # half a car and some room
 TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m, and jam where there is only one
 OUTWARD_M = 0.7  # how far a crosswalk may be moved off a lane
 SHORTEST_M = 0.5  # of a footway, and of what a vehicle lane has in common with a crosswalk
@@ -29,11 +29,11 @@ _Station = tuple[int, float]  # lanelet, arc length on it in m
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Footway:
-    """A crosswalk (``marked``), or a stretch of a walkway between two places.
+    """Crosswalk (``marked``), or a stretch of a walkway between two places.
 
     Attributes:
-        lanelet: None for a footway that the map does not have.
-        crossed: vehicle lanes under it, with (start, end) arc length on that lane in m.
+        lanelet: None if the map does not have it.
+        crossed: vehicle lanes under it, with (start, end) arc length on them in m.
     """
 
     name: str
@@ -47,8 +47,6 @@ class Footway:
 
 @dataclass(frozen=True, kw_only=True)
 class _Crossed:
-    """A vehicle lane under a footway: its span there, and the stretch of the footway on it, m."""
-
     lane: int
     span: tuple[float, float]
     walked: tuple[float, float]
@@ -56,8 +54,6 @@ class _Crossed:
 
 @dataclass(kw_only=True, eq=False)
 class _Meetings:
-    """Union-find of the stations at which lanelets meet."""
-
     parent: dict[_Station, _Station] = field(default_factory=dict)
 
     def root(self, station: _Station) -> _Station:
@@ -149,7 +145,7 @@ def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
     station = float(nearest(other.centreline, *tip))
     if station < END_M or station > length - END_M:
         return 0.0 if station < length / 2 else length
-    return None if whole else round(station)  # those who come in close together come in at one place
+    return None if whole else round(station)
 
 
 def _marked(lane: Lane) -> bool:
@@ -189,7 +185,6 @@ def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRt
 
 
 def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:
-    """Yield vehicle lanes that run across a footway; ``lines`` are their centrelines."""
     area, middle = _area(footway), shapely.LineString(footway.centreline)
     ids = list(driven)
     for k in np.sort(lines.query(area, predicate="intersects")).tolist():
@@ -205,7 +200,6 @@ def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) 
 
 
 def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
-    """Arc lengths where a walkway enters and leaves the road; a crosswalk is one crossing as a whole."""
     length = length_of(footway.centreline)
     spans = sorted(c.walked for c in crossed) if not _marked(footway) else []
     merged: list[tuple[float, float]] = []

@@ -1,7 +1,6 @@
-"""Stretches of lanelets under the lanes of a converted net, from which the map's lanelets are joined again.
+"""Stretches of lanelets under the lanes of a converted net, to join the map's lanelets again.
 
-A net has the geometry of its map, but cut at junctions, and junctions hold the same ground under several
-lanes. `convert` therefore writes into each lane the stretches of lanelets that it runs over.
+Junctions hold the same ground under several lanes, so `convert` writes the stretches into each lane.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Lane
 
 KEY = "lanelets"
-CHANGED_M = 1e-3  # a lane whose length differs this much from that of its stretches was drawn anew
+CHANGED_M = 1e-3  # difference of lengths from which a lane was changed
 JOINT_M = 0.05  # where road follows road, the lane between takes this much of both
-BEYOND = 0  # stands for road that the map does not have, where lanes fork or join at its border
-GAP_M = 0.1  # such road may end this far beside a lane
+BEYOND = 0  # road before or behind the map's border
+GAP_M = 0.1  # between such road and a lane
 _DRIVEN = ("normal", "", None, "internal")  # functions of edges that vehicles drive on
 STRAIGHT_M = 5e-9  # a point this near to the line between its neighbours is none of the map's
 
@@ -54,8 +53,7 @@ def parts_text(stretches: Iterable[LaneletPart]) -> str:
 def named_parts(root: ElementTree.Element) -> dict[str, tuple[LaneletPart, ...]] | None:
     """Return the stretches under each lane of a net.
 
-    Returns:
-        None if the net was changed since its conversion; empty if `convert` did not write it.
+    None if the net was changed since its conversion; empty if `convert` did not write it.
     """
     found: dict[str, tuple[LaneletPart, ...]] = {}
     for lane in root.iter("lane"):
@@ -102,14 +100,7 @@ def lane_places(root: ElementTree.Element) -> list[tuple[str, list[tuple[int, fl
 
 
 def put_together(named: Named, lanes: Mapping[str, Lane]) -> dict[int, Lane]:
-    """Join the lanelets of a net from the lanes that run over them.
-
-    Args:
-        lanes: the net's lanes by name, with numbers, successors and neighbours.
-
-    Returns:
-        By lanelet id, without bounds, predecessors and conflicts.
-    """
+    """Join the lanelets of a net, by id, without bounds, predecessors and conflicts."""
     numbers = {lane.lane_id: name for name, lane in lanes.items()}
     parts: dict[int, list[tuple[LaneletPart, FloatArray]]] = {}
     following: dict[int, set[int]] = {}
@@ -177,7 +168,6 @@ def _joined(parts: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
 
 
 def _without_cuts(line: FloatArray) -> FloatArray:
-    """Remove the points where a polyline was cut: they repeat, or lie on a straight line."""
     line = line[np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > STRAIGHT_M])]
     kept = [0]
     for k in range(1, len(line) - 1):

@@ -1,8 +1,7 @@
 """Borders of the map: lanes that fork or join there get a short common road.
 
-Such lanes overlap from the border on. Without a common approach SUMO does not notice the overlap and inserts
-vehicles into each other. The common road takes from the lanes only the shortest edge that SUMO accepts, so
-their geometry stays. Before the border it is longer, so that vehicles have room to enter.
+Without it SUMO does not notice that such lanes overlap, and inserts vehicles into each other. The common road
+takes the shortest edge that SUMO accepts from the lanes, and some room before the border.
 """
 
 from __future__ import annotations
@@ -20,9 +19,6 @@ from scex_sumo.geometry.polylines import cut, heading, length_of, turn
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
-# Such lanes overlap from the border on. Without a common approach SUMO would not notice, and vehicles would
-# be put inside each other. Of the lanes themselves the shortest edge that SUMO takes is enough, which keeps
-# the geometry; vehicles that enter get some room before the border.
 ENTRY = "entry"  # subtype of such a lane
 ROOM_M = 1.9
 TOGETHER_M = 0.08
@@ -32,7 +28,7 @@ ALIGNED = math.radians(20.0)
 def add_entries(lanes: Mapping[int, Lane], taken: Collection[int] = ()) -> dict[int, Lane]:
     """Add a short common lane where vehicle lanes begin, or end, at one point of the border.
 
-    It takes a decimetre of the lanes that it leads to. ``taken`` are ids that new lanes must not get.
+    ``taken`` are ids that new lanes must not get.
     """
     result = dict(lanes)
     ids = _fresh(lanes, taken)
@@ -52,9 +48,7 @@ def add_entries(lanes: Mapping[int, Lane], taken: Collection[int] = ()) -> dict[
 def add_approaches(
     lanes: Mapping[int, Lane], found: Iterable[Conflict], taken: Collection[int] = ()
 ) -> dict[int, Lane]:
-    """Add an entry before each lane that begins in the way of another one, so that vehicles wait before the
-    conflict.
-    """
+    """Add an entry before each lane that begins in the way of another one."""
     result = dict(lanes)
     changing = _changing(lanes)
     ids = _fresh(lanes, taken)

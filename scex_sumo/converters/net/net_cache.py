@@ -1,7 +1,4 @@
-"""Cache of converted nets: the next run on the same map takes its net from the user's cache.
-
-The key is the road; `cached_bytes` adds the state of our code, so another map or version never matches.
-"""
+"""Cache of converted nets, by road and state of the code."""
 
 from __future__ import annotations
 
@@ -37,7 +34,12 @@ def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
         packed = cached_bytes("nets", key.digest(), make)
     else:
         packed = make()
-    return made[0] if made else _unpacked(packed, net_path)
+    if not made:
+        try:
+            return _unpacked(packed, net_path)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError):  # not written by us
+            make()
+    return made[0]
 
 
 def _file(net_path: Path, ending: str) -> Path:
@@ -45,7 +47,6 @@ def _file(net_path: Path, ending: str) -> Path:
 
 
 def _packed(net: SumoNet) -> bytes:
-    """Return the files of a net and everything that a `SumoNet` says of them, as JSON."""
     content = {
         "files": {ending: _file(net.path, ending).read_text(encoding="utf-8") for ending in _ENDINGS},
         "rows": net.lanes.rows,
@@ -58,13 +59,14 @@ def _packed(net: SumoNet) -> bytes:
 
 def _unpacked(packed: bytes, net_path: Path) -> SumoNet:
     content = json.loads(packed)
-    for ending, text in content["files"].items():
-        _file(net_path, ending).write_text(text, encoding="utf-8")
-    ends = {lane: (before, after) for lane, (before, after) in content["ends"].items()}
-    return SumoNet(
+    ends = {str(lane): (str(before), str(after)) for lane, (before, after) in content["ends"].items()}
+    net = SumoNet(
         path=net_path,
         extras=_file(net_path, ".add.xml"),
-        lanes=LaneTable([(lanelet, lane) for lanelet, lane in content["rows"]], ends),
-        notes=tuple(content["notes"]),
+        lanes=LaneTable([(int(lanelet), str(lane)) for lanelet, lane in content["rows"]], ends),
+        notes=tuple(map(str, content["notes"])),
         losses=tuple(MapLoss(**{**loss, "elements": tuple(loss["elements"])}) for loss in content["losses"]),
     )
+    for ending in _ENDINGS:
+        _file(net_path, ending).write_text(content["files"][ending], encoding="utf-8")
+    return net

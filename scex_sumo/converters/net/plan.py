@@ -1,4 +1,4 @@
-"""Plan of the SUMO net: names, shapes and outlines of edges, connections and nodes for cut rows of lanes."""
+"""Plan of the SUMO net: names, shapes and outlines of its elements."""
 
 from __future__ import annotations
 
@@ -60,7 +60,6 @@ class _Plan:
         self._shapes: dict[Piece, FloatArray] = {}
 
     def edges(self) -> Iterator[Edge]:
-        """Edges of all road pieces, row by row."""
         for r, row in enumerate(self._topology.rows):
             for k in self._roads(r):
                 name = self._edge_name(r, k)
@@ -74,7 +73,6 @@ class _Plan:
                 yield Edge(name=name, start=start, end=end, lanes=lanes)
 
     def roads(self) -> Iterator[tuple[str, int, float]]:
-        """(lane of an edge, lanelet under it, arc length in m where the lane begins on the lanelet)."""
         for r, row in enumerate(self._topology.rows):
             for k in self._roads(r):
                 for at, lanelet in enumerate(row.lanes):
@@ -83,7 +81,6 @@ class _Plan:
     def connections(
         self, incoming: Mapping[str, Sequence[str]], rules: Sequence[Regulation], found: Sequence[Conflict]
     ) -> dict[str, tuple[Connection, ...]]:
-        """Connections of each node, in the order of its incoming lanes."""
         clashes = clashing_pieces(self._topology, found)
         named = {rule.element_id: {*rule.lanes, *rule.yielding, *rule.priority} for rule in rules}
         result = {}
@@ -102,7 +99,6 @@ class _Plan:
         return result
 
     def outline(self, node: str, connections: Sequence[Connection], edges: Sequence[Edge]) -> FloatArray:
-        """(P, 2) union of the lanelets within a node, or the border between its edges if there are none."""
         inside = {piece for c in connections for piece in c.link.path.inside}
         areas = [_lane_area(self._topology.lane(p), self._topology.span(p)) for p in sorted(inside)]
         union = _union_outline(areas)
@@ -160,7 +156,6 @@ class _Plan:
         return self._shapes[piece]
 
     def _inner_parts(self, path: Path) -> Iterator[tuple[Piece, float, float]]:
-        """Arc lengths of a connection on each of its pieces."""
         last = len(path.pieces) - 1
         for k, piece in enumerate(path.pieces):
             start, end = self._topology.span(piece)
@@ -176,7 +171,6 @@ class _Plan:
         return join([cut(self._topology.lane(piece).centreline, *span) for piece, *span in parts])
 
     def _lanelet_parts(self, parts: Iterable[tuple[Piece, float, float]]) -> Iterator[LaneletPart]:
-        """Stretches of lanelets, with width and limit of the whole lanelet, which the net does not hold."""
         for piece, start, end in parts:
             lane = self._topology.lane(piece)
             lanelet = BEYOND if lane.subtype == ENTRY else lane.lane_id
@@ -188,7 +182,6 @@ class _Plan:
         return max(float(np.average(widths, weights=sizes)), 0.5)
 
     def _piece_width(self, piece: Piece) -> float:
-        """Mean distance of the bounds along a piece, m."""
         if piece not in self._widths:
             lane = self._topology.lane(piece)
             line = cut(lane.centreline, *self._topology.span(piece))
@@ -245,14 +238,12 @@ class _Plan:
 
 
 def _lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
-    """Return the surface of a stretch of a lane; ``span`` is in m on its centreline."""
     ends = along(lane.centreline, np.array(span))
     sides = [_between(bound, ends) for bound in (lane.left_bound, lane.right_bound)]
     return Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0)
 
 
 def _union_outline(areas: Sequence[Polygon]) -> FloatArray:
-    """(P, 2) union of areas, or the convex hull if they do not touch; empty if they are lines."""
     union = unary_union(shapely.buffer(areas, 0.01, quad_segs=16))
     hull = union if union.geom_type == "Polygon" else union.convex_hull
     if hull.geom_type != "Polygon":
@@ -261,7 +252,6 @@ def _union_outline(areas: Sequence[Polygon]) -> FloatArray:
 
 
 def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
-    """(P, 2) hull of the lane ends at a node without an inside."""
     points: list[FloatArray] = []
     for edge in edges:
         for lane in edge.lanes:

@@ -1,6 +1,6 @@
-"""Reader of SUMO nets (``.net.xml``, gzipped or not): lanes, links and junctions, whoever wrote the net.
+"""Reader of SUMO nets: lanes, links and junctions.
 
-sumolib's reader would do, but it drops the lane changes that a lane forbids.
+sumolib drops the lane changes that a lane forbids.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from scex_sumo.converters.naming import open_binary
 from scex_sumo.road import Georeference
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
+MAX_M = 1e8  # of coordinates
 CAR = "passenger"
 
 Made = TypeVar("Made")
@@ -65,11 +66,11 @@ class SumoLane:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SumoLink:
-    """A connection between lanes of two normal edges.
+    """Connection between lanes of two normal edges.
 
     Attributes:
-        via: internal lanes in driving order; empty in nets without internal lanes.
-        junction: its junction, or empty if no request belongs to it.
+        via: internal lanes in driving order, if any.
+        junction: empty if no request belongs to it.
         row: its row in the junction's requests, or -1.
         signal: id of its traffic light, or empty.
         signal_index: its place in that light's phases, or -1.
@@ -86,16 +87,7 @@ class SumoLink:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Junction:
-    """A junction with its right of way.
-
-    Attributes:
-        kind: SUMO's type, e.g. ``priority``, ``allway_stop``.
-        shape: (P, 2) outline, m; may be empty.
-        response: (n, n) True where the row's link must give way to the column's.
-        foes: (n, n) True where the two links are in each other's way.
-    """
-
+class _Junction:
     kind: str
     shape: FloatArray
     response: BoolArray
@@ -118,7 +110,7 @@ class NetContent:
     edges: Mapping[str, tuple[str, ...]]
     links: tuple[SumoLink, ...]
     following: Mapping[str, tuple[str, ...]]
-    junctions: Mapping[str, Junction]
+    junctions: Mapping[str, _Junction]
     offset: FloatArray
     projected: bool
     phases: Mapping[str, tuple[str, ...]]
@@ -193,7 +185,7 @@ def read_net(path: Path) -> NetContent:
         phases[programme.get("id", "")] += [phase.get("state", "") for phase in programme.iter("phase")]
     following = _following(root, lanes)
     location = root.find("location")
-    written = location.attrib if location is not None else {}
+    location = location if location is not None else Element("location")
     return NetContent(
         path=path,
         lanes=lanes,
@@ -201,14 +193,13 @@ def read_net(path: Path) -> NetContent:
         links=_links(root, following),
         following=following,
         junctions={j.get("id", ""): _checked(path, j, _junction) for j in root.iter("junction")},
-        offset=points_of(written.get("netOffset") or "0,0")[0],
-        projected=written.get("projParameter", "").startswith("+proj"),
+        offset=_checked(path, location, _offset),
+        projected=location.get("projParameter", "").startswith("+proj"),
         phases={i: tuple(states) for i, states in phases.items()},
     )
 
 
 def _checked(path: Path, element: Element, make: Callable[..., Made], *context: Element) -> Made:
-    """Read an element; an attribute that is missing or no number is an error that names both."""
     try:
         return make(element, *context)
     except KeyError as error:
@@ -220,7 +211,6 @@ def _checked(path: Path, element: Element, make: Callable[..., Made], *context: 
 
 
 def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disallow") -> bool:
-    """Whether an element's lists let passenger cars pass; neither list lets every vehicle pass."""
     allowed, banned = element.get(allow), element.get(disallow)
     if allowed:
         return allowed == "all" or CAR in allowed.split()
@@ -229,7 +219,7 @@ def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disal
 
 def _lane(lane: Element, edge: Element) -> SumoLane:
     shape = points_of(lane.attrib["shape"])
-    if not len(shape) or not np.isfinite(shape).all():
+    if not len(shape) or not (np.abs(shape) <= MAX_M).all():
         raise ValueError("its shape has no points, or none on Earth")
     return SumoLane(
         lane_id=lane.attrib["id"],
@@ -246,8 +236,12 @@ def _lane(lane: Element, edge: Element) -> SumoLane:
     )
 
 
+def _offset(location: Element) -> FloatArray:
+    (offset,) = points_of(location.get("netOffset") or "0,0")
+    return np.asarray(offset)
+
+
 def _ends(connection: Element) -> tuple[str, str]:
-    """Return the lanes that a connection leaves and enters."""
     source = f"{connection.get('from')}_{connection.get('fromLane')}"
     return source, f"{connection.get('to')}_{connection.get('toLane')}"
 
@@ -296,7 +290,7 @@ def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Sum
     return tuple(links)
 
 
-def _junction(junction: Element) -> Junction:
+def _junction(junction: Element) -> _Junction:
     requests = sorted(junction.iter("request"), key=lambda request: int(request.attrib["index"]))
     size = max(len(requests), len(junction.get("intLanes", "").split()))  # SUMO says what is missing
     bits = np.zeros((2, size, size), dtype=np.bool_)
@@ -305,4 +299,4 @@ def _junction(junction: Element) -> Junction:
             text = request.get(name, "")[::-1][:size]  # SUMO writes link 0 last
             matrix[row, : len(text)] = [bit == "1" for bit in text]
     kind, shape = junction.get("type", ""), points_of(junction.get("shape", ""))
-    return Junction(kind=kind, shape=shape, response=bits[0], foes=bits[1])
+    return _Junction(kind=kind, shape=shape, response=bits[0], foes=bits[1])

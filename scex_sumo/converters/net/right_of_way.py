@@ -1,4 +1,4 @@
-"""Right of way at a node: SUMO's foes, responses and link states from the map's rules; roundabouts."""
+"""Right of way at a node: SUMO's foes, responses and link states; roundabouts."""
 
 from __future__ import annotations
 
@@ -147,12 +147,13 @@ def _weight(a: Link, b: Link, yielding: set[int], priority: set[int]) -> int:
 
 
 def _zippers(links: Sequence[Link], merging: set[frozenset[int]], ruled: set[frozenset[int]]) -> set[int]:
+    free = merging - ruled
     good = {
         i
         for i, a in enumerate(links)
         if a.foes
         and all(
-            frozenset((i, j)) in merging - ruled
+            frozenset((i, j)) in free
             and a.on_ring == links[j].on_ring
             and abs(turn(a.entry, links[j].entry)) < SAME_WAY
             for j in a.foes
@@ -193,7 +194,6 @@ def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int
 
 
 def _waits_for_itself(links: Sequence[Link], index: int) -> bool:
-    """Whether a chain of links that give way leads back to this link."""
     seen: set[int] = set()
     stack = list(links[index].response)
     while stack:

@@ -94,8 +94,8 @@ def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, in
     """Group lanes by permitted lane changes.
 
     Returns:
-        The rows, by their smallest lane id; and the permitted changes (from, to) that no row can hold,
-        because a lane already has another neighbour on that side.
+        The rows, by smallest lane id; and the changes (from, to) that no row can hold, because a lane has
+        another neighbour on that side.
     """
     left_of: dict[int, int] = {}
     right_of: dict[int, int] = {}
@@ -153,7 +153,6 @@ def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Co
 def _tidy(
     zones: list[tuple[float, float]], size: float, *, begins: bool, ends: bool
 ) -> list[tuple[float, float]]:
-    """Merge zones, close short gaps, and keep stubs of road free at the map's border."""
     stub, least, gap = (min(length, size / 3) / size for length in (STUB_M, SHORTEST_M, SNAP_M))
     low = (stub if all(end > stub + gap for _, end in zones) else least) if begins else 0.0
     high = 1.0 - (stub if all(start < 1.0 - stub - gap for start, _ in zones) else least) if ends else 1.0

@@ -1,4 +1,4 @@
-"""SUMO net of a road: the files of a conversion, and the lane table from lanelets to SUMO lanes and back."""
+"""SUMO net of a road: its files, and its lane table."""
 
 from __future__ import annotations
 
@@ -86,7 +86,6 @@ class LaneTable:
             self._of = {lanelet: self._in_order(lanes) for lanelet, lanes in self._of.items()}
 
     def _in_order(self, lanes: list[str]) -> list[str]:
-        """Sort SUMO lanes by what leads to what; the rows do not define this on a ring."""
         edges = {name.rsplit("_", 1)[0]: name for name in lanes}
         waiting: dict[str, set[str]] = {name: set() for name in lanes}
         for name in lanes:
@@ -131,7 +130,6 @@ class LaneTable:
         return route
 
     def _beyond(self, lanelet_ids: Sequence[int], route: list[str], *, first: bool) -> str | None:
-        """Edge before (after) a sequence whose first (last) SUMO lane is internal."""
         if not lanelet_ids:
             return None
         lanes = self.sumo_lanes(lanelet_ids[0 if first else -1])

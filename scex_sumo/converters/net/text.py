@@ -25,12 +25,12 @@ from scex_sumo.converters.net.walks import NO_WALKS, SPEED_MPS, Walks
 from scex_sumo.road import Georeference
 from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opposed
 
-# Internal lane, or edge of a crossing: its traffic light and link index there.
+# Traffic light and link index by internal lane or crossing.
 Lights: TypeAlias = Mapping[str, tuple[str, int]]
 
 HEADER = '<?xml version="1.0" encoding="UTF-8"?>'
 ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
-# SUMO has no word for "nobody may change": it is said by naming a class that nothing here drives.
+# No vehicle has this class.
 NOBODY = "custom2"
 
 
@@ -88,7 +88,6 @@ def _body(
 
 
 def _location(corners: FloatArray, place: Georeference | None) -> str:
-    """Format the net's location: coordinates less the offset are those of the projection."""
     boundary = ",".join(f"{v:.2f}" for v in corners)
     if place is None:
         offset, original, projection = "0.00,0.00", boundary, "!"
@@ -234,7 +233,6 @@ def _sidewalk_edges(walks: Walks) -> Iterator[str]:
 
 
 def _pedestrian_junctions(walks: Walks) -> Iterator[str]:
-    """Junctions that only people use."""
     for name, outline in walks.nodes.items():
         x, y = outline.mean(axis=0)
         yield (

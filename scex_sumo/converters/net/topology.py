@@ -1,16 +1,17 @@
-"""Topology of a SUMO net: cuts rows of lanes into edges and junctions, and finds the paths through junctions.
+"""Topology of a SUMO net: rows of lanes cut into edges and junctions, and the paths through junctions.
 
-A vehicle that waits needs room, so road pieces shorter than a car between two conflicts belong to the
-junction. But SUMO separates vehicles only if traffic that has merged drives over an edge before it forks. No
-piece of a junction may therefore have several ways in and several ways out.
+Road pieces shorter than a car between two conflicts belong to the junction. But SUMO separates vehicles only
+if traffic that has merged drives over an edge before it forks, so no piece of a junction may have several
+ways in and out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.rows import STUB_M, Piece, Row, Zone, build_rows, lay_zones
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
@@ -19,6 +20,8 @@ Cut: TypeAlias = tuple[int, int]  # row, cut of the row
 
 ROOM_M = 7.5  # a car of 5 m and SUMO's default gap of 2.5 m
 NARROW_M = 4.0
+MAX_LINKS = 256  # of one junction; SUMO refuses a net with more
+MAX_STEPS = 100_000  # of a search through one junction; damaged maps have exponentially many ways
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,38 +38,42 @@ class Path:
         return (self.start, *self.inside, self.end)
 
 
-class Chains:
-    """Pieces along the lanes. A row may be replaced by one of the same lanes with other cuts."""
-
+class _Chains:
     def __init__(self, rows: Sequence[Row], lanes: Mapping[int, Lane]) -> None:
         self.rows = list(rows)
         self.lanes = lanes
         self.where = {i: (r, k) for r, row in enumerate(rows) for k, i in enumerate(row.lanes)}
 
     def is_inside(self, piece: Piece) -> bool:
-        """Whether a piece lies in a junction."""
         return self.rows[piece[0]].inside[piece[1]]
 
-    def road_pieces(self) -> Iterator[Piece]:
-        """Pieces outside of junctions, row by row."""
+    def pieces(self) -> Iterator[Piece]:
         for r, row in enumerate(self.rows):
-            for k in range(row.pieces):
-                if not row.inside[k]:
-                    yield from ((r, k, at) for at in range(len(row.lanes)))
+            yield from ((r, k, at) for k in range(row.pieces) for at in range(len(row.lanes)))
+
+    def road_pieces(self) -> Iterator[Piece]:
+        return (piece for piece in self.pieces() if not self.is_inside(piece))
 
     def ways_from(self, start: Piece) -> Iterator[tuple[Piece, tuple[Piece, ...]]]:
-        """Ways from a road piece through a junction: the road piece behind it, and the pieces inside."""
         stack: list[tuple[Piece, ...]] = [(start,)]
-        while stack:
+        for _ in range(MAX_STEPS):
+            if not stack:
+                return
             way = stack.pop()
             for piece in self.after(way[-1]):
                 if not self.is_inside(piece):
                     yield piece, way[1:]
                 elif piece not in way:  # a ring that lies completely inside one junction
                     stack.append((*way, piece))
+        raise self.too_large(start)
+
+    def too_large(self, piece: Piece) -> MapError:
+        return MapError(
+            f"lanelet {self.rows[piece[0]].lanes[piece[2]]}: its junction would have more than {MAX_LINKS} "
+            "connections, which SUMO refuses; remove lanelets that overlap or meet there by mistake"
+        )
 
     def after(self, piece: Piece) -> list[Piece]:
-        """Return the pieces that follow."""
         row, k, at = piece
         if k + 1 < self.rows[row].pieces:
             return [(row, k + 1, at)]
@@ -74,7 +81,6 @@ class Chains:
         return [(self.where[i][0], 0, self.where[i][1]) for i in lanes if i in self.where]
 
     def before(self, piece: Piece) -> list[Piece]:
-        """Return the pieces that precede."""
         row, k, at = piece
         if k:
             return [(row, k - 1, at)]
@@ -82,31 +88,70 @@ class Chains:
         found = [self.where[i] for i in lanes if i in self.where]
         return [(r, self.rows[r].pieces - 1, at) for r, at in found]
 
-    def reach(self, piece: Piece, step: Callable[[Piece], list[Piece]]) -> tuple[set[Piece], set[Piece]]:
-        """Return the junction pieces reached (``after`` or ``before``), and the road pieces behind them."""
-        inside, road, stack = {piece}, set(), [piece]
+    def unsound(self, pieces: Iterable[Piece]) -> set[Piece]:
+        after: dict[Piece, list[Piece]] = {}
+        before: dict[Piece, list[Piece]] = {}
+        stack = [*pieces]
         while stack:
-            for other in step(stack.pop()):
-                if not self.is_inside(other):
-                    road.add(other)
-                elif other not in inside:
-                    inside.add(other)
-                    stack.append(other)
-        return inside, road
-
-    def is_sound(self, piece: Piece) -> bool:
-        """Whether SUMO can separate vehicles on every way through the junction over this piece."""
-        upstream, _ = self.reach(piece, self.before)
-        downstream, _ = self.reach(piece, self.after)
-        if len(upstream & downstream) > 1 or any(piece in self.after(p) for p in downstream):
-            return False  # a ring within one junction
-        return all(self._is_simple(p) for p in upstream | downstream)
-
-    def _is_simple(self, piece: Piece) -> bool:
-        return any(len(self.reach(piece, step)[1]) < 2 for step in (self.before, self.after))
+            piece = stack.pop()
+            if piece not in after and self.is_inside(piece):
+                after[piece], before[piece] = self.after(piece), self.before(piece)
+                stack += (*after[piece], *before[piece])
+        out, into = _roads_behind(after, before), _roads_behind(before, after)
+        knots = [p for p in after if len(out[p]) > 1 and len(into[p]) > 1]
+        return _reached(knots, after) | _reached(knots, before) | _on_rings(after, before)
 
 
-class Topology(Chains):
+_Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
+
+
+def _roads_behind(steps: _Steps, back: _Steps) -> dict[Piece, set[Piece]]:
+    """Return the road pieces that each junction piece reaches by steps: all, or at least two of them."""
+    roads = {piece: {p for p in onward if p not in steps} for piece, onward in steps.items()}
+    stack = [piece for piece, behind in roads.items() if behind]
+    while stack:
+        piece = stack.pop()
+        for other in back[piece]:
+            if other in roads and len(roads[other]) < 2 and not roads[piece] <= roads[other]:
+                roads[other] |= roads[piece]
+                stack.append(other)
+    return roads
+
+
+def _reached(pieces: Iterable[Piece], steps: _Steps) -> set[Piece]:
+    reached: set[Piece] = set()
+    stack = [*pieces]
+    while stack:
+        piece = stack.pop()
+        if piece not in reached and piece in steps:
+            reached.add(piece)
+            stack += steps[piece]
+    return reached
+
+
+def _on_rings(after: _Steps, before: _Steps) -> set[Piece]:
+    """Return the pieces from which steps lead back to them."""
+    left = {piece: sum(p in after for p in onward) for piece, onward in after.items()}
+    ends = [piece for piece, count in left.items() if not count]
+    for piece in ends:  # grows
+        for other in before[piece]:
+            if other in left:
+                left[other] -= 1
+                if not left[other]:
+                    ends.append(other)
+    rest = after.keys() - ends  # rings, and what leads to them
+    rings: set[Piece] = set()
+    while rest:
+        piece = next(iter(rest))
+        onward, back = ({p: steps[p] for p in rest} for steps in (after, before))
+        ring = _reached([piece], onward) & _reached([piece], back)
+        if len(ring) > 1 or piece in after[piece]:
+            rings |= ring
+        rest -= ring
+    return rings
+
+
+class Topology(_Chains):
     """Graph of cut rows."""
 
     def __init__(
@@ -137,7 +182,10 @@ class Topology(Chains):
         for start in self.road_pieces():
             for end, inside in self.ways_from(start):
                 node = self.node(start[0], start[1] + 1)
-                nodes.setdefault(node, []).append(Path(start=start, inside=inside, end=end))
+                paths = nodes.setdefault(node, [])
+                paths.append(Path(start=start, inside=inside, end=end))
+                if len(paths) > MAX_LINKS:
+                    raise self.too_large(start)
         return nodes
 
     def pieces_on(self, lane_id: int, start: float, end: float) -> list[Piece]:
@@ -174,7 +222,7 @@ class Topology(Chains):
 def cut_lanes(
     lanes: Mapping[int, Lane], found: Sequence[Conflict], walked: Sequence[Zone] = ()
 ) -> tuple[Topology, list[tuple[int, int]]]:
-    """Cut lanes into roads and junctions, as conflicts, crosswalks (``walked``) and SUMO's junctions require.
+    """Cut lanes into roads and junctions, by conflicts, crosswalks (``walked``) and SUMO's needs.
 
     Returns:
         The graph, and the permitted lane changes (from, to) that it cannot hold.
@@ -188,9 +236,9 @@ def cut_lanes(
     rows, _ = build_rows(lanes)
     zones: list[Conflict | Zone] = [*found, *walked]
     rows = [_with_road_to_change_on(row) for row in lay_zones(rows, lanes, zones)]
-    rows = open_knots(rows, lanes)
-    rows = fill_gaps(Topology(rows, lanes, zones))
-    rows = split_loops(Topology(rows, lanes, zones))
+    rows = _open_knots(rows, lanes)
+    rows = _fill_gaps(Topology(rows, lanes, zones))
+    rows = _split_loops(Topology(rows, lanes, zones))
     return Topology(rows, lanes, zones), lost
 
 
@@ -200,9 +248,8 @@ def _with_road_to_change_on(row: Row) -> Row:
     return row.with_road(0, min(STUB_M / row.size(0), 1 / 3) * row.cuts[1])
 
 
-def fill_gaps(topology: Topology) -> list[Row]:
-    """Give short road pieces between junction pieces to the junction, shortest first, where that is sound."""
-    chains, node = Chains(topology.rows, topology.lanes), topology.node
+def _fill_gaps(topology: Topology) -> list[Row]:
+    chains, node = _Chains(topology.rows, topology.lanes), topology.node
     for _, r, k in sorted(_gaps(chains)):
         row = chains.rows[r]
         if row.size(k) > NARROW_M and node(r, k) != node(r, k + 1):
@@ -210,13 +257,13 @@ def fill_gaps(topology: Topology) -> list[Row]:
         if len(row.lanes) > 1 and row.inside.count(False) == 1:
             continue  # its only place for changing lanes
         chains.rows[r] = row.with_inside(k, True)
-        if not all(chains.is_sound((r, k, at)) for at in range(len(row.lanes))):
+        pieces = {(r, k, at) for at in range(len(row.lanes))}
+        if pieces & chains.unsound(pieces):
             chains.rows[r] = row
     return chains.rows
 
 
-def split_loops(topology: Topology) -> list[Row]:
-    """Halve edges that leave a junction and enter it again; netconvert refuses such edges."""
+def _split_loops(topology: Topology) -> list[Row]:
     result, node = [], topology.node
     for r, row in enumerate(topology.rows):
         halved = row
@@ -227,7 +274,7 @@ def split_loops(topology: Topology) -> list[Row]:
     return result
 
 
-def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
+def _gaps(chains: _Chains) -> Iterator[tuple[float, int, int]]:
     for r, row in enumerate(chains.rows):
         for k, inside in enumerate(row.inside):
             pieces = [(r, k, at) for at in range(len(row.lanes))]
@@ -242,13 +289,12 @@ def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
                 yield row.size(k), r, k
 
 
-def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
+def _open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
     """Cut edges into junction pieces until SUMO can handle every junction.
 
-    Cut are pieces where traffic merges and forks again within one junction, and two ways through a junction
-    between the same two road pieces, which SUMO cannot distinguish.
+    These are pieces where traffic merges and forks again, and double ways between the same two road pieces.
     """
-    chains = Chains(rows, lanes)
+    chains = _Chains(rows, lanes)
     for _ in range(sum(row.pieces for row in rows)):
         knot = _knot(chains)
         twins = [] if knot else _double_way(chains)
@@ -261,21 +307,18 @@ def open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
     return chains.rows
 
 
-def _knot(chains: Chains) -> tuple[int, int] | None:
-    found = []
-    for r, row in enumerate(chains.rows):
-        for k in range(row.pieces):
-            pieces = [(r, k, at) for at in range(len(row.lanes))]
-            if row.inside[k] and not all(chains.is_sound(piece) for piece in pieces):
-                merging = any(len(chains.before(piece)) > 1 for piece in pieces)
-                found.append((merging, row.size(k), -r, -k))
-    if not found:
+def _knot(chains: _Chains) -> tuple[int, int] | None:
+    candidates = []
+    for r, k in {piece[:2] for piece in chains.unsound(chains.pieces())}:
+        merging = any(len(chains.before((r, k, at))) > 1 for at in range(len(chains.rows[r].lanes)))
+        candidates.append((merging, chains.rows[r].size(k), -r, -k))
+    if not candidates:
         return None
-    _, _, r, k = max(found)
+    _, _, r, k = max(candidates)
     return -r, -k
 
 
-def _double_way(chains: Chains) -> list[tuple[int, int]]:
+def _double_way(chains: _Chains) -> list[tuple[int, int]]:
     """Find two ways through a junction between the same road pieces; return the longest piece of each."""
     for start in chains.road_pieces():
         ways: dict[Piece, tuple[Piece, ...]] = {}

@@ -1,12 +1,13 @@
-"""Traffic light programs: the links and crossings of each light, and a fixed program if none was recorded."""
+"""Traffic light programs: links, crossings, and fixed phases."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from scex_sumo.converters.lanes_ahead import lanes_ahead
 from scex_sumo.converters.net.elements import Connection, NetLayout
 from scex_sumo.converters.net.walks import Crossing, Walks
 from scex_sumo.geometry.polylines import length_of, project, turn
@@ -15,8 +16,8 @@ from scex_sumo.roads.conflicts import Conflict
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
 AT_LINE_M = 2.0  # how far stop lines reach into crosswalks, as drawn
-BEFORE_END_M = 30.0  # from a crosswalk to the end of a lane whose light holds people's traffic, too
-AHEAD_M = 60.0  # how far beyond a light its traffic is looked at for conflicts with that of other lights
+BEFORE_END_M = 30.0  # from a crosswalk to the end of its light's lane
+AHEAD_M = 60.0  # where conflicts with other lights' traffic count
 ONCOMING = math.radians(135.0)
 
 
@@ -43,13 +44,13 @@ def fixed_programmes(
 ) -> list[Programme]:
     """Return a program for each group of traffic_light elements whose traffic conflicts.
 
-    The links of an element are green together. Oncoming elements share a phase, in which left turns give way.
+    Oncoming elements share a phase, in which left turns give way.
     """
     elements = [rule for rule in rules if rule.kind == "traffic_light"]
     clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
     groups = [(rule, controlled(layout, rule, clashing, lanes)) for rule in elements]
     groups = [(rule, links) for rule, links in groups if links]
-    ahead = [_ahead(lanes, rule.lanes) for rule, _ in groups]
+    ahead = [set(lanes_ahead(lanes, rule.lanes, AHEAD_M)) for rule, _ in groups]
     against = [
         {j for j, b in enumerate(ahead) if j != i and any((p, q) in clashing for p in a for q in b)}
         for i, a in enumerate(ahead)
@@ -69,8 +70,8 @@ def controlled(
 ) -> list[Connection]:
     """Return the links that a light controls: those that leave its lanes, or enter lanes in conflict.
 
-    In some maps the approach refers to the light, in others the lanelet across the intersection. Crosswalks
-    behind the stop line, or shortly before the end of the lanes, are controlled too.
+    Some maps give the light to the approach, others to the lanelet across. Crosswalks behind the stop line,
+    or shortly before the end of the lanes, are controlled too.
     """
     crossing = {lane for lane, _ in clashing}
     found = []
@@ -94,19 +95,6 @@ def _held(lane: Lane, rule: Regulation, start: float) -> bool:
     return length_of(lane.centreline) - start < BEFORE_END_M
 
 
-def _ahead(lanes: Mapping[int, Lane], ids: Iterable[int]) -> set[int]:
-    reached: dict[int, float] = {}
-    stack = [(lane, 0.0) for lane in ids]
-    while stack:
-        lane, start = stack.pop()
-        if lane not in lanes or start > AHEAD_M or reached.get(lane, math.inf) <= start:
-            continue
-        reached[lane] = start
-        end = start + length_of(lanes[lane].centreline)
-        stack += [(i, end) for i in lanes[lane].successors]
-    return set(reached)
-
-
 def _clusters(against: Sequence[set[int]]) -> list[list[int]]:
     seen: set[int] = set()
     clusters = []
@@ -126,7 +114,6 @@ def _clusters(against: Sequence[set[int]]) -> list[list[int]]:
 def _stages(
     cluster: Sequence[int], against: Sequence[set[int]], links: Sequence[Sequence[Connection]]
 ) -> list[list[int]]:
-    """Group elements that can be green together: without conflict, or oncoming."""
     stages: list[list[int]] = []
     for i in cluster:
         for stage in stages:
@@ -143,7 +130,6 @@ def _oncoming(a: Sequence[Connection], b: Sequence[Connection]) -> bool:
 
 
 def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tuple[float, str], ...]:
-    """Green, yellow and all red for one stage after the other."""
     phases: list[tuple[float, str]] = []
     for k, green in enumerate(greens):
         following = greens[(k + 1) % len(greens)]
@@ -159,9 +145,9 @@ def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tu
 
 
 def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
-    """Format one phase: letters by internal lane, red if not named; green that must yield becomes ``g``.
+    """Format one phase: letters by internal lane, red if not named.
 
-    A green link yields if a foe that it gives way to also has green, or is not controlled by a light.
+    Green becomes ``g`` if a foe with priority also has green or no light.
     """
     known = {c.internal.name for c in links}
     letters = []
@@ -179,17 +165,16 @@ def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
 _Phases: TypeAlias = Sequence[tuple[float, str]]
 _Crossed: TypeAlias = Mapping[int, bool]  # link indices of a programme, and whether the links turn
 
-WALK_S, CLEAR_S = 10, 5  # a phase of people's own; what they get to leave the crossing before cars start
+WALK_S, CLEAR_S = 10, 5  # phase for people; time to leave the crossing
 TURNING_RAD = 0.35  # 20 degrees: who turns lets people cross
 
 
 def with_crossings(
     programmes: Sequence[Programme], recorded: Programme | None, walks: Walks, layout: NetLayout
 ) -> tuple[list[Programme], list[int]]:
-    """Add to each program the crossings of its links; return those that the recorded one never leaves free.
+    """Add the crossings of its links to each program; also return those that the recorded one never frees.
 
-    People may walk while the links that they cross are red or turn. Otherwise a fixed program gets an
-    additional phase for people.
+    People walk while links that they cross are red or turn; else a fixed program gets a phase for people.
     """
     nodes = {node.name: node for node in layout.nodes}
     taken: set[str] = set()
@@ -243,7 +228,6 @@ def _free_after(phases: _Phases, free: Sequence[bool], p: int) -> float:
 
 
 def _with_phase_of_their_own(phases: _Phases, crossings: int, closed: Sequence[int]) -> _Phases:
-    """Append a change to red, and a phase in which the ``closed`` crossings are free."""
     last = phases[-1][1]
     links = len(last) - crossings
     change = "".join("y" if x in "Gg" and k < links else "r" for k, x in enumerate(last))

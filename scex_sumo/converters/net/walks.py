@@ -21,7 +21,7 @@ _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, i
 
 SPEED_MPS = 2.78  # SUMO's own for sidewalks
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
-STUB_M = 3.0  # of sidewalk where a crosswalk ends at nothing: SUMO's people come from sidewalks alone
+STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,28 +50,23 @@ class Crossing:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sidewalk:
-    """A sidewalk edge: its lane, and the junctions and walking areas at its ends (empty if none)."""
-
+class _Sidewalk:
     lane: NetLane
     nodes: tuple[str, str]
     areas: tuple[str, str]
 
     @property
     def name(self) -> str:
-        """SUMO's edge."""
         return self.lane.name.removesuffix("_0")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walks:
-    """The pedestrian part of a net: crossings, outlines of walking areas and of junctions for people only,
-    sidewalks.
-    """
+    """Pedestrian part of a net; ``areas`` and ``nodes`` hold outlines by name."""
 
     crossings: tuple[Crossing, ...]
     areas: Mapping[str, FloatArray]
-    sidewalks: tuple[Sidewalk, ...]
+    sidewalks: tuple[_Sidewalk, ...]
     nodes: Mapping[str, FloatArray]
 
     def at(self, node: str) -> list[Crossing]:
@@ -113,7 +108,7 @@ class _Plan:
 
     def walks(self) -> Walks:
         crossings: list[Crossing] = []
-        sidewalks: list[Sidewalk] = []
+        sidewalks: list[_Sidewalk] = []
         corner: dict[int, list[FloatArray]] = {}
         numbers: dict[str, Iterator[int]] = {node: count() for node in self._node.values()}
         for way in self._ways:
@@ -147,7 +142,7 @@ class _Plan:
                 )
             else:
                 nodes = (self._node[way.places[0]], self._node[way.places[1]])
-                sidewalks.append(Sidewalk(lane=lane, nodes=nodes, areas=areas))
+                sidewalks.append(_Sidewalk(lane=lane, nodes=nodes, areas=areas))
         return Walks(
             crossings=tuple(sorted(crossings, key=lambda c: c.lane.name)),
             areas={name: _hull(corner[place]) for place, name in self._area.items()},
@@ -186,7 +181,6 @@ def _halved(ways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[
 
 
 def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterator[int]) -> Iterator[Footway]:
-    """Short sidewalks at ends of crosswalks where no other footway begins."""
     ends = [place for way in ways for place in way.places]
     for way in crosswalks:
         for k, (place, tip, angle) in enumerate(

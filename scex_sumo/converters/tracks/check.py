@@ -138,7 +138,6 @@ def explain_bad_values(path: Path, header: Sequence[str], index: int, motor: Col
 
 
 def _wrong(name: str, value: str) -> str:
-    """What is wrong with a number, and the remedy; empty if nothing is."""
     if value in MISSING:
         got = repr(value) if value else "missing"
         return f"{got}; repair or drop the row"
@@ -157,7 +156,6 @@ def _short(value: str) -> str:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Data rows with their line numbers, without blank lines, as the fast reader has them."""
     with open_text(path, errors="replace") as file:
         reader = csv.reader(file)
         try:

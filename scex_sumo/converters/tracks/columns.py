@@ -1,4 +1,4 @@
-"""Columns of a track file: read and checked; rows without a value are left out."""
+"""Columns of a track file, read and checked."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
     ``shapes``: whether headings and sizes are needed.
 
     Returns:
-        The columns, and a phrase each about rows left out, stamps in seconds and headings in degrees.
+        The columns, and a phrase each about rows left out and converted units.
 
     Raises:
-        TrackError: no CSV, a column missing, too many values missing, or one impossible; or no rows.
+        TrackError: not CSV, a column missing, too many values missing, one impossible, or no rows.
     """
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -81,12 +81,10 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
 
 
 def _distinct(header: list[str]) -> list[str]:
-    """Names of the columns; a number is added to repeated names of columns that are not needed."""
     return [name if header.index(name) == k else f"{name} {k}" for k, name in enumerate(header)]
 
 
 def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Columns without the rows that lack a value, and a phrase about them."""
     codes, names = columns["agent_type"]
     motor = np.array([name in MOTOR_TYPES for name in names], bool)[codes]
     wrong, missing = np.zeros((2, len(codes)), bool)

@@ -29,8 +29,7 @@ def read_tracks(path: str | Path, *, walkers: tuple[str, str] = WALKERS) -> Trac
     """Read a recording in INTERACTION format, plain or packed; nothing is repaired.
 
     Rows may have any order. Unknown columns and single rows without a value are left out. ``walkers``: part
-    of the file's name, and that of the file beside it with pedestrians and cyclists, which need no heading or
-    size.
+    of the file's name, and that of the file beside it with pedestrians and cyclists.
 
     Raises:
         TrackError: file missing or no CSV, column missing, value missing or not a number, no rows.
@@ -69,11 +68,6 @@ def read_tracks(path: str | Path, *, walkers: tuple[str, str] = WALKERS) -> Trac
 def _number(
     path: Path, columns: dict[str, Any], labels: list[str], types: list[str], motor: BoolArray
 ) -> list[str]:
-    """Give vehicles labels that are distinct numbers, in place; returns a phrase if some are new.
-
-    Raises:
-        TrackError: a vehicle's id is not an integer, or beyond 64 bits.
-    """
     numbered = [int(k) for k in np.flatnonzero(motor)]
     for k in numbered:
         if not re.fullmatch(r"-?\d+(\.0*)?", labels[k]):
@@ -109,7 +103,6 @@ def _usual_step(rows: TrackRows) -> float:
 
 
 def _sort_key(label: str) -> tuple[bool, float, str]:
-    """Numbers in numerical order, before names."""
     try:
         return False, float(label), label
     except ValueError:
@@ -138,7 +131,6 @@ def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list
 
 
 def _renumbered(column: tuple[IntArray, list[str]], known: dict[str, int]) -> IntArray:
-    """(N,) numbers of the values; new names are added to ``known``."""
     codes, names = column
     return np.array([known.setdefault(name, len(known)) for name in names], np.int64)[codes]
 
@@ -190,7 +182,6 @@ def _ranks(labels: list[str]) -> list[int]:
 
 
 def _fill_shapes(flat: dict[str, FloatArray], track: IntArray, kinds: list[str]) -> None:
-    """Fill in sizes and headings that the format leaves out for pedestrians and cyclists."""
     sizes = np.array([obstacle_size(kind) for kind in kinds]).reshape(-1, 2)[track]
     for name, default in (("length", sizes[:, 0]), ("width", sizes[:, 1])):
         flat[name] = np.where(flat[name] > 0.0, flat[name], default)

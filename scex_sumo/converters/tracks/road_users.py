@@ -1,4 +1,4 @@
-"""Types of road users: motor vehicles, usual sizes of others, and unknown types."""
+"""Types and usual sizes of road users."""
 
 from __future__ import annotations
 
@@ -41,8 +41,7 @@ _WORDS = (
 
 
 def road_user(kind: str) -> str:
-    """Recorded type in the words of other programs: car, van, truck, bus, tram, motorcycle, bicycle or
-    pedestrian; car if it is not known."""
+    """Return a type in the words of other programs, e.g. car, truck, bicycle; car if unknown."""
     return next((user for word, user in _WORDS if word in kind), "car")
 
 

@@ -1,4 +1,4 @@
-"""OpenDRIVE file: a road written as ASAM OpenDRIVE 1.7 from the borders of its lanes and its rules."""
+"""OpenDRIVE 1.7 file of a road: borders of its lanes, and its rules."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from scex_sumo.road import Lane, Regulation, Road
 LANE_CODE = "scex_sumo_lane"  # user data of a lane: its id in the map
 _TYPES = {"vehicle": "driving", "bus": "bus", "bicycle": "biking", "pedestrian": "sidewalk"}
 _MARK_M = 0.12
-_STEP_M = 0.5  # between the places of a lane that are tried for a signal
+_STEP_M = 0.5  # between tried places of a signal
 _LIGHT = ("1000001", "OpenDRIVE")
 _YIELD, _STOP, _PRIORITY = ("205", "DE"), ("206", "DE"), ("306", "DE")
 
@@ -27,7 +27,7 @@ _YIELD, _STOP, _PRIORITY = ("205", "DE"), ("206", "DE"), ("306", "DE")
 def opendrive_text(road: Road) -> str:
     """Return a road as OpenDRIVE in its own coordinates, m.
 
-    The user data of each lane name the map's lane. The header has the map's place on Earth if it is known.
+    Lanes have the map's lane as user data; the header has the place on Earth if known.
     """
     pieces = road_network(road.lanes)
     root = ET.Element("OpenDRIVE")
@@ -95,7 +95,7 @@ def _road(piece: Piece, lanes: Mapping[int, Lane], signals: Sequence[ET.Element]
 
 
 def _plan_view(view: ET.Element, curve: Curve) -> None:
-    """Add cubic pieces, each in the frame of its first point; the parameter is the arc length."""
+    """Add cubic pieces by arc length, each in the frame of its first point."""
     headings = np.arctan2(curve.tangents[:, 1], curve.tangents[:, 0])
     for k, size in enumerate(np.diff(curve.s)):
         c, s = curve.tangents[k]
@@ -153,7 +153,6 @@ def _linked(link: RoadLink | None, lane: int) -> list[int]:
 
 
 def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: str) -> None:
-    """Add straight lines between stations; a line that continues the one before needs no entry."""
     slope = np.diff(values) / np.diff(s)
     written: tuple[float, float, float] | None = None
     for start, value, rise in zip(s[:-1], values[:-1], slope, strict=True):
@@ -209,7 +208,6 @@ def _exact(value: float) -> str:
 
 
 def _placed_signals(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
-    """Return lights and signs by the number of their road, one of each kind for a lane."""
     signals: dict[int, list[ET.Element]] = {}
     seen: set[tuple[int, tuple[str, str]]] = set()
     for rule in road.regulations:
@@ -263,7 +261,6 @@ def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece
 
 
 def _nearest(piece: Piece, section: Section, place: FloatArray) -> tuple[float, float]:
-    """Return the arc length on a section nearest to a place, and the distance, m."""
     s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
     gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
     return float(s[gap.argmin()]), float(gap.min())

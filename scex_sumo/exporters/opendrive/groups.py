@@ -1,4 +1,4 @@
-"""Lane groups: lanes side by side with shared borders, and the cuts where groups begin and end."""
+"""Lane groups: lanes side by side with shared borders, and cuts between groups."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.road import Lane
 
-_SHARED_M = 0.02  # neighbours with borders farther apart become two roads
+_SHARED_M = 0.02  # else neighbours become two roads
 
 Group: TypeAlias = tuple[int, ...]  # lane ids, leftmost first
 Chain: TypeAlias = tuple[Group, ...]  # groups that follow one another, lane by lane
@@ -20,11 +20,7 @@ Chain: TypeAlias = tuple[Group, ...]  # groups that follow one another, lane by 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cut:
-    """Place where chains end and others begin.
-
-    Attributes:
-        links: lanes (from, to) that follow one another here.
-    """
+    """Place where chains end and others begin; ``links`` are the lanes (from, to)."""
 
     ends: tuple[Chain, ...]
     starts: tuple[Chain, ...]
@@ -32,14 +28,14 @@ class Cut:
 
     @property
     def plain(self) -> bool:
-        """Tell whether one chain follows another without forking or merging lanes."""
+        """Whether one chain follows another without forking or merging lanes."""
         before, after = ([link[k] for link in self.links] for k in (0, 1))
         single = len(set(before)) == len(before) and len(set(after)) == len(after)
         return len(self.ends) == len(self.starts) == 1 and single
 
 
 def lane_groups(lanes: Mapping[int, Lane]) -> list[Group]:
-    """Return groups of lanes side by side, ordered by their smallest lane id."""
+    """Return groups of lanes side by side, by smallest lane id."""
     left_of: dict[int, int] = {}
     for i, lane in lanes.items():
         j = lane.adjacent_left if lane.adjacent_left is not None else lane.left
@@ -60,18 +56,16 @@ def lane_groups(lanes: Mapping[int, Lane]) -> list[Group]:
 
 
 def borders(lanes: Mapping[int, Lane], group: Group) -> list[FloatArray]:
-    """Return the left border of the leftmost lane, then the right border of each lane, m."""
+    """Return the left border of the leftmost lane, then each lane's right border, m."""
     return [lanes[group[0]].left_bound, *(lanes[i].right_bound for i in group)]
 
 
 def chains_and_cuts(
     lanes: Mapping[int, Lane], groups: Sequence[Group], *, apart: Collection[Group] = ()
 ) -> tuple[list[Chain], list[Cut]]:
-    """Return chains of groups that follow one another lane by lane, and the cuts between chains.
+    """Return chains of groups that follow lane by lane, and the cuts between them.
 
-    Args:
-        lanes: of the road, by id.
-        apart: groups that stay chains of their own.
+    ``apart``: groups that stay chains of their own.
     """
     group_of = {i: group for group in groups for i in group}
     following: dict[Group, Group] = {}
@@ -98,7 +92,7 @@ def _same_line(a: FloatArray, b: FloatArray) -> bool:
 
 
 def _joined(groups: Sequence[Group], following: dict[Group, Group]) -> Iterator[Chain]:
-    """Yield chains with each group in exactly one; a ring is opened at its first group."""
+    """Yield chains with each group in exactly one; a ring opens at its first group."""
     preceded, seen = set(following.values()), set[Group]()
     for group in [*(g for g in groups if g not in preceded), *groups]:
         if group in seen:
@@ -114,7 +108,7 @@ def _joined(groups: Sequence[Group], following: dict[Group, Group]) -> Iterator[
 def _meetings(
     lanes: Mapping[int, Lane], group_of: Mapping[int, Group]
 ) -> list[tuple[list[Group], list[Group], tuple[tuple[int, int], ...]]]:
-    """Return groups that end together, those that begin there, and the lanes that follow one another."""
+    """Return groups that end together, those that begin there, and linked lanes."""
     links = [(i, j) for i in group_of for j in lanes[i].successors if j in group_of]
     parent: dict[tuple[Group, bool], tuple[Group, bool]] = {}
 

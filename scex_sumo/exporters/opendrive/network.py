@@ -1,7 +1,7 @@
-"""Road network of OpenDRIVE: roads from chains or parts of them, and the connecting roads of junctions.
+"""Road network of OpenDRIVE: roads, and the connecting roads of junctions.
 
-Where lanes fork, the following road connects; where they merge, the road before does. Such a chain is cut, so
-that a connecting road always lies between two roads that are not part of a junction.
+Where lanes fork, the following road connects; where they merge, the road before. Such a chain is cut: a
+connecting road lies between two roads outside of junctions.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from scex_sumo.exporters.opendrive.groups import (
 from scex_sumo.exporters.opendrive.ribbons import MAX_ERROR_M, Ribbon, RoadEnd, fitting_groups, ribbon_of
 from scex_sumo.road import Lane
 
-_MAX_HEAD_M = 20.0  # longest connecting road that is only a part of a chain
+_MAX_HEAD_M = 20.0  # of a connecting road cut from a chain
 
 
 @dataclass(frozen=True, kw_only=True)
 class RoadLink:
-    """Predecessor or successor of a road: the number of a road or of a junction.
+    """Predecessor or successor: the number of a road or junction.
 
     Attributes:
-        lanes: linked lanes (own, other), by number in OpenDRIVE; none for a junction.
+        lanes: linked lanes (own, other), by OpenDRIVE number; none for a junction.
     """
 
     road: int | None = None
@@ -38,7 +38,7 @@ class RoadLink:
 
 @dataclass(kw_only=True, eq=False)
 class Piece:
-    """One road of OpenDRIVE: its id, shape, predecessor, successor, and its junction if it connects."""
+    """Road of OpenDRIVE."""
 
     number: int
     ribbon: Ribbon
@@ -57,7 +57,6 @@ class _Parts:
 
     @property
     def last(self) -> Piece:
-        """Return the road at the end."""
         return self.tail or self.rest or next(iter(self.heads.values()))
 
 
@@ -76,7 +75,6 @@ def road_network(lanes: Mapping[int, Lane]) -> list[Piece]:
 def _on_common_edges(
     lanes: Mapping[int, Lane], cuts: Sequence[Cut], ribbons: Mapping[Chain, Ribbon]
 ) -> dict[Chain, Ribbon]:
-    """Return new ribbons of chains at a road with several lanes, which end or begin on the line across it."""
     edges: dict[Chain, list[RoadEnd | None]] = {}
     for cut in cuts:
         sides = [(chain, True) for chain in cut.ends] + [(chain, False) for chain in cut.starts]
@@ -144,7 +142,6 @@ class _Network:
         _join(before, after, _lane_pairs(cut, cut.ends[0], cut.starts[0]))
 
     def _link_junction(self, cut: Cut, junction: int) -> None:
-        """Link both sides of a cut; connecting roads become part of its junction."""
         for start in cut.starts:
             for end in cut.ends:
                 pairs = _lane_pairs(cut, end, start)
@@ -166,7 +163,7 @@ class _Network:
                     after.before = RoadLink(junction=junction)
 
     def _connect(self, piece: Piece, junction: int) -> None:
-        """Make a road part of a junction; a road in two junctions joins them."""
+        """Add a road to a junction; a road in two junctions joins them."""
         if piece.junction is not None:
             self._joined[self._root(junction)] = self._root(piece.junction)
         piece.junction = junction
@@ -188,7 +185,6 @@ class _Network:
             parts.rest.after = RoadLink(junction=numbers[id(self._exit[chain])])
 
     def _settle_junctions(self) -> None:
-        """Give joined junctions one number."""
         base = len(self.pieces) + 1
         for piece in self.pieces:
             if piece.junction is not None:
@@ -200,7 +196,7 @@ class _Network:
 
 
 def _forks(cut: Cut) -> bool:
-    """Tell whether the roads after a cut connect; else those before it do."""
+    """Return whether the roads after a cut connect, else those before it."""
     return len(cut.ends) == 1 or len(cut.starts) > 1
 
 
@@ -210,7 +206,7 @@ def _lane_pairs(cut: Cut, end: Chain, start: Chain) -> tuple[tuple[int, int], ..
 
 
 def _lane_numbers(group: Group) -> dict[int, int]:
-    """Return OpenDRIVE's lane numbers: negative, right of the centre lane, from the left."""
+    """Return OpenDRIVE's lane numbers: negative, from the left."""
     return {lane: -k - 1 for k, lane in enumerate(group)}
 
 

@@ -1,6 +1,6 @@
-"""Reference line: a smooth curve of cubic pieces in the middle of a chain of lane groups.
+"""Reference line: a smooth cubic curve in the middle of a chain of lane groups.
 
-It starts and ends at right angles to the edges of the lanes, so that the next road begins where it ends.
+It meets the edges of the lanes at right angles, so that the next road begins where it ends.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
 
 _MAX_PIECE_M, _MAX_PIECE_RAD = 5.0, 0.1  # length and turn of a piece
-_MIN_PIECES = 3  # of each group, so that a road can be cut into two or three
-_MIN_EDGE_M = 0.5  # narrower edges have no reliable direction
-_MAX_SKEW_RAD = math.radians(75)  # more skewed edges are ignored
+_MIN_PIECES = 3  # per group, for cuts
+_MIN_EDGE_M = 0.5  # for a reliable direction
+_MAX_SKEW_RAD = math.radians(75)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """Cubic pieces between K knots, parametrized by arc length.
+    """Cubic pieces between K knots, by arc length.
 
     Attributes:
-        s: (K,) arc lengths of the knots, m.
+        s: (K,) arc lengths, m.
         points: (K, 2) m.
         tangents: (K, 2) unit vectors.
     """
@@ -35,20 +35,12 @@ class Curve:
     tangents: FloatArray
 
     def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return points (N, 2) and unit tangents (N, 2) at arc lengths."""
-        k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
-        size = np.diff(self.s)[k][:, None]
-        u = (s - self.s[k])[:, None] / size
-        p, q = self.points[k], self.points[k + 1]
-        v, w = size * self.tangents[k], size * self.tangents[k + 1]
-        place = (
-            (2 * u**3 - 3 * u**2 + 1) * p
-            + (u**3 - 2 * u**2 + u) * v
-            + (3 * u**2 - 2 * u**3) * q
-            + (u**3 - u**2) * w
-        )
-        slope = 6 * (u**2 - u) * (p - q) + (3 * u**2 - 4 * u + 1) * v + (3 * u**2 - 2 * u) * w
-        return place, np.asarray(slope / np.hypot(slope[:, 0], slope[:, 1])[:, None])
+        """Return points (N, 2) and unit tangents (N, 2) at arc lengths (N,)."""
+        from scipy.interpolate import CubicHermiteSpline
+
+        spline = CubicHermiteSpline(self.s, self.points, self.tangents)
+        slope = spline(s, 1)
+        return spline(s), np.asarray(slope / np.hypot(slope[:, 0], slope[:, 1])[:, None])
 
     def part(self, first: int, last: int) -> Curve:
         """Return the curve between two knots."""
@@ -59,11 +51,7 @@ class Curve:
 
 
 def edge_direction(lines: Sequence[FloatArray], *, end: bool) -> FloatArray:
-    """Return the (2,) unit vector in driving direction at right angles to the first or last edge of a group.
-
-    Args:
-        lines: borders, leftmost first.
-    """
+    """Return the (2,) unit driving direction across the first or last edge of borders, leftmost first."""
     at = -1 if end else 0
     ahead = np.sum([_end_direction(line, end=end) for line in (lines[0], lines[-1])], axis=0)
     ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
@@ -78,13 +66,12 @@ def edge_direction(lines: Sequence[FloatArray], *, end: bool) -> FloatArray:
 def curve_through(
     groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None], *, spacing_m: float
 ) -> tuple[Curve, list[int]]:
-    """Return the curve in the middle of groups that follow one another, and the last knot of each group.
+    """Return the curve through the middle of groups, and the last knot of each group.
 
     Args:
         groups: borders of each group, leftmost first.
-        directions: (2,) unit vectors at the beginning of the first group and at the end of each; None
-            leaves one to the curve.
-        spacing_m: between points of the middle that the curve passes.
+        directions: (2,) unit vectors at the beginning of the first group and at the end of each; None: free.
+        spacing_m: between points on the curve.
     """
     s, points, tangents, last = [np.zeros(1)], [], [], []
     shifts = _shifts(groups, directions)
@@ -109,10 +96,10 @@ def _end_direction(line: FloatArray, *, end: bool, reach_m: float = 2.0) -> Floa
 
 
 def _shifts(groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None]) -> FloatArray:
-    """Return (G + 1, 2) shifts from the middle of each edge to the point where the curve crosses it.
+    """Return (G + 1, 2) shifts from the middle of each edge to the curve's crossing.
 
-    Lanes may be shorter than wide, and a curve through the middles of their edges would turn back and forth.
-    The shifts minimize turning and the distance from the middle.
+    Lanes may be shorter than wide: a curve through the middles would turn back and forth. The shifts minimize
+    turning and distance from the middle.
     """
     shifts = np.zeros((len(groups) + 1, 2))
     given = [d for d in directions if d is not None]
@@ -167,7 +154,7 @@ def _group_pieces(
 
 
 def _sizes(points: FloatArray, tangents: FloatArray) -> FloatArray:
-    """Return (K - 1,) arc lengths of pieces that are parametrized by arc length."""
+    """Return (K - 1,) arc lengths of pieces by arc length."""
     size = np.hypot(*np.diff(points, axis=0).T)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     u = ((nodes + 1) / 2)[None, :, None]

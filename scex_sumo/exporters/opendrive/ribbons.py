@@ -1,4 +1,4 @@
-"""Ribbon: the reference line of a chain of lane groups, and the offsets of all borders from it."""
+"""Ribbon: the reference line of a chain of lane groups, and the offsets of all borders."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from scex_sumo.road import Lane
 MAX_ERROR_M = 0.12
 _GOOD_ERROR_M = 0.03
 _STATION_M = 0.25
-_MAX_OFFSET_M = 0.004  # between a border and the straight lines between stations
+_MAX_OFFSET_M = 0.004  # of straight lines between stations
 _EXTENSION_M = 5.0  # of borders at both ends
 _MIN_COSINE = math.cos(math.radians(15.0))
 _ZERO_M = 1e-6
-_SAME_M = 0.06  # a border extended to a kink snaps to the nearest border within this
+_SAME_M = 0.06  # extended borders snap to a border's end
 _TRIALS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
 """Spacing of the reference line in m, and whether it ends at right angles to the edges."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Section:
-    """One group within a ribbon.
+    """Group within a ribbon.
 
     Attributes:
-        s: (N,) stations from the beginning to the end of the section, m along the ribbon.
+        s: (N,) stations, m along the ribbon.
         offsets: (N, lanes + 1) of the borders from the reference line, leftmost first, positive left, m.
     """
 
@@ -43,12 +43,12 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoadEnd:
-    """Line across a road at which its lanes end and others begin.
+    """Line across a road at which its lanes end.
 
     Attributes:
         point: (2,) on the line, m.
-        direction: (2,) unit vector in driving direction, at right angles to the line.
-        tips: (N, 2) ends of the road's borders on the line, m.
+        direction: (2,) unit driving direction, at right angles to the line.
+        tips: (N, 2) ends of the borders on the line, m.
     """
 
     point: FloatArray
@@ -56,17 +56,17 @@ class RoadEnd:
     tips: FloatArray
 
     def fits(self, lines: Sequence[FloatArray], *, end: bool) -> bool:
-        """Tell whether borders end (begin) so near to the line that they can be moved onto it."""
+        """Return whether borders end (begin) near enough to be moved onto the line."""
         tips = np.array([line[-1 if end else 0] for line in lines]) - self.point
         cosine = float(edge_direction(lines, end=end) @ self.direction)
         return bool(np.abs(tips @ self.direction).max() < MAX_ERROR_M and cosine > _MIN_COSINE)
 
     def moved_onto(self, line: FloatArray, *, end: bool) -> FloatArray:
-        """Return a border that is extended or cut so that it ends (begins) on this line."""
+        """Return a border, extended or cut to end (begin) on this line."""
         line, onward = (line, self.direction) if end else (line[::-1], -self.direction)
         ahead = (line - self.point) @ onward
         inside = int(np.flatnonzero(ahead < -_ZERO_M)[-1]) if (ahead < -_ZERO_M).any() else 0
-        first = min(inside, len(line) - 2)  # the last piece is extended straight
+        first = min(inside, len(line) - 2)
         step = line[first + 1] - line[first]
         rise = float(step @ onward)
         tip = line[inside] - step * (ahead[inside] / rise) if rise > 0 else line[-1]
@@ -78,7 +78,7 @@ class RoadEnd:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ribbon:
-    """Shape of a road: its reference line, and its sections in driving order.
+    """Shape of a road: reference line, and sections in driving order.
 
     Attributes:
         error: largest distance between the lanes' borders and the ribbon's, m.
@@ -90,7 +90,7 @@ class Ribbon:
 
     @property
     def length(self) -> float:
-        """Return the length of the reference line, m."""
+        """Length of the reference line, m."""
         return float(self.curve.s[-1])
 
     def edge(self, *, end: bool) -> RoadEnd:
@@ -123,7 +123,7 @@ class Ribbon:
 
 
 def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
-    """Return a group, or its parts if its lanes begin or end too unevenly for one road."""
+    """Return a group, or its parts if its lanes end too unevenly for one road."""
     if len(group) == 1 or ribbon_of(lanes, (group,)).error < MAX_ERROR_M:
         return [group]
     parts = [group[:1]]
@@ -139,11 +139,9 @@ def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
 def ribbon_of(
     lanes: Mapping[int, Lane], chain: Chain, ends: tuple[RoadEnd | None, RoadEnd | None] = (None, None)
 ) -> Ribbon:
-    """Return the ribbon of a chain with the first good of several reference lines, else with the best.
+    """Return the ribbon of a chain with the first good reference line, else the best.
 
-    Args:
-        lanes: of the road, by id.
-        ends: lines across, shared with other roads, on which it begins and ends.
+    ``ends`` are lines across, shared with other roads, on which it begins and ends.
     """
     lines = [borders(lanes, group) for group in chain]
     directions = _directions(lines)
@@ -170,13 +168,12 @@ def ribbon_of(
 
 
 def border_points(curve: Curve, s: FloatArray, offset: FloatArray) -> FloatArray:
-    """Return (N, 2) points beside a curve at (N,) arc lengths and offsets, positive to the left, m."""
+    """Return (N, 2) points at (N,) arc lengths and offsets, positive left, m."""
     place, tangent = curve.at(s)
     return np.asarray(place + offset[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1))
 
 
 def _directions(lines: Sequence[Sequence[FloatArray]]) -> list[FloatArray]:
-    """Return the driving direction at the first edge and at the end of each group, averaged in between."""
     directions = [edge_direction(lines[0], end=False)]
     for before, after in pairwise(lines):
         both = edge_direction(before, end=True) + edge_direction(after, end=False)
@@ -204,7 +201,7 @@ def _sections(
 
 
 def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatArray:
-    """Return (N,) offsets at which the normals of a curve cross a border; of several the nearest."""
+    """Return (N,) offsets at which normals of a curve cross a border, the nearest of several."""
     first, last = line[0] - line[1], line[-1] - line[-2]
     first, last = (_EXTENSION_M * v / max(float(np.hypot(*v)), 1e-9) for v in (first, last))
     line = np.vstack([line[0] + first, line, line[-1] + last])
@@ -239,7 +236,7 @@ def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
 
 
 def _error(curve: Curve, sections: Sequence[Section], lines: Sequence[Sequence[FloatArray]]) -> float:
-    """Return the largest distance between borders and those of a ribbon, in both directions, m."""
+    """Return the largest distance between borders and ribbon, in both directions, m."""
     worst = 0.0
     for section, edges in zip(sections, lines, strict=True):
         s = np.linspace(section.s[0], section.s[-1], max(9, math.ceil(np.ptp(section.s) / _STATION_M)))

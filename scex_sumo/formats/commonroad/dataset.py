@@ -1,8 +1,4 @@
-"""CommonRoad recordings: scenarios, and consecutive chunks joined to one recording, as MONA's are.
-
-Chunks are files ``SCENE_FIRST_T-LAST`` of one folder; the next one begins with the step after the last one's
-end.
-"""
+"""CommonRoad recordings: scenarios, and consecutive chunks ``SCENE_FIRST_T-LAST`` joined, as MONA's."""
 
 from __future__ import annotations
 
@@ -27,7 +23,6 @@ _SCENE = re.compile(r"(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+")
 
 
 def _is_mine(path: Path) -> bool:
-    """A scenario, or a folder whose chunks make one recording."""
     return len(_chains_in(path)) == 1 if path.is_dir() else is_commonroad(path)
 
 
@@ -58,7 +53,6 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 
 def _name(map_path: Path, files: Sequence[Path]) -> str:
-    """Name of a recording; that of chunks has the begin of the first one and the end of the last one."""
     if len(files) == 1:
         return recording_name(map_path, files)
     end = re.sub(r"^.*[^0-9]", "", map_name(files[-1]))
@@ -66,7 +60,6 @@ def _name(map_path: Path, files: Sequence[Path]) -> str:
 
 
 def _is_scenario(path: Path) -> bool:
-    """Whether an XML file is a CommonRoad scenario, by its beginning; unreadable ones count."""
     try:
         with open_binary(path) as file:
             return b"<commonRoad" in file.read(4096)
@@ -75,14 +68,12 @@ def _is_scenario(path: Path) -> bool:
 
 
 def _siblings(path: Path) -> list[Path]:
-    """The other chunks of a chunk's scene."""
     span = _chunk_span(path)
     files = path.parent.iterdir() if span is not None else ()
     return [file for file in files if span is not None and (_chunk_span(file) or ("",))[0] == span[0]]
 
 
 def _chains(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
-    """Files grouped into recordings: consecutive chunks together, every other file alone."""
     alone: list[tuple[Path, ...]] = []
     chunks = []
     for path in sorted(paths):
@@ -103,7 +94,6 @@ def _chains(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
 
 
 def _chunk_span(path: Path) -> tuple[str, int, int] | None:
-    """Scene, first and last step by a chunk's name; None if it is not a chunk."""
     parts = _CHUNK.fullmatch(map_name(path)) if is_commonroad(path) else None
     if parts is None or int(parts["last"]) <= int(parts["first"]):
         return None

@@ -1,7 +1,6 @@
 """CommonRoad file: its XML, and notes about defects.
 
-commonroad-io stops at the first broken element, often with a bare assertion. The standard library reads the
-file here, so that all sound elements count.
+commonroad-io stops at the first broken element; the standard library keeps the sound ones.
 """
 
 from __future__ import annotations

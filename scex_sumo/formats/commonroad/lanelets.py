@@ -48,8 +48,6 @@ class Lanelet:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Source:
-    """One lanelet's XML with its bounds; ids that it may refer to and words that it may have, by tag."""
-
     file: CommonRoadFile
     lanelet_id: int
     xml: ElementTree.Element
@@ -59,7 +57,6 @@ class _Source:
     words: Mapping[str, set[str]]
 
     def refs(self, tag: str, parent: ElementTree.Element) -> dict[int, ElementTree.Element]:
-        """Elements that refer to another existing element, by its id."""
         children: dict[int, ElementTree.Element] = {}
         for child in parent.findall(tag):
             target = element_id(child, "ref")
@@ -70,20 +67,17 @@ class _Source:
         return children
 
     def neighbour(self, tag: str) -> int | None:
-        """First neighbour of a side, if it leads in the same direction."""
         for target, child in self.refs(tag, self.xml).items():
             return target if child.get("drivingDir") == "same" else None
         return None
 
     def said(self, tag: str, parent: ElementTree.Element | None) -> list[str]:
-        """Texts of a tag that are words of CommonRoad."""
         texts = [child.text or "" for child in parent.findall(tag)] if parent is not None else []
         if not self.words[tag].issuperset(texts):
             self.file.note(f"lanelets with a {tag} that CommonRoad does not have, left out", self.lanelet_id)
         return [text for text in texts if text in self.words[tag]]
 
     def stop_lines(self) -> Iterator[tuple[FloatArray, ElementTree.Element]]:
-        """Ends (2, 2) of the usable stop lines; the lanelet's own end for a line without points."""
         for line in self.xml.findall("stopLine"):
             ends = _points(line)[:, :2]
             usable = len(ends) in (0, 2) and bool(np.isfinite(ends).all())
@@ -145,7 +139,6 @@ def _lanelet(source: _Source) -> Lanelet:
 
 
 def _bounds(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[FloatArray, FloatArray] | None:
-    """Left and right bound with equally many points; None if one is unusable."""
     elements = [xml.find(name) for name in ("leftBound", "rightBound")]
     lines = [_points(element) for element in elements if element is not None]
     if len(lines) < 2:
@@ -174,7 +167,6 @@ def _bounds(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[Flo
 
 
 def _points(line: ElementTree.Element) -> FloatArray:
-    """(P, 2 or 3) points of a line; nan if not a number. Heights count only if all points have one."""
     points = line.findall("point")
     names = ("x", "y", "z") if points and all(p.find("z") is not None for p in points) else ("x", "y")
     return np.array([[coordinate(p.findtext(name)) for name in names] for p in points]).reshape(

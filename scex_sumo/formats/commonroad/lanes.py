@@ -69,7 +69,6 @@ def _xy(line: FloatArray) -> FloatArray:
 
 
 def _remark_limits(file: CommonRoadFile, lanes: list[Lane], limited: set[int]) -> None:
-    """Note which limits are defaults; recorded maps often have none at all."""
     unsigned = [lane for lane in lanes if lane.lane_id not in limited]
     if unsigned:
         kmh = sorted({round(lane.speed_limit_mps * 3.6) for lane in unsigned})
@@ -116,7 +115,6 @@ def driven_both_ways(lanelets: Lanelets, lanes: Mapping[int, Lane]) -> list[int]
 
 
 def _successors(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> set[tuple[int, int]]:
-    """Pairs (lane, successor) of vehicle lanes; a pair counts if one of both names it."""
     driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
     ahead = {(i, j) for i in driven for j in lanelets[i].successors & driven}
     behind = {(j, i) for i in driven for j in lanelets[i].predecessors & driven}
@@ -129,7 +127,6 @@ def _successors(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, La
 
 
 def _left_neighbours(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> dict[int, int]:
-    """Left neighbours of vehicle lanes; a pair counts only if both name it."""
     driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
     named = {(i, lanelets[i].left_neighbour) for i in driven}
     beside = {(i, j) for i, j in named if j is not None and j in driven}
@@ -145,7 +142,6 @@ def _left_neighbours(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[in
 
 
 def _in_ring(left_of: Mapping[int, int], start: int) -> bool:
-    """Whether the left neighbours of a lane lead back to it."""
     lane: int | None = left_of.get(start)
     for _ in left_of:
         if lane is None or lane == start:
@@ -220,11 +216,7 @@ def drawn_areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
 
 
 def with_reverse(lanes: Mapping[int, Lane], both_ways: Iterable[int]) -> dict[int, Lane]:
-    """Add the opposite lane of each connected vehicle lane that cars drive both ways.
-
-    It leads to the opposite lane of its original's predecessor, and to lanes that begin at the original's
-    beginning. Lane changes from or to it are not allowed.
-    """
+    """Add the opposite lane of each connected lane that cars drive both ways, without lane changes."""
     result = dict(lanes)
     turned: dict[int, int] = {}
     for i in sorted(both_ways):
@@ -268,5 +260,4 @@ def _joined(lanes: Mapping[int, Lane], turned: set[int]) -> set[tuple[int, int]]
 
 
 def _ends(lanes: list[Lane], index: int) -> FloatArray:
-    """(L, 4) first or last points of the left and the right bound."""
     return np.array([[*lane.left_bound[index], *lane.right_bound[index]] for lane in lanes])

@@ -33,13 +33,11 @@ ReadSign: TypeAlias = Callable[[ElementTree.Element, str], str]
 def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None = None, **_: object) -> Road:
     """Read the road network of a CommonRoad scenario, version 2018b or 2020a.
 
-    Bounds, successors and neighbours are the file's; centrelines lie half-way between the bounds. A lane
-    change is allowed across every marking except a solid line or a curb. Speed limits are those of the signs
-    (2018b: of the lanelets), else Germany's. Conflicts, which the format does not have, are found by
-    geometry. A lanelet that cars use both ways gives two lanes. Broken elements are mended or left out, with
-    a note.
+    Centrelines lie half-way between the bounds. A lane change is allowed across every marking except a solid
+    line or a curb. Speed limits are those of signs (2018b: lanelets), else Germany's. Conflicts are found by
+    geometry. A lanelet that cars use both ways gives two lanes. Defects are noted.
 
-    ``origin``, latitude and longitude of 0, 0, is the file's location if None; coordinates stay as they are.
+    ``origin``: None for the file's location; coordinates stay.
 
     Raises:
         MapError: the file cannot be read, or has no usable lanelet.
@@ -70,7 +68,6 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
 
 
 def _library() -> tuple[ReadSign, dict[str, set[str]]]:
-    """Parts of commonroad-io: a reader of a sign's name, and the words of the format by tag."""
     try:
         from commonroad.common.common_lanelet import LaneletType, LineMarking, RoadUser
         from commonroad.common.reader.file_reader_xml import TrafficSignElementFactory
@@ -98,7 +95,6 @@ def _library() -> tuple[ReadSign, dict[str, set[str]]]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence commonroad-io's log of unknown signs: the road's notes name them."""
     logger = logging.getLogger("commonroad")
     level = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -10,7 +10,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Regulation
 
 CARS = {"vehicle", "car"}
-# The first type in this order decides; without any of them the road users do.
+# In order of precedence.
 _KINDS = {
     "crosswalk": "pedestrian",
     "sidewalk": "pedestrian",

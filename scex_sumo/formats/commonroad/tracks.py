@@ -18,7 +18,6 @@ from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, track_rows
 from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
 from scex_sumo.geometry.polylines import wrap
 
-# CommonRoad's words in those of track files; other words are the same.
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}
 _MOTOR = {"car", "truck", "bus", "motorcycle", "taxi", "vehicle"}
 _BESIDE_THE_ROAD = {"roadBoundary", "building", "medianStrip", "pillar"}
@@ -43,11 +42,10 @@ class _Track:
 def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
     """Read the obstacles of a CommonRoad scenario; nothing is repaired.
 
-    Dynamic obstacles with a trajectory are tracks. Static ones stand there all the time, except those beside
-    the road. Intervals count as their middle. Sets of occupied space are left out.
+    Static obstacles stand there all the time, except those beside the road. Intervals count as their middle.
 
     Returns:
-        The recording, and one phrase that names unusable obstacles, if any.
+        The recording, and a phrase that names unusable obstacles.
 
     Raises:
         MapError: it cannot be read or is no CommonRoad file.
@@ -82,11 +80,10 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
 
 
 def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
-    """Repair two defects of recordings exported to CommonRoad; returns one phrase for each.
+    """Repair two defects of recordings exported to CommonRoad; returns a phrase for each.
 
-    A road user that enters between two steps may have its first position from there and its stamp from the
-    next step: such states are dropped. Headings that are all turned by one angle against the motion, by
-    another map projection, are turned back.
+    A first position between two steps with the next step's stamp is dropped. Headings that are all turned by
+    one angle against the motion are turned back.
     """
     findings = []
     keep = ~_late_starts(table.vehicles)
@@ -104,7 +101,6 @@ def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
 
 
 def _tracks(root: ElementTree.Element) -> tuple[list[_Track], list[_Track], list[int | str]]:
-    """Moving and standing road users by ascending id, and ids of unusable ones."""
     moving: dict[int, _Track] = {}
     standing: dict[int, _Track] = {}
     broken: list[int | str] = []
@@ -126,7 +122,6 @@ def _tracks(root: ElementTree.Element) -> tuple[list[_Track], list[_Track], list
 
 
 def _obstacles(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, bool]]:
-    """Obstacles and whether they move; 2018b has one element for both."""
     for element in root:
         if element.tag in ("dynamicObstacle", "staticObstacle"):
             yield element, element.tag == "dynamicObstacle"
@@ -135,7 +130,6 @@ def _obstacles(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element,
 
 
 def _states(obstacle: ElementTree.Element) -> FloatArray:
-    """(N, 5) states in order of time, one for each time step; empty if one is unusable."""
     elements = [*obstacle.findall("initialState"), *obstacle.findall("trajectory/state")]
     rows = [_state(element) for element in elements]
     usable = np.isfinite([row[:3] for row in rows]).all() and all(abs(row[0]) < MAX_STEP for row in rows)
@@ -153,7 +147,6 @@ def _state(element: ElementTree.Element) -> tuple[float, float, float, float, fl
 
 
 def _value(element: ElementTree.Element | None) -> float:
-    """An exact value, the middle of an interval, or nan."""
     if element is None:
         return math.nan
     if element.find("exact") is not None:
@@ -162,7 +155,6 @@ def _value(element: ElementTree.Element | None) -> float:
 
 
 def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
-    """Length and width of a shape, or of the extent of a circle or polygon, m."""
     if shape is None:
         return None
     size = (coordinate(shape.findtext("rectangle/length")), coordinate(shape.findtext("rectangle/width")))

@@ -1,1 +1,1 @@
-"""SUMO's own files: nets as maps, floating car data and states as tracks, netconvert's imports."""
+"""SUMO's files: nets, floating car data, states, and netconvert's imports."""

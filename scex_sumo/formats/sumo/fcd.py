@@ -60,13 +60,9 @@ def is_fcd(path: Path) -> bool:
 
 
 def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
-    """Read SUMO's ``fcd-output``.
+    """Read SUMO's ``fcd-output``, with a phrase for each guess.
 
-    Sizes are the file's, else SUMO's own for the class that the type's name mentions. Steps longer than 0.5 s
-    are filled in to 0.1 s along curves.
-
-    Returns:
-        The recording, and one phrase for each guess.
+    Unknown sizes are SUMO's own by the type's name. Steps above 0.5 s are filled in to 0.1 s along curves.
 
     Raises:
         TrackError: it cannot be read, or holds no vehicle.
@@ -126,7 +122,6 @@ def tracks_of(
 
 
 def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
-    """Raise a `TrackError` for the first row with an impossible value; sizes may be missing."""
     wrong = ~(np.abs(table) <= _MAX)
     wrong[:, 5:] &= ~np.isnan(table[:, 5:])
     if wrong.any():
@@ -137,7 +132,6 @@ def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
 
 
 def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
-    """Fill in missing lengths and widths, in place; returns a phrase if there are any."""
     unknown = np.isnan(table[:, 5:7])
     guessed = np.array([_size(kind) for kind in kinds])
     table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
@@ -171,7 +165,6 @@ def _elements(file: Any) -> Iterator[tuple[float, ElementTree.Element]]:
 
 
 def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
-    """Names, types and columns of a Parquet file; column names may begin with the names of elements."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -205,7 +198,6 @@ def _size(kind: str) -> tuple[float, float]:
 
 
 def _word(kind: str) -> str:
-    """Track type by the name of SUMO's type."""
     if kind == "pedestrian":
         return kind
     word = next((word for word, _ in _SIZES if word in kind.lower()), "car")
@@ -218,7 +210,6 @@ def _step(track: IntArray, time: FloatArray) -> float:
 
 
 def _numbers(labels: list[str]) -> list[int]:
-    """Track ids: the names if all are whole numbers, else their positions in order."""
     if all(label.isdecimal() for label in labels):
         return [int(label) for label in labels]
     return list(range(1, len(labels) + 1))
@@ -255,7 +246,6 @@ def _filled(
 
 
 def _runs(track: IntArray, time: FloatArray, step_s: float) -> list[tuple[int, int]]:
-    """First row of each stretch without a gap, and the row after its last."""
     new = (np.diff(track) != 0) | (np.diff(time) > 1.5 * step_s)
     begin = np.flatnonzero(np.concatenate([[True], new]))
     return list(zip(begin.tolist(), [*begin[1:].tolist(), len(track)], strict=True))

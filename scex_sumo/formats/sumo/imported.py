@@ -47,8 +47,7 @@ _OPEN_STREET_MAP = {
 }
 
 
-def is_opendrive(path: Path) -> bool:
-    """Whether a map is OpenDRIVE, by its name."""
+def _is_opendrive(path: Path) -> bool:
     return str(path).lower().endswith((".xodr", ".xodr.gz"))
 
 
@@ -60,7 +59,7 @@ def is_open_street_map(path: Path) -> bool:
     return b"highway" in content and b"lanelet" not in content
 
 
-def read_imported_road(path: str | Path, **_: object) -> Road:
+def _read_imported_road(path: str | Path, **_: object) -> Road:
     """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache.
 
     OpenDRIVE's coordinates stay; those of OpenStreetMap become metres east and north of the net's corner.
@@ -72,7 +71,7 @@ def read_imported_road(path: str | Path, **_: object) -> Road:
     content = unpacked(path)
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise MapError(f"{path}: declares a document type, which could name other files; remove that")
-    kind, options = ("opendrive", _OPENDRIVE) if is_opendrive(path) else ("osm", _OPEN_STREET_MAP)
+    kind, options = ("opendrive", _OPENDRIVE) if _is_opendrive(path) else ("osm", _OPEN_STREET_MAP)
     made_of = (
         repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items()))).encode() + content
     )
@@ -123,11 +122,6 @@ def _is_whole(net: Path, digest: Path) -> bool:
 
 
 def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) -> bytes:
-    """Make a net with netconvert.
-
-    Raises:
-        MapError: netconvert refuses the map, or its net is cut short.
-    """
     with TemporaryFolder() as folder:
         Path(folder, "map.xml").write_bytes(content)
         # Names without a folder: SUMO splits paths at commas.
@@ -149,5 +143,5 @@ def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) 
     return made
 
 
-OPENDRIVE = MapFormat(is_mine=is_opendrive, read=read_imported_road)
-OPEN_STREET_MAP = MapFormat(is_mine=is_open_street_map, read=read_imported_road)
+OPENDRIVE = MapFormat(is_mine=_is_opendrive, read=_read_imported_road)
+OPEN_STREET_MAP = MapFormat(is_mine=is_open_street_map, read=_read_imported_road)

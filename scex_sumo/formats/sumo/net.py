@@ -1,4 +1,4 @@
-"""SUMO net as a road, read with sumolib: every lane is a lane, those within junctions too."""
+"""SUMO net as a road, read with sumolib."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import allowed_copy, prune
 from scex_sumo.converters.net.lanelets import lane_names, lanelet_places, named_parts, put_together
-from scex_sumo.converters.net.reader import DEFAULT_WIDTH_M, net_root
+from scex_sumo.converters.net.reader import DEFAULT_WIDTH_M, MAX_M, net_root
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.sumo.fcd import ENDINGS
 from scex_sumo.geometry.polylines import arc_lengths
@@ -26,7 +26,7 @@ from scex_sumo.road import Area, Lane, Marking, Regulation, Road
 from scex_sumo.roads.conflicts import overlapping
 
 MIN_LENGTH_M = 0.05  # lanes without length are extended to this
-MAX_M, MAX_WIDTH_M, MAX_SPEED_MPS = 1e8, 100.0, 1000.0  # of coordinates, lanes and speed limits
+MAX_WIDTH_M, MAX_SPEED_MPS = 100.0, 1000.0
 MAX_CORNER = 3.0  # corners of borders reach out at most this many times the half width
 CHANGED = "the net was converted by scex-sumo and changed since: its lanes are read as they are now"
 _STOPS = {"allway_stop": "all_way_stop", "priority_stop": "stop"}
@@ -34,11 +34,11 @@ _KINDS = (("passenger", "vehicle"), ("bus", "bus"), ("bicycle", "bicycle"), ("pe
 
 
 def read_sumo_road(path: str | Path, **_: object) -> Road:
-    """Read a net; its lanes are numbered from 1 in the order of the file, and it is driven as it is.
+    """Read a net; its lanes are numbered from 1 in the order of the file.
 
-    The lanes of a net that `convert` wrote are joined to those of its map again, with their ids. Centrelines
-    are SUMO's shapes; borders lie half a width beside them. A lane change is allowed if both lanes are for
-    the same vehicles and the net does not forbid it. Right of way is that of the junctions' requests.
+    Lanes of a net that `convert` wrote are joined to those of its map again, with their ids. Borders lie half
+    a width beside SUMO's shapes. A lane change is allowed between lanes for the same vehicles unless the net
+    forbids it. Right of way is that of the junctions' requests.
 
     Raises:
         MapError: the net cannot be read, or has no lane for cars.
@@ -131,7 +131,6 @@ def _open(path: Path, root: ElementTree.Element) -> tuple[Any, set[tuple[str, in
 
 
 def _check_lane(lane: Any) -> None:
-    """Raise a `ValueError` for a lane with an impossible shape, width or speed."""
     shape = np.array(lane.getShape3D(), dtype=np.float64)
     if not len(shape) or not (np.abs(shape) <= MAX_M).all():
         raise ValueError(f"lane {lane.getID()} has no shape")
@@ -140,7 +139,6 @@ def _check_lane(lane: Any) -> None:
 
 
 def _following(lane: Any, numbers: Mapping[str, int]) -> tuple[int, ...]:
-    """Successors: lanes within the junction, if the net has them."""
     following = [link.getViaLaneID() or link.getToLane().getID() for link in lane.getOutgoing()]
     return tuple(dict.fromkeys(numbers[name] for name in following if name in numbers))
 
@@ -210,7 +208,6 @@ def _beside(
 
 
 def _markings(lanes: Mapping[int, Lane], within: Container[int]) -> list[Marking]:
-    """Borders of roads, and dashed lines where lane changes are allowed; nothing within junctions."""
     markings = []
     for i, lane in lanes.items():
         if i in within or arc_lengths(lane.centreline)[-1] < 1.0:
@@ -238,7 +235,6 @@ def _areas(net: Any) -> tuple[Area, ...]:
 
 
 def _junction_rules(net: Any, numbers: Mapping[str, int]) -> tuple[Regulation, ...]:
-    """Right of way and lights of the junctions; ``numbers``: lanes of the road by SUMO's name."""
     rules: list[Regulation] = []
     for node in net.getNodes():
         rules.extend(_of_node(node, numbers, len(rules) + 1))
@@ -246,7 +242,6 @@ def _junction_rules(net: Any, numbers: Mapping[str, int]) -> tuple[Regulation, .
 
 
 def _of_node(node: Any, numbers: Mapping[str, int], first: int) -> Iterator[Regulation]:
-    """Regulations of a junction: each link that gives way, and the lanes that wait at its light."""
     links = {node.getLinkIndex(link): link for link in node.getConnections() if _via(link, numbers)}
     links.pop(-1, None)
     number = first

@@ -1,4 +1,4 @@
-"""Saved state of a SUMO simulation (``--save-state``) as tracks of one moment, without a past."""
+"""Saved state of a SUMO simulation as tracks of one moment."""
 
 from __future__ import annotations
 
@@ -68,7 +68,6 @@ def _rows(
 
 
 def _place(lane: ElementTree.Element, vehicle: ElementTree.Element) -> tuple[float, float]:
-    """Front bumper of a vehicle by its positions along the lane and beside the lane's middle."""
     shape = np.array([[float(v) for v in point.split(",")[:2]] for point in lane.get("shape", "").split()])
     at = float(vehicle.get("pos", "").split()[0]) * length_of(shape) / float(lane.get("length", "nan"))
     before, here, after = along(shape, at + np.array([-NEAR_M, 0.0, NEAR_M]))

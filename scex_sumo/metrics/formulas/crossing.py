@@ -1,6 +1,5 @@
 """Metrics of crossing paths: gap time of planned paths, post-encroachment time (PET) of driven tracks.
 
-Paths cross at a point that both reach. Paths on the same line (one vehicle behind the other) do not.
 Undefined without a crossing ahead of both. Preset ``path`` uses conflict areas instead of points.
 """
 
@@ -17,8 +16,8 @@ from scex_sumo.metrics.pairs.scenes import Entries, Scenes
 def gap_time(scenes: Scenes) -> Entries:
     """Compute the difference of arrival times at the first crossing, at present speed, of ordered pairs, s.
 
-    Undefined where one vehicle stands. With conflict areas: the time from the first vehicle's exit to the
-    second one's entry; 0 where both would be inside at the same time. Source: Allen et al. 1978.
+    Undefined where one vehicle stands. With conflict areas: from the first vehicle's exit to the second one's
+    entry; 0 if both would be inside at the same time. Source: Allen et al. 1978.
     """
     if scenes.planned is None or len(scenes.pairs[0]) == 0:
         return _nothing()
@@ -42,17 +41,13 @@ def _gap_time_at_areas(scenes: Scenes) -> Entries:
 
 
 def _next_crossings(scenes: Scenes) -> tuple[Crossings, FloatArray, FloatArray]:
-    """Find the first crossing on each ordered pair's own path; with both speeds, m/s."""
     crossing = paths_ahead(scenes).next_crossings
     speed, (own, other) = scenes.speed.reshape(-1), scenes.flat_of(crossing.where)
     return crossing, speed[own], speed[other]
 
 
 def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) half the conflict area's length plus half the vehicle's along both paths, m.
-
-    The area is the overlap of strips as wide as the vehicles; angles below the following angle count as it.
-    """
+    """Return (N,) half the conflict area (overlap of strips) plus half the vehicle along both paths, m."""
     pair, scene = np.divmod(crossing.where, scenes.count)
     sine = np.maximum(crossing.sine, np.sin(min(scenes.parameters.following_angle, np.pi / 2)))
     cosine = np.sqrt(np.maximum(1 - sine * sine, 0.0))
@@ -69,9 +64,9 @@ def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatA
 def pet(scenes: Scenes) -> Entries:
     """Compute the time between the first vehicle's exit and the second one's arrival, of ordered pairs, s.
 
-    It uses the tracks driven from each step on, in child scenarios too. Preset ``path`` leaves out tracks
-    that cross below the following angle, because a follower weaves across its leader's track. Undefined where
-    the recording ends before the first vehicle has left. Source: Allen et al. 1978.
+    It uses driven tracks, in child scenarios too. Preset ``path`` leaves out tracks that cross below the
+    following angle, because a follower weaves across its leader's track. Undefined where the recording ends
+    before the first vehicle has left. Source: Allen et al. 1978.
     """
     if len(scenes.pairs[0]) == 0:
         return _nothing()
@@ -93,7 +88,7 @@ def _pet_at_areas(scenes: Scenes) -> Entries:
 def _time_between(
     scenes: Scenes, crossing: Crossings, own_reach: FloatArray, other_reach: FloatArray
 ) -> Entries:
-    """Compute PET at crossings; a vehicle occupies one while its centre is within its (N,) reach, m."""
+    """Compute PET at crossings; a vehicle occupies one while its centre is within (N,) reach, m."""
     paths, times = scenes.once(_driven_paths), []
     sides = ((crossing.own, own_reach), (crossing.other, other_reach))
     for at, (arc, reach) in zip(scenes.flat_of(crossing.where), sides, strict=True):
@@ -111,7 +106,6 @@ def _time_between(
 
 
 def _driven_paths(scenes: Scenes) -> PathsAhead:
-    """Return the tracks driven from each step on."""
     planned = scenes.planned
     driven = planned if planned is not None and planned.driven else PlannedPaths.from_tracks(scenes.tracks)
     return PathsAhead(scenes, driven, moving_only=False)

@@ -1,4 +1,4 @@
-"""Distance of the centres of two vehicles, and body gap: the distance of their outlines."""
+"""Distance of the centres of two vehicles, and of their outlines (body gap)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scex_sumo.metrics.base import Rows
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MARGIN = 1e-6  # for rounding, so that the nearest pair is never lost
-CHUNK = 1 << 13  # pairs at a time: the working arrays stay in the processor's cache
+CHUNK = 1 << 13  # pairs at a time: fits the processor's cache
 
 
 def distance(scenes: Scenes) -> Samples:
@@ -22,23 +22,19 @@ def distance(scenes: Scenes) -> Samples:
 
 
 def gap(scenes: Scenes) -> Samples:
-    """Compute the body gap of all pairs, m; 0 where the outlines overlap."""
+    """Compute the body gap of all pairs, m; 0 on overlap."""
     return scenes.of_all_pairs(gaps_of)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutlinePairs(Rows):
-    """N pairs of rectangles in motion; metres, seconds, second vehicle minus first.
-
-    Attributes:
-        cos_1: (N,) direction of the first rectangle's length.
-    """
+    """N pairs of rectangles in motion; metres, seconds, second vehicle minus first."""
 
     dx: FloatArray
     dy: FloatArray
     dvx: FloatArray
     dvy: FloatArray
-    cos_1: FloatArray
+    cos_1: FloatArray  # (N,) direction of the first rectangle's length
     sin_1: FloatArray
     cos_2: FloatArray
     sin_2: FloatArray
@@ -49,17 +45,17 @@ class OutlinePairs(Rows):
 
     @property
     def own(self) -> tuple[FloatArray, FloatArray]:
-        """(N,) half length and half width of the first rectangle, m."""
+        """(N,) half length and width of the first, m."""
         return self.half_length_1, self.half_width_1
 
     @property
     def other(self) -> tuple[FloatArray, FloatArray]:
-        """(N,) half length and half width of the second rectangle, m."""
+        """(N,) half length and width of the second, m."""
         return self.half_length_2, self.half_width_2
 
 
 def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePairs:
-    """Return outlines and velocities of (N,) pairs in scenes given by flat index into (C, T)."""
+    """Return outlines and velocities of (N,) pairs in scenes."""
     one, two = (side[pair] for side in scenes.pairs)
     arrays = scenes.x, scenes.y, scenes.cos, scenes.sin, scenes.speed
     x, y, cos, sin, speed = (a.reshape(scenes.vehicles, -1) for a in arrays)
@@ -84,13 +80,13 @@ def outline_pairs(scenes: Scenes, pair: IntArray, scene: IntArray) -> OutlinePai
 def in_chunks(
     pair: IntArray, scene: IntArray, value: Callable[[IntArray, IntArray], FloatArray]
 ) -> FloatArray:
-    """Compute (N,) values of pairs in scenes, some thousand at a time."""
+    """Compute (N,) values, some thousand at a time."""
     parts = [slice(start, start + CHUNK) for start in range(0, pair.size, CHUNK)]
     return np.concatenate([np.empty(0), *(value(pair[part], scene[part]) for part in parts)])
 
 
 def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
-    """Compute (N,) body gaps of pairs in scenes given by flat index into (C, T), m."""
+    """Compute (N,) body gaps of pairs in scenes, m."""
 
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
         pairs = outline_pairs(scenes, pair, scene)
@@ -101,7 +97,7 @@ def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 
 
 def gap_bounds(scenes: Scenes) -> tuple[FloatArray, FloatArray]:
-    """Bound the body gap by circles around and within the outlines: (P, C, T) lower and upper, m."""
+    """Bound the body gap by circles: (P, C, T) lower and upper, m."""
     outer = np.hypot(scenes.length, scenes.width) / 2
     inner = np.minimum(scenes.length, scenes.width) / 2
     first, second = scenes.pairs

@@ -1,4 +1,4 @@
-"""Metrics of car-following pairs: TTC, PTTC, time headway (THW) and DRAC; undefined for other pairs."""
+"""Metrics of car-following pairs: TTC, PTTC, time headway (THW), DRAC; undefined for other pairs."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ def potential_time_to_collision(
     """Compute the time until the follower, at constant speed, reaches a leader that brakes to a stop.
 
     With the closing speed c and the leader's deceleration D: the smaller root of d = c t + D t² / 2 if the
-    leader still moves then, else the time until the follower reaches the stopped leader. A leader that does
-    not brake gives the TTC.
+    leader still moves then, else the time to the stopped leader. Without braking it is the TTC.
 
     Args:
         gap: (N,) m, at least 0.
@@ -51,7 +50,7 @@ def potential_time_to_collision(
     """
     closing = follower_speed - leader_speed
     time = time_to_collision(gap=gap, closing_speed=closing)
-    # A reversing leader with a negative acceleration speeds up; it is not braking. Denormal products are 0.
+    # A reversing leader with a negative acceleration is not braking. Denormal products are 0.
     braking = np.flatnonzero((leader_acceleration < -1e-300) & (leader_speed >= 0))
     if braking.size == 0:
         return time
@@ -89,10 +88,9 @@ def thw(scenes: Scenes) -> Entries:
 
 
 def deceleration_to_avoid_crash(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArray:
-    """Compute the deceleration that gives the follower the leader's speed at the end of the gap, (N,) m/s².
+    """Compute the deceleration to the leader's speed within the gap, c² / (2 d), (N,) m/s².
 
-    c² / (2 d); 0 where the gap does not close, inf where there is no gap left. Source: Cooper and Ferguson
-    1976.
+    0 where the gap does not close, inf without a gap. Source: Cooper and Ferguson 1976.
     """
     closing = np.maximum(closing_speed, 0.0)
     rate = np.zeros(np.broadcast(gap, closing).shape)

@@ -16,13 +16,10 @@ REFERENCE_SPEED = 13.89
 
 
 def _variation(speed: FloatArray, member: BoolArray) -> FloatArray:
-    """Compute standard deviation over mean of the members' speeds, along the first axis.
-
-    0 without members or if the mean is below 1e-5 m/s.
-    """
+    """Compute standard deviation over mean of the members' speeds; 0 for means below 1e-5 m/s."""
     count = member.sum(axis=0)
     mean = np.where(member, speed, 0.0).sum(axis=0) / np.maximum(count, 1)
-    # Deviations from the mean, not a difference of squares: equal speeds must give exactly 0.
+    # Deviations from the mean, so that equal speeds give exactly 0.
     deviation = np.where(member, speed - mean, 0.0)
     variance = (deviation * deviation).sum(axis=0) / np.maximum(count, 1)
     flows = mean >= MIN_MEAN_SPEED
@@ -31,10 +28,7 @@ def _variation(speed: FloatArray, member: BoolArray) -> FloatArray:
 
 
 def _individual(scenes: Scenes) -> FloatArray:
-    """Compute (V, C, T) mean acceleration and mean speed of the last 2 s, over their reference values.
-
-    The window holds the samples from t - 2 s to t (21 at 0.1 s), fewer at the start of a track.
-    """
+    """Compute (V, C, T) mean acceleration and speed of the last 2 s, over their references."""
     tracks = scenes.tracks
     present = np.ones(tracks.states.shape, dtype=bool) if tracks.present is None else tracks.present
     samples = round(WINDOW_S / tracks.step_s) + 1

@@ -1,8 +1,7 @@
 """Worst time to collision (WTTC): both vehicles may accelerate in any direction.
 
-A vehicle can reach any point of a disc. The disc moves at the present velocity and grows by half the largest
-acceleration times t²; at first it passes through the vehicle's corners. WTTC is the first time at which two
-discs touch.
+The reach of a vehicle is a disc through its corners that moves at the present velocity and grows by half the
+largest acceleration times t². WTTC is the time at which two discs touch.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MAX_ITERATIONS = 100  # a double root converges by one bit per iteration; anything else within about ten
 TOLERANCE = 4e-16
-CHUNK = 1 << 14  # pairs at a time: the dozen working arrays stay in the processor's cache
+CHUNK = 1 << 14  # pairs at a time: fits the processor's cache
 
 
 def worst_time_to_collision(
@@ -42,7 +41,6 @@ def worst_time_to_collision(
 
 
 def _first_contact(gap: FloatArray, *terms: FloatArray) -> FloatArray:
-    """Return the first root for discs that are apart, 0 for others; the acceleration may be 0."""
     time = np.zeros(gap.shape)
     apart = gap > 0
     moving = apart & (terms[-1] == 0)
@@ -58,7 +56,6 @@ def _first_contact(gap: FloatArray, *terms: FloatArray) -> FloatArray:
 def _without_acceleration(
     gap: FloatArray, centres: FloatArray, radius: FloatArray, v2: FloatArray, pv: FloatArray
 ) -> FloatArray:
-    """Return the first contact of two discs in straight motion."""
     c = gap * (centres + radius)
     discriminant = pv * pv - v2 * c
     meets = (pv < 0) & (discriminant >= 0)
@@ -77,10 +74,8 @@ def _first_root(
 ) -> FloatArray:
     """Return the first root of q(t) = (R + A t²/2)² - ||dp + dv t||² for discs that are apart, A > 0.
 
-    q starts negative and has no cubic term: it is concave up to an inflection, then convex. The root lies
-    between the times of heading on and of fleeing. On the concave part Newton's iteration from the left is
-    monotone and cannot step over the first root. If there is none, exactly one root follows on the convex
-    part, and Newton's iteration from the right is monotone.
+    q starts negative and is concave up to an inflection, then convex. On the concave part Newton's iteration
+    from the left cannot step over the first root. Else the convex part has exactly one root.
     """
     a4, a2 = 0.25 * acceleration * acceleration, acceleration * radius - v2
     a1, a0 = -2 * pv, -gap * (centres + radius)
@@ -105,7 +100,7 @@ def _first_root(
 def _newton_concave(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, time: FloatArray, inflection: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the first root before the inflection, or the inflection, and whether there is a root."""
+    """Return the first root before the inflection, or the inflection; and whether there is a root."""
     time = time.copy()
     has_root = np.zeros(time.shape, dtype=bool)
     active = np.arange(time.size)
@@ -118,14 +113,14 @@ def _newton_concave(
         rising = slope > 0
         after = np.where(rising, t - q / np.where(rising, slope, 1.0), np.inf)
         none = (after > inflection[active]) & (q < 0)
-        # From the left every exact step goes forward; one that does not is rounding, at the root.
+        # From the left every exact step goes forward; another one is rounding, at the root.
         done = ~none & ((q >= 0) | (after - t <= TOLERANCE * t))
         time[active] = np.where(none, inflection[active], np.where(done & ~rising, t, after))
         has_root[active[done]] = True
         active = active[~(none | done)]
         if active.size == 0:
             break
-    has_root[active] = True  # a double root, to the precision that it has
+    has_root[active] = True  # a double root
     return time, has_root
 
 
@@ -133,7 +128,7 @@ def _newton_convex(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
     """Return the only root between ``low``, from where q is convex, and ``high``."""
-    # One step from the left lands on the right of the root, mostly much closer than the bound.
+    # One step from the left lands on the right of the root, mostly closer than the bound.
     q, slope = _polynomial(a4, a2, a1, a0, low)
     rising = slope > 0
     time = np.minimum(high, low - q / np.where(rising, slope, 1.0), out=high.copy(), where=rising)

@@ -1,8 +1,7 @@
-"""Worst time to collision (WTTC) of outlines: rectangles that keep their headings, not circles around them.
+"""Worst time to collision (WTTC) of outlines: rectangles that keep their headings.
 
-It is the first t at which the distance of the rectangles, each moved by its present velocity, is ½ A t². The
-distance is convex in t, so its tangent bounds it from below. Where the tangent meets the parabola is never
-late. Repeated from there, the times approach the first contact from the left.
+It is the first t at which the distance of the rectangles is ½ A t². The distance is convex in t, so the time
+at which its tangent meets the parabola is never late.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ TOLERANCE_S = 1e-12
 def worst_time_of_outlines(pairs: OutlinePairs, acceleration: FloatArray) -> FloatArray:
     """Compute the smallest t >= 0 at which two outlines are no farther apart than ½ A t², (N,) s.
 
-    A is the sum of both largest accelerations, m/s². 0 on overlap; inf only where A is 0 and the outlines
-    never touch. Source: Wachenfeld et al. 2016, with outlines instead of circles.
+    A is the sum of both largest accelerations, m/s². 0 on overlap; inf if the outlines never touch. Source:
+    Wachenfeld et al. 2016, with outlines instead of circles.
     """
     time = np.zeros(pairs.dx.shape)
     active = np.arange(time.size)
@@ -42,7 +41,7 @@ def worst_time_of_outlines(pairs: OutlinePairs, acceleration: FloatArray) -> Flo
 
 
 def _distance_at(pairs: OutlinePairs, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Compute (N,) distance of the outlines at a time, m, and its slope, m/s; both 0 where they touch."""
+    """Compute (N,) distances of the outlines, m, and their slopes, m/s; both 0 on contact."""
     cos_1, sin_1, cos_2, sin_2 = pairs.cos_1, pairs.sin_1, pairs.cos_2, pairs.sin_2
     dx, dy = pairs.dx + pairs.dvx * time, pairs.dy + pairs.dvy * time
     cos, sin = cos_1 * cos_2 + sin_1 * sin_2, cos_1 * sin_2 - sin_1 * cos_2
@@ -53,7 +52,7 @@ def _distance_at(pairs: OutlinePairs, time: FloatArray) -> tuple[FloatArray, Flo
     square_2, bx, by = _corner_to_box(x_2, y_2, cos, -sin, *own, *other)
     apart = separated(x_1, y_1, cos, sin, *other, *own) | separated(x_2, y_2, cos, sin, *own, *other)
     from_1 = square_1 <= square_2
-    # The vector from the first outline to the second one, in the map's frame.
+    # from the first outline to the second one, in the map's frame
     wx = np.where(from_1, ax * cos_1 - ay * sin_1, bx * cos_2 - by * sin_2)
     wy = np.where(from_1, ax * sin_1 + ay * cos_1, bx * sin_2 + by * cos_2)
     distance = np.where(apart, np.sqrt(np.minimum(square_1, square_2)), 0.0)
@@ -72,10 +71,7 @@ def _corner_to_box(
     box_length: FloatArray,
     box_width: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Compute the squared distance of a rectangle's nearest corner to an upright box, and the vector to it.
-
-    The rectangle's centre is at (x, y) in the box's frame.
-    """
+    """Compute the squared distance of a rectangle's nearest corner to an upright box, and the vector."""
     along, across = (half_length * cos, half_length * sin), (-half_width * sin, half_width * cos)
     best = np.full(np.shape(x), np.inf)
     vector_x, vector_y = np.zeros(np.shape(x)), np.zeros(np.shape(x))
@@ -92,7 +88,7 @@ def _corner_to_box(
 
 
 def _tangent_meets_parabola(spare: FloatArray, slope: FloatArray, limit: FloatArray) -> FloatArray:
-    """Return the positive root s of spare + slope s = ½ A s²; inf if none (A = 0, not closing)."""
+    """Return the positive root s of spare + slope s = ½ A s²; inf if none."""
     root = np.sqrt(np.maximum(slope * slope + 2 * limit * spare, 0.0))
     closing = root - slope
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -107,7 +103,6 @@ def wttc_path(scenes: Scenes) -> Samples:
 
 
 def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
-    """Compute the WTTC of (N,) pairs in scenes given by flat index into (C, T), s."""
     limit = scenes.max_acceleration
 
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
@@ -121,8 +116,8 @@ def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 def least_wttc_path(scenes: Scenes) -> Samples:
     """Compute the WTTC of the outlines of the pairs that can have the shortest one of their scene, s.
 
-    Along the line of the centres, the outlines approach no faster than their extents along it: a lower bound.
-    The pair with the smallest bound is evaluated first. Only pairs with a bound below its time can be faster.
+    Along the line of the centres, the outlines approach no faster than their extents: a lower bound. Only
+    pairs with a bound below the time of the likeliest pair can be faster.
     """
     bound = scenes.of_pairs(_lower_bounds)
     if not bound.size:
@@ -136,7 +131,7 @@ def least_wttc_path(scenes: Scenes) -> Samples:
 
 
 def _lower_bounds(scenes: Scenes) -> FloatArray:
-    """Bound the WTTC of outlines from below, (P, C, T) s; inf where one vehicle is absent."""
+    """Bound the WTTC of outlines from below, (P, C, T) s; inf for absent vehicles."""
     first, second = scenes.pairs
     apart = np.where(scenes.distance > 0, scenes.distance, 1.0)
     nx, ny = scenes.dx / apart, scenes.dy / apart

@@ -1,4 +1,1 @@
-"""Pairs of vehicles that metrics evaluate: all, followers and leaders, on crossing paths.
-
-May import geometry, scene and metrics.base.
-"""
+"""Pairs of vehicles: all, followers and leaders, on crossing paths."""

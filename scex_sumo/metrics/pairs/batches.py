@@ -1,7 +1,4 @@
-"""Batches of scenes: a few children at a time; equal tracks of several children are evaluated once.
-
-Tracks of a vehicle are often equal in many children: they differ only where models of nearby vehicles do.
-"""
+"""Batches of scenes: a few children at a time; equal tracks are evaluated once."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal
 def scene_batches(
     tracks: SceneTracks, planned: PlannedPaths | None, *, preset: str, parameters: MetricParameters
 ) -> Iterator[tuple[int, Scenes]]:
-    """Yield scenes of a few children at a time, each with the number of its first child.
-
-    The next batch drops all values derived from the previous one.
-    """
+    """Yield scenes of a few children with the number of the first; the next batch drops derived values."""
     rules = preset_named(preset)
     children, _, vehicles = tracks.states.shape
     if planned is not None:
@@ -55,10 +49,7 @@ def scene_batches(
 def track_pairs(
     tracks: SceneTracks, planned: PlannedPaths | None, *, preset: Preset, parameters: MetricParameters
 ) -> TrackPairs | None:
-    """Find the pairs of tracks that differ by a bit, plans included; None if few pairs are equal.
-
-    Sizes and types that depend on the child give None too.
-    """
+    """Find the different pairs of tracks; None if few are equal or sizes depend on the child."""
     children, _, vehicles = tracks.states.shape
     sizes = tracks.length, tracks.width, np.empty(0) if tracks.types is None else tracks.types
     same_sizes = all(np.ndim(values) == 1 for values in sizes)
@@ -87,7 +78,6 @@ def track_pairs(
 
 
 def _all_values(tracks: SceneTracks, planned: PlannedPaths | None, vehicle: int) -> FloatArray:
-    """Return (C, K) states, presence and plans of a vehicle in each child."""
     states = tracks.states
     parts = [values[:, :, vehicle] for values in (states.x, states.y, states.heading, states.speed)]
     if tracks.present is not None:
@@ -98,7 +88,7 @@ def _all_values(tracks: SceneTracks, planned: PlannedPaths | None, vehicle: int)
 
 
 def _tracks_of(tracks: SceneTracks, child: IntArray, vehicle: IntArray) -> SceneTracks:
-    """Return the tracks of (U,) vehicles of (U,) children as one child."""
+    """Return (U,) tracks as one child."""
     return replace(
         tracks,
         states=tracks.states.map(lambda values: np.ascontiguousarray(values[child, :, vehicle].T[None])),
@@ -110,6 +100,5 @@ def _tracks_of(tracks: SceneTracks, child: IntArray, vehicle: IntArray) -> Scene
 
 
 def _plans_of(planned: PlannedPaths, child: IntArray, vehicle: IntArray) -> PlannedPaths:
-    """Return the planned paths of (U,) vehicles of (U,) children as one child."""
     x, y = (np.ascontiguousarray(v[child, :, vehicle].swapaxes(0, 1)[None]) for v in (planned.x, planned.y))
     return replace(planned, x=x, y=y)

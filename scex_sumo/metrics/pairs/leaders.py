@@ -1,4 +1,4 @@
-"""Leaders of each vehicle: preset ``paper`` by heading, preset ``path`` along planned paths."""
+"""Leaders: preset ``paper`` by heading, preset ``path`` along planned paths."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ MIN_PATH_M = 0.1  # a shorter path has no direction of its own; the heading coun
 
 
 def leaders_by_heading(scenes: Scenes) -> Following:
-    """Find leaders as in the paper: similar headings, the leader ahead, no lane test.
+    """Find leaders as in the paper: headings within ``following_angle``, the leader ahead, no lane test.
 
-    Headings differ by at most ``following_angle``; the leader's longitudinal coordinate in the follower's
-    frame is positive. The gap is the distance of the centres. Two vehicles can each be the other's leader.
+    The gap is the distance of the centres. Two vehicles can each be the other's leader.
     """
     return scenes.of_ordered_pairs(_similar_and_ahead)
 
@@ -37,7 +36,7 @@ def _similar_and_ahead(scenes: Scenes) -> Following:
     pair = np.flatnonzero(similar)
     ahead = []
     for own, sign in ((first, 1.0), (second, -1.0)):
-        # Flat index of the follower in (V, C, T): same scene, the pair's own vehicle.
+        # flat index of the follower in (V, C, T)
         vehicle = own[pair // scenes.count] * scenes.count + pair % scenes.count
         longitudinal = scenes.dx.reshape(-1)[pair] * cos.reshape(-1)[vehicle]
         longitudinal += scenes.dy.reshape(-1)[pair] * sin.reshape(-1)[vehicle]
@@ -47,7 +46,6 @@ def _similar_and_ahead(scenes: Scenes) -> Following:
 
 
 def _following(scenes: Scenes, where: IntArray, gap: FloatArray) -> Following:
-    """Add speeds and accelerations to pairs at flat indices into (2P, C, T)."""
     follower, leader = scenes.flat_of(where)
     speed = scenes.speed.reshape(-1)
     return Following(
@@ -70,7 +68,7 @@ def leaders_on_path(scenes: Scenes) -> Following:
         return _following(scenes, np.empty(0, dtype=np.int64), np.empty(0))
     on_paths = scenes.of_ordered_pairs(_on_paths)
     follower, _ = scenes.flat_of(on_paths.where)
-    # The next one: the smallest arc length to its centre.
+    # the smallest arc length to its centre
     chosen = np.sort(least_of(follower, on_paths.along))
     return _following(scenes, on_paths.where[chosen], on_paths.gap[chosen])
 
@@ -90,15 +88,8 @@ def preset_named(name: str) -> Preset:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _OnPaths(PairRows):
-    """Vehicles on the paths of others.
-
-    Attributes:
-        along: (N,) arc length of the path to the vehicle's centre, m.
-        gap: (N,) between the bumpers, m.
-    """
-
-    along: FloatArray
-    gap: FloatArray
+    along: FloatArray  # (N,) arc length of the path to the vehicle's centre, m
+    gap: FloatArray  # (N,) between the bumpers, m
 
 
 def _on_paths(scenes: Scenes) -> _OnPaths:
@@ -106,7 +97,7 @@ def _on_paths(scenes: Scenes) -> _OnPaths:
 
 
 class _Corridors:
-    """Search of vehicles near the paths of others; pairs are (path of the first, centre of the second)."""
+    """Search of vehicles near the paths of others."""
 
     def __init__(self, scenes: Scenes, paths: PathsAhead) -> None:
         self.scenes, self.paths = scenes, paths
@@ -126,7 +117,7 @@ class _Corridors:
         self.last = (end_x, end_y, along_x * reach, along_y * reach, paths.length)
 
     def vehicles_on_paths(self) -> _OnPaths:
-        """Find the vehicles on each path, with the arc length to their centre and the gap of the bumpers."""
+        """Find the vehicles on each path."""
         row, other, where, near = self._close_pairs()
         parts = [self._on_straight(piece, row, other) for piece in (self.first, self.last)]
         parts.append(self._on_plan(row, other))
@@ -134,7 +125,7 @@ class _Corridors:
         aside, along, cos = (np.concatenate([part[i] for part in parts]) for i in (1, 2, 3))
         keep = np.flatnonzero(aside <= near[entry])
         entry, aside, along, cos = entry[keep], aside[keep], along[keep], cos[keep]
-        # The nearest piece tells where on the path the vehicle is; of equals the first.
+        # The nearest piece counts; of equals the first.
         best = least_of(entry, aside, along)
         limit = np.cos(self.scenes.parameters.following_angle) - COSINE_ROUNDING
         best = best[(along[best] > 0) & (cos[best] >= limit)]
@@ -143,11 +134,10 @@ class _Corridors:
         return _OnPaths(where=where[entry], along=along, gap=np.maximum(along - half, 0.0))
 
     def _size(self, array: FloatArray, vehicle: IntArray) -> FloatArray:
-        """Pick lengths or widths of vehicles by flat index into (V, C, T)."""
         return self.scenes.size_of(array, *np.divmod(vehicle, self.scenes.count))
 
     def _close_pairs(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """Find pairs whose boxes meet: flat index of path and other, index into (2P, C, T), widest offset."""
+        """Find pairs whose boxes meet: path, other, index into (2P, C, T), widest offset."""
         scenes = self.scenes
         ends = octagon(self.last[0] + self.last[2], self.last[1] + self.last[3])
         ahead = self.paths.boxes_ahead
@@ -180,7 +170,7 @@ class _Corridors:
         wide = self._size(scenes.width, row[with_plan]) + self._size(scenes.width, other[with_plan])
         which, segment = meeting_segments(np.stack([centre - wide, centre + wide], axis=1), paths.lines, line)
         column = paths.column[(row[with_plan[which]] % scenes.count) % scenes.shape[1]]
-        # Polylines are padded with segments of no length after the last node.
+        # Polylines are padded with segments of no length.
         keep = (segment >= column) & (np.abs(paths.lines.delta[:, line[which], segment]).max(axis=0) > 0)
         which, segment = which[keep], segment[keep]
         entry, at = with_plan[which], (line[which], segment)
@@ -191,7 +181,7 @@ class _Corridors:
     def _project(
         self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, other: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return distance of centres to segments, share of the segment at the foot, cosine between them."""
+        """Return offsets of centres from segments, shares at the foot, cosines."""
         scenes = self.scenes
         gx, gy = scenes.x.reshape(-1)[other] - x, scenes.y.reshape(-1)[other] - y
         squared = dx * dx + dy * dy

@@ -25,23 +25,21 @@ SAME_POINT_M = 1e-9  # crossing points closer than this along the own path are o
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crossings(PairRows):
-    """Crossing points ahead of ordered pairs at their steps, in any order, several per pair.
+    """Crossing points ahead of ordered pairs, in any order, several per pair.
 
     Attributes:
         own: (N,) arc length from the row's own vehicle to the point, m; ``other`` from the other vehicle.
-        sine: (N,) of the angle between the paths, above 0.
     """
 
     own: FloatArray
     other: FloatArray
-    sine: FloatArray
+    sine: FloatArray  # (N,) of the angle between the paths, above 0
 
 
 def bridged(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Fill gaps (NaN) in (N, H) coordinates: inner ones by straight lines, outer ones by the nearest value.
 
-    Returns:
-        (N, H) coordinates and (N,) whether there was any value.
+    Also return (N,) whether there was any value.
     """
     known = np.isfinite(x)
     if known.all():
@@ -62,10 +60,10 @@ class PathsAhead:
     """Planned path of every vehicle at every step: a first segment to the plan's next column, then the plan.
 
     Attributes:
-        lines: the plans as polylines, ordered by child, replan, vehicle.
+        lines: the plans, ordered by child, replan, vehicle.
         line: (V, C, T) index of the current plan among ``lines``.
         column: (T,) the plan's next column.
-        has_path: (V, C, T) whether there is a path ahead.
+        has_path: (V, C, T).
         ahead: (V, C, T) the same; with ``moving_only`` only of moving vehicles.
         dx: (V, C, T) first segment, m.
         first_boxes: (4, 2, V, C, T) octagons around the first segments.
@@ -97,14 +95,11 @@ class PathsAhead:
 
     @cached_property
     def next_crossings(self) -> Crossings:
-        """The crossing point that comes first on each ordered pair's own path."""
+        """The first crossing point on each ordered pair's own path."""
         return self.first_crossings()
 
     def first_crossings(self, *, min_sine: float = 0.0) -> Crossings:
-        """Find the crossing point that comes first on each ordered pair's own path, at large enough angles.
-
-        Vehicles on one lane weave across each other's tracks all the time. Blocks of pairs limit the memory.
-        """
+        """Find the first crossing point on each ordered pair's own path, at large enough angles."""
         children, replans, _, columns = self.planned.x.shape
         (first, second), count = self.scenes.pairs, self.scenes.count
         rows_per_pair = max(children * columns * max(self.scenes.shape[1], replans), 1)
@@ -123,7 +118,6 @@ class PathsAhead:
         return joined.take(np.argsort(joined.where))
 
     def _crossings(self, first: IntArray, second: IntArray) -> Crossings:
-        """Find all crossing points ahead of some pairs in both orders."""
         one_order = Crossings.join(
             [self._between_plans(first, second), *self._with_first_segments(first, second)]
         )
@@ -138,7 +132,7 @@ class PathsAhead:
         return Crossings.join([one_order, reverse])
 
     def _between_plans(self, first: IntArray, second: IntArray) -> Crossings:
-        """Find crossings between plans: once per plan, repeated for its steps."""
+        """Find crossings once per plan, repeated for its steps."""
         children, steps = self.scenes.shape
         replans, lines = self.planned.x.shape[1], self.lines
         path = np.arange(children * replans)[:, None] * self.scenes.vehicles
@@ -222,9 +216,7 @@ def meeting_pairs(
     """Find ordered pairs whose octagons meet, as ascending flat indices into (N, C, T).
 
     Args:
-        pairs: (N,) first and (N,) second vehicle.
-        own: (4, 2, V, C, T) octagons of vehicles as first of a pair.
-        others: (4, 2, V, C, T) octagons as second of a pair.
+        own: (4, 2, V, C, T) octagons of vehicles as first of a pair; ``others`` as second.
         present: (V, C, T) where both octagons exist.
     """
     row, other = pairs
@@ -232,7 +224,7 @@ def meeting_pairs(
     if not present.all():  # octagons of absent vehicles meet nothing
         own, others = own.copy(), others.copy()
         own[0, 0][~present] = others[0, 0][~present] = np.inf
-    # First whether they meet over all steps together, then at each step.
+    # First over all steps together, then at each step.
     whole = [
         np.stack([b[:, 0].min(axis=-1, initial=np.inf), b[:, 1].max(axis=-1, initial=-np.inf)], axis=1)
         for b in (own, others)
@@ -250,7 +242,6 @@ def meeting_pairs(
 
 
 def _first_on_own_path(crossings: Crossings, size: int) -> Crossings:
-    """Select each ordered pair's crossing point that comes first on its own vehicle's path."""
     nearest = np.full(size, np.inf)
     np.minimum.at(nearest, crossings.where, crossings.own)
     same = crossings.take(np.flatnonzero(crossings.own <= nearest[crossings.where] + SAME_POINT_M))

@@ -1,7 +1,4 @@
-"""Batch of scenes laid out for evaluation, and the values that metrics return for it.
-
-Vehicles and pairs are the first axis; the contiguous axes, children and steps, are long and fast.
-"""
+"""Batch of scenes laid out for evaluation, and the values that metrics return for it."""
 
 from __future__ import annotations
 
@@ -22,18 +19,14 @@ E = TypeVar("E", bound="PairRows")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairRows(Rows):
-    """Rows of ordered pairs at steps.
+    """Rows of ordered pairs at steps."""
 
-    Attributes:
-        where: (N,) flat indices into (2P, C, T), ascending.
-    """
-
-    where: IntArray
+    where: IntArray  # (N,) flat indices into (2P, C, T), ascending
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Entries(PairRows):
-    """Nanoscopic values of ordered pairs where they are defined, in the metric's unit; inf is a value."""
+    """Nanoscopic values of ordered pairs where they are defined; inf is a value."""
 
     value: FloatArray
 
@@ -50,35 +43,22 @@ class Following(PairRows):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
-    """Nanoscopic values with a mask; values where ``defined`` is False mean nothing.
+    """Nanoscopic values with a mask; values where ``defined`` is False mean nothing."""
 
-    Attributes:
-        value: (K, C, T) in the metric's unit; inf is a value.
-        defined: (K, C, T).
-        row: (K,) vehicle of the value (the follower of a car-following pair).
-        other: (K,) the second vehicle; None for metrics of single vehicles.
-        symmetric: each unordered pair appears once and stands for both orders.
-    """
-
-    value: FloatArray
-    defined: BoolArray
-    row: IntArray
-    other: IntArray | None
-    symmetric: bool = False
+    value: FloatArray  # (K, C, T) in the metric's unit; inf is a value
+    defined: BoolArray  # (K, C, T)
+    row: IntArray  # (K,) vehicle of the value (the follower of a car-following pair)
+    other: IntArray | None  # (K,) the second vehicle; None for metrics of single vehicles
+    symmetric: bool = False  # each unordered pair appears once and stands for both orders
 
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """Rules that the metrics' definitions leave open.
-
-    Attributes:
-        name: as written on the command line.
-        conflict_area: crossings are areas as wide as the vehicles, not points.
-    """
+    """Rules that the metrics' definitions leave open."""
 
     name: str
     leaders: Callable[[Scenes], Following]
-    conflict_area: bool
+    conflict_area: bool  # crossings are areas as wide as the vehicles, not points
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,29 +68,27 @@ class Scenes:
     Pairs are unordered. Arrays of ordered pairs (2P) list (first, second) of all pairs, then (second, first).
 
     Attributes:
-        planned: current plans; None if there are none.
         chosen: (P,) first and (P,) second vehicle of the pairs; None for all pairs.
-        shared: values computed once for equal tracks of several children.
     """
 
     tracks: SceneTracks
-    planned: PlannedPaths | None
+    planned: PlannedPaths | None  # current plans; None if there are none
     parameters: MetricParameters
     preset: Preset
     chosen: tuple[IntArray, IntArray] | None = None
-    shared: TrackPairs | None = None
+    shared: TrackPairs | None = None  # values computed once for equal tracks of several children
     _derived: dict[Callable[[Scenes], Any] | str, Any] = field(default_factory=dict, repr=False)
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
         array = array[:, self.tracks.first :]
         if self.tracks.present is not None:
-            # Absent vehicles may hold NaN; zeros keep arithmetic quiet, the masks keep them out.
+            # Absent vehicles may hold NaN; zeros keep arithmetic quiet.
             array = np.where(self.tracks.present[:, self.tracks.first :], array, 0.0)
         return np.ascontiguousarray(array.transpose(2, 0, 1))
 
     @property
     def vehicles(self) -> int:
-        """Number of vehicles V."""
+        """V."""
         return self.tracks.states.shape[2]
 
     @property
@@ -120,7 +98,7 @@ class Scenes:
 
     @property
     def count(self) -> int:
-        """Number of scenes, C times T; 1 for none, so that flat indices can be divided by it."""
+        """Number of scenes, C times T; 1 for none, because flat indices are divided by it."""
         return max(self.shape[0] * self.shape[1], 1)
 
     @cached_property
@@ -140,12 +118,12 @@ class Scenes:
 
     @cached_property
     def cos(self) -> FloatArray:
-        """(V, C, T) x component of the heading's direction."""
+        """(V, C, T) of the heading."""
         return np.cos(self._evaluated(self.tracks.states.heading))
 
     @cached_property
     def sin(self) -> FloatArray:
-        """(V, C, T) y component of the heading's direction."""
+        """(V, C, T) of the heading."""
         return np.sin(self._evaluated(self.tracks.states.heading))
 
     @cached_property
@@ -182,7 +160,7 @@ class Scenes:
 
     @cached_property
     def max_acceleration(self) -> FloatArray:
-        """(V, C or 1, 1) largest acceleration by type, m/s²."""
+        """(V, C or 1, 1) by type, m/s²."""
         limit = self.parameters.accelerations(self.tracks.types, self.vehicles)
         return np.atleast_2d(limit).T[:, :, None]
 
@@ -223,11 +201,11 @@ class Scenes:
 
     @property
     def following(self) -> Following:
-        """The car-following pairs by the preset's rule."""
+        """Car-following pairs by the preset's rule."""
         return self.once(self.preset.leaders)
 
     def under(self, preset: Preset) -> Scenes:
-        """Return the same scenes with another preset; both share their derived values."""
+        """Return the same scenes with another preset, with shared derived values."""
         if preset is self.preset:
             return self
         if preset.name not in self._derived:
@@ -238,48 +216,43 @@ class Scenes:
         return made
 
     def once(self, make: Callable[[Scenes], T]) -> T:
-        """Return ``make(self)``, computed at most once for all metrics."""
+        """Return ``make(self)``, computed once for all metrics."""
         if make not in self._derived:
             self._derived[make] = make(self)
         made: T = self._derived[make]
         return made
 
     def release(self) -> None:
-        """Drop derived values that refer to these scenes; reference cycles would keep the memory."""
+        """Drop derived values, because reference cycles keep the memory."""
         self._derived.clear()
 
     def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
-        """Return (P, C, T) values that depend on a pair's two tracks only, once per pair of tracks."""
+        """Return (P, C, T) values that depend on a pair's two tracks only."""
         if self.shared is None:
             return make(self)
         table = self.shared.scenes.under(self.preset).once(make)
         return np.take(table.reshape(len(table), -1), self.shared.row, axis=0)
 
     def of_ordered_pairs(self, make: Callable[[Scenes], E]) -> E:
-        """Return rows that depend on an ordered pair's two tracks only, once per pair of tracks."""
+        """Return rows that depend on an ordered pair's two tracks only."""
         if self.shared is None:
             return self.once(make)
         return self.shared.per_child(make, self.shared.scenes.under(self.preset).once(make))
 
     def at_pairs(self, values: PairValues, pair: IntArray, scene: IntArray) -> FloatArray:
-        """Return (N,) values that depend on a pair's two tracks only.
-
-        Args:
-            pair: (N,) number of the unordered pair.
-            scene: (N,) flat index into (C, T).
-        """
+        """Return (N,) values of pairs in scenes given by flat index into (C, T)."""
         if self.shared is None:
             return values(self, pair, scene)
         child, step = np.divmod(scene, max(self.shape[1], 1))
         return self.shared.at(values, self.shared.row[pair, child], step)
 
     def of_all_pairs(self, values: PairValues) -> Samples:
-        """Return samples of all pairs, from a function of pairs and scenes."""
+        """Return samples of all pairs."""
         table = self.at_pairs(values, *np.divmod(np.arange(self.distance.size), self.count))
         return self.unordered(table.reshape(self.distance.shape))
 
     def of_some_pairs(self, values: PairValues, wanted: BoolArray) -> Samples:
-        """Return samples of the (P, C, T) wanted pairs, from a function of pairs and scenes."""
+        """Return samples of the (P, C, T) wanted pairs."""
         table = np.zeros(wanted.shape)
         at = np.flatnonzero(wanted)
         table.reshape(-1)[at] = self.at_pairs(values, *np.divmod(at, self.count))
@@ -320,20 +293,15 @@ def _distance(scenes: Scenes) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrackPairs:
-    """Different pairs of tracks of several children; values of a pair are computed once.
+    """Different pairs of tracks of several children; values of a pair are computed once."""
 
-    Attributes:
-        scenes: one child with all different tracks, and the pairs of them that occur in a child.
-        row: (P, C) number of each pair of vehicles of a batch of children among those pairs.
-    """
-
-    scenes: Scenes
-    row: IntArray
+    scenes: Scenes  # one child with all different tracks, and the pairs of them that occur in a child
+    row: IntArray  # (P, C) number of each pair of vehicles among those pairs
     _bounds: dict[Any, IntArray] = field(default_factory=dict, repr=False)
     _values: dict[Any, tuple[FloatArray, BoolArray]] = field(default_factory=dict, repr=False)
 
     def per_child(self, make: Any, rows: E) -> E:
-        """Repeat rows of pairs of tracks, made by ``make``, for all children that contain the pair."""
+        """Repeat rows, made by ``make``, for all children that contain the pair."""
         steps = self.scenes.shape[1]
         pairs = len(self.scenes.pairs[0])
         if make not in self._bounds:  # where the rows of each ordered pair begin
@@ -350,7 +318,7 @@ class TrackPairs:
         return replace(rows, **arrays)
 
     def at(self, values: PairValues, pair: IntArray, step: IntArray) -> FloatArray:
-        """Return (N,) values of pairs of tracks at steps; each is computed on first use."""
+        """Return (N,) values of pairs of tracks; each is computed once."""
         size, steps = len(self.scenes.pairs[0]) * self.scenes.shape[1], max(self.scenes.shape[1], 1)
         table, computed = self._values.setdefault(values, (np.empty(size), np.zeros(size, dtype=bool)))
         index = pair * self.scenes.shape[1] + step

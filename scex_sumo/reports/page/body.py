@@ -1,4 +1,4 @@
-"""Body of a run's report: the HTML that is there before any script runs."""
+"""HTML body of a run's report, without its scripts."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import STEP_S
 
 _WORST = 3
+_WARNING = "warning: "
 
 
 def run_body(info: Mapping[str, Any], *cards: Html) -> str:
@@ -23,22 +24,25 @@ def run_body(info: Mapping[str, Any], *cards: Html) -> str:
         f"{info['steps'] * STEP_S:.1f} s ahead",
         place,
     ]
+    notes = info["notes"]
+    warnings = [note.removeprefix(_WARNING) for note in notes if note.startswith(_WARNING)]
     return Template(asset("report.html")).substitute(
         name=element("span", info["name"]),
         about=joined(" · ".join(part for part in about if part)),
+        warnings=_note_card("Warnings", warnings),
         verdict=joined(_collision_card(info), _share_card(info), _encounter_card(info)),
         charts=joined(*(_chart(info, number) for number in range(len(info["metrics"])))),
         legend=_legend(info),
         recorded="" if info["has_recorded"] else " hidden",
         focus=_focus_options(info),
         copies=_copies(info),
-        notes=joined(*cards, _notes(info["notes"])),
+        notes=joined(*cards, _note_card("Notes", [n for n in notes if not n.startswith(_WARNING)])),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
 
 
 def percent(share: float) -> str:
-    """Return a share in percent, with one decimal if it is small."""
+    """Return a share in percent, small ones with one decimal."""
     return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
 
 
@@ -54,10 +58,14 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
 
 
 def _big(share: Mapping[str, Any], what: str) -> tuple[Html, Html]:
-    """Return a share in large digits, and what it counts."""
     of = f"{what}; {share['count']} of {counted(share['children'], 'future')}; "
-    sure = element("span.nowrap", f"95 %: {percent(share['low'])} – {percent(share['high'])}")
-    number = element("div.big.hot" if share["count"] else "div.big", percent(share["value"]))
+    exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
+    sure = element("span.nowrap", f"95 %: {interval}" if exact is None else f"sampled: {interval}")
+    number = element(
+        "div.big.hot" if share["count"] else "div.big",
+        percent(share["value"]) if exact is None else f"{100 * exact:.4g} %",
+    )
+    of = of if exact is None else f"exact; {of}"
     return number, element("p.soft", of, sure)
 
 
@@ -78,7 +86,6 @@ def _share_card(info: Mapping[str, Any]) -> Html:
 
 
 def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
-    """Return the metrics by which the recorded future was critical."""
     judged = [m for m in metrics if None not in (m["recorded"], m["threshold"]) and not m["mean"]]
     if not judged:
         return "What really happened was not recorded."
@@ -98,7 +105,7 @@ def _chart(info: Mapping[str, Any], number: int) -> Html:
     limit = element("input", type="number", step="any", title="Threshold", aria_label=f"Threshold of {name}")
     recorded = [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f}"]
     rare = metric["defined"] < info["children"]
-    defined = [f"defined in {metric['defined']} of {info['children']} children"] if rare else []
+    defined = [f"defined in {metric['defined']} of {info['children']} futures"] if rare else []
     return element(
         "div.chart",
         element("header", element("span", name), element("span", element("b"), f" {metric['sign']} ", limit)),
@@ -117,7 +124,7 @@ def _encounter_card(info: Mapping[str, Any]) -> Html:
     ]
     about = "Hits or follows → the other vehicle (how, where, after what time). A click shows it."
     parts = [
-        element("p.soft", about if buttons else "Nobody meets anybody critically."),
+        element("p.soft", about if buttons else "No pair of vehicles has a critical encounter."),
         element("ol", *buttons),
     ]
     parts += [element("p", info["tested"])] if info["tested"] else []
@@ -140,11 +147,10 @@ def _focus_options(info: Mapping[str, Any]) -> Html:
 
 
 def _copies(info: Mapping[str, Any]) -> Html:
-    """Return buttons that copy a command; the page writes the number of the shown child for CHILD."""
     folder = shlex.quote(info["folder"])
     commands = {
         "open in sumo-gui": f"scex-sumo view {folder} --child CHILD",
-        "export child": f"scex-sumo export {folder} --child CHILD --to fcd",
+        "export future": f"scex-sumo export {folder} --child CHILD --to fcd",
         "run again": info["command"],
     }
     return joined(
@@ -152,8 +158,8 @@ def _copies(info: Mapping[str, Any]) -> Html:
     )
 
 
-def _notes(notes: list[str]) -> Html:
+def _note_card(title: str, notes: Sequence[str]) -> Html:
     if not notes:
         return Html()
-    lines = element("ul", *(element("li", note) for note in notes), id="notes")
-    return element("section.card", element("h2", "Notes"), lines)
+    lines = element("ul", *(element("li", note) for note in notes), id=title.lower())
+    return element("section.card", element("h2", title), lines)

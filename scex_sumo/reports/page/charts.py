@@ -1,7 +1,4 @@
-"""Charts of a page as SVG in the page's colours: curves, dots and bars on axes, densities of metrics.
-
-Charts that a reader can brush are drawn by ``assets/chart.js``.
-"""
+"""SVG charts of a page: curves, dots, bars, densities. ``assets/chart.js`` draws brushed charts."""
 
 from __future__ import annotations
 
@@ -23,11 +20,11 @@ _MIN_SPREAD = 0.25  # least quartile range, in the metric's unit
 _TALLEST_ATOM = 0.9  # of the chart's height
 
 Curves = Sequence[tuple[str, Density | None]]
-"""Kind of line and density; None where the metric is defined in no child."""
+"""Kind of line and density; None where the metric is defined in no future."""
 
 
 def ticks(low: float, high: float, most: int = 4) -> list[tuple[float, str]]:
-    """Return round numbers from ``low`` to ``high`` with their texts, in about ``most`` steps."""
+    """Return round numbers in a range, in about ``most`` steps, with their texts."""
     raw = (high - low) / most
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(power * factor for factor in _ROUND if power * factor >= raw * (1 - 1e-9))
@@ -38,13 +35,13 @@ def ticks(low: float, high: float, most: int = 4) -> list[tuple[float, str]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Plane:
-    """Plane of a chart; arguments are in the units of its axes, y upwards.
+    """Coordinate plane of a chart; arguments are in axis units, y upwards.
 
-    Kinds of lines are names of colours: drawn, likely, recorded, critical, picked, soft, or c0 to c5.
+    Kinds of lines are colours: drawn, likely, recorded, critical, picked, soft, or c0 to c5.
 
     Attributes:
-        x: range of the horizontal axis.
-        y: range of the vertical axis.
+        x: range of the axis.
+        y: range of the axis.
         height: px, without the ticks below.
     """
 
@@ -54,14 +51,14 @@ class Plane:
     height: int = 110
 
     def at(self, x: float, y: float) -> tuple[float, float]:
-        """Return a point in px, moved to the edge if it is outside."""
+        """Return a point in px, clamped to the chart."""
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         upwards = (y - self.y[0]) / (self.y[1] - self.y[0])
         px, py = min(max(across, 0.0), 1.0) * self.width, (1 - min(max(upwards, 0.0), 1.0)) * self.height
         return round(px, 1), round(py, 1)
 
     def line(self, x: FloatArray, y: FloatArray, kind: str, *, dashed: bool = False) -> Html:
-        """Return a line through points."""
+        """Return a polyline."""
         return element(f"path.line.{kind}{'.dashed' if dashed else ''}", d=self._path(x, y))
 
     def area(self, x: FloatArray, low: FloatArray, high: FloatArray, kind: str) -> Html:
@@ -90,11 +87,9 @@ class Plane:
         return "M" + " ".join(f"{px:g},{py:g}" for px, py in points)
 
     def figure(self, title: str, *parts: Html, marks: Sequence[tuple[float, str]] | None = None) -> Html:
-        """Return the chart with its title and horizontal axis.
+        """Return the chart with title and horizontal axis.
 
-        Args:
-            parts: lines, areas, dots and texts.
-            marks: ticks with their texts; None takes round numbers.
+        ``marks`` are ticks with their texts; None takes round numbers.
         """
         axis = [element("path.line.axis", d=f"M0,{self.height} {self.width},{self.height}")]
         for value, text in ticks(*self.x) if marks is None else marks:
@@ -106,7 +101,7 @@ class Plane:
 
 
 def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
-    """Return a legend of lines from kinds and texts."""
+    """Return a legend from kinds and texts."""
     spans = []
     for kind, text in entries:
         stroke = element(f"path.line.{kind}", d="M0,5 22,5")
@@ -122,12 +117,12 @@ def metric_title(column: str) -> str:
 def value_range(
     values: FloatArray, *marks: float | None, limits: tuple[float, float] | None = None
 ) -> tuple[float, float]:
-    """Return the range of an axis: finite values without a far tail, and marks that are near them.
+    """Return the range of an axis: finite values without a far tail, and near marks.
 
     Args:
-        values: (n,) of a metric; without finite ones the range is 0 to 1.
-        marks: values that should be in view, e.g. a threshold.
-        limits: of the range before marks are added; None takes four bandwidths around the values.
+        values: (n,); without finite ones the range is 0 to 1.
+        marks: values to keep in view, e.g. a threshold.
+        limits: range before marks are added; None takes four bandwidths around the values.
     """
     finite = values[np.isfinite(values)]
     if not finite.size:
@@ -147,10 +142,10 @@ def value_range(
 def cumulative_plot(
     column: str, curves: Curves, x: tuple[float, float], *, threshold: float | None = None
 ) -> Html:
-    """Return the cumulative curves of a metric with their bands over a range; values beyond are critical."""
+    """Return cumulative curves of a metric with their bands; values beyond the threshold are critical."""
     plane = Plane(x=x)
-    defined = _defined(curves)
-    parts = [] if defined else [_defined_nowhere(plane)]
+    defined = [(kind, curve) for kind, curve in curves if curve is not None]
+    parts = [] if defined else [_undefined(plane)]
     if defined and threshold is not None:
         far = plane.x[0] if metric_of(column).side == "left" else plane.x[1]
         line = plane.line(np.full(2, threshold), np.array(plane.y), "critical")
@@ -163,30 +158,24 @@ def cumulative_plot(
 
 
 def density_plot(column: str, curves: Curves, x: tuple[float, float]) -> Html:
-    """Return the densities of a metric over a range, the first one filled; atoms are upright lines."""
-    defined = _defined(curves)
+    """Return densities of a metric, the first one filled; atoms are upright lines."""
+    defined = [(kind, curve) for kind, curve in curves if curve is not None]
     inside = [(curve.x >= x[0]) & (curve.x <= x[1]) for _, curve in defined]
-    peaks = [
-        float(curve.pdf[mask].max(initial=0.0)) for (_, curve), mask in zip(defined, inside, strict=True)
-    ]
-    plane = Plane(x=x, y=(0.0, 1.08 * max([1e-9, *peaks])))
-    parts = [] if defined else [_defined_nowhere(plane)]
-    most = max([1e-9, *(atom.share for _, curve in defined for atom in curve.atoms)])
-    for number, ((kind, curve), mask) in enumerate(zip(defined, inside, strict=True)):
-        at, pdf = curve.x[mask], curve.pdf[mask]
+    drawn = [(kind, c.x[mask], c.pdf[mask], c.atoms) for (kind, c), mask in zip(defined, inside, strict=True)]
+    peak = max([1e-9, *(float(pdf.max(initial=0.0)) for _, _, pdf, _ in drawn)])
+    plane = Plane(x=x, y=(0.0, 1.08 * peak))
+    parts = [] if defined else [_undefined(plane)]
+    most = max([1e-9, *(atom.share for _, _, _, atoms in drawn for atom in atoms)])
+    for number, (kind, at, pdf, atoms) in enumerate(drawn):
         if not number and at.size:
             parts.append(plane.area(at, np.zeros_like(pdf), pdf, kind))
         parts += [plane.line(at, pdf, kind)] if at.size else []
-        for atom in curve.atoms:
+        for atom in atoms:
             if x[0] <= atom.value <= x[1]:
                 top = _TALLEST_ATOM * plane.y[1] * atom.share / most
                 parts.append(plane.line(np.full(2, atom.value), np.array([0.0, top]), kind))
     return plane.figure(metric_title(column), *parts)
 
 
-def _defined(curves: Curves) -> list[tuple[str, Density]]:
-    return [(kind, curve) for kind, curve in curves if curve is not None]
-
-
-def _defined_nowhere(plane: Plane) -> Html:
-    return plane.words(sum(plane.x) / 2, plane.y[1] / 2, "defined in no child")
+def _undefined(plane: Plane) -> Html:
+    return plane.words(sum(plane.x) / 2, plane.y[1] / 2, "defined in no future")

@@ -40,10 +40,9 @@ _AROUND_M = 60.0
 
 
 def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what the report of a run shows: names and single numbers, and arrays by name.
+    """Return names and single numbers of a report, and arrays by name.
 
-    Args:
-        scene: its seed scene; None reads it from the folder.
+    ``scene`` is the seed scene; None reads it from the folder.
     """
     scene = scene or run.scene
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
@@ -116,13 +115,11 @@ def _words(
 
 
 def _assignment(run: Run, vehicles: int) -> tuple[IntArray, list[str]]:
-    """Return the number of each vehicle's model (C, V), and the models' names."""
     coded = run.assignments["model"].combine_chunks().dictionary_encode()
     return np.asarray(coded.indices, dtype=np.int64).reshape(-1, vehicles), coded.dictionary.to_pylist()
 
 
 def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str, NDArray[Any]]:
-    """Return the recorded future and the recorded pedestrians and cyclists during the children's steps."""
     arrays: dict[str, NDArray[Any]] = {}
     if scene.future is not None and scene.future.shape[1]:
         valid = scene.future_valid
@@ -138,7 +135,7 @@ def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str,
 
 
 def _steps(values: FloatArray, there: BoolArray, first: int, stop: int) -> FloatArray:
-    """Return (N, stop - first) values of these steps, far away where nothing was recorded."""
+    """Return (N, stop - first) values, far away where nothing was recorded."""
     padded: FloatArray = np.full((len(values), stop - first), FAR_M)
     part = np.where(there, values, FAR_M)[:, first:stop]
     padded[:, : part.shape[1]] = part
@@ -148,5 +145,5 @@ def _steps(values: FloatArray, there: BoolArray, first: int, stop: int) -> Float
 def _net(run: Run) -> Any:
     try:
         return run.net.path
-    except (ScexError, KeyError):  # a result without its net has a report without a road
+    except (ScexError, KeyError):  # no net: a report without a road
         return run.folder / "none.net.xml"

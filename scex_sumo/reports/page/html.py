@@ -1,4 +1,4 @@
-"""HTML of a page: escaped elements, and the shell that puts scripts, styles and packed data into one file."""
+"""HTML elements, and the shell of a page with scripts, styles and packed data."""
 
 from __future__ import annotations
 
@@ -26,11 +26,9 @@ class Html(str):
 
 
 def element(kind: str, *children: str, **attributes: str | int | bool) -> Html:
-    """Return an element, e.g. ``element("div.card", element("h2", "Notes"), id="notes")``.
+    """Return an element with escaped texts, e.g. ``element("div.card", element("h2", "Notes"), id="notes")``.
 
-    Args:
-        children: texts, which are escaped, and elements.
-        attributes: by name, ``_`` for ``-``; True writes the name alone, False nothing.
+    In attribute names ``_`` stands for ``-``; True writes the name alone, False nothing.
     """
     tag, *classes = kind.split(".")
     given = {"class": " ".join(classes) or False, **attributes}
@@ -43,7 +41,7 @@ def element(kind: str, *children: str, **attributes: str | int | bool) -> Html:
 
 
 def joined(*parts: str) -> Html:
-    """Return elements and escaped texts one after the other."""
+    """Return elements and escaped texts in a row."""
     return Html("".join(part if isinstance(part, Html) else escape(part) for part in parts))
 
 
@@ -54,11 +52,7 @@ def page_html(
     info: Mapping[str, Any],
     arrays: Mapping[str, NDArray[Any]],
 ) -> str:
-    """Return a page that makes no request.
-
-    Args:
-        info: names and single numbers for the scripts.
-    """
+    """Return a page that makes no request; ``info`` and ``arrays`` are for its scripts."""
     style = asset("page.css")
     script = '"use strict";\n(() => {\n' + "\n".join(asset(name) for name in scripts) + "\n})();"
     return Template(asset("page.html")).substitute(
@@ -80,5 +74,4 @@ def asset(name: str) -> str:
 
 
 def _hash(text: str) -> str:
-    """Return the name of an allowed script or style in a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -1,4 +1,4 @@
-"""Metrics of a report: names, thresholds, ranges that are drawn, and their curves in small integers."""
+"""Metrics of a report: names, thresholds, drawn ranges, and curves as small integers."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _LEVELS = 9  # shares of critical children at which the effective number of chil
 
 
 def metric_words(run: Run, column: str) -> dict[str, Any]:
-    """Return name, unit, side, thresholds and the drawn range of a metric column.
+    """Return name, unit, side, thresholds and drawn range of a metric column.
 
-    ``folded`` tells whether its density is reflected at 0, ``defined`` counts the children that have a value.
+    ``folded`` tells whether its density is reflected at 0; ``defined`` counts the futures with a value.
     """
     metric, rest = _metric_of_prefix(column.removesuffix("_mean"))
     has_recorded = run.recorded is not None and column in run.recorded.column_names
@@ -77,19 +77,18 @@ def _worst_tenth(samples: FloatArray, side: str) -> float | None:
 
 
 def densities_of(run: Run, columns: Sequence[str]) -> Curves:
-    """Return the densities of some metrics of a run; computed if its folder has none."""
+    """Return densities by column; computed if the folder has none."""
     if (run.folder / DENSITIES).is_file():
         table = run.table(DENSITIES, columns=("metric", *_CURVES))
     else:
         folded = bool(run.info.get("reflect", True))
         table = densities_table(run.metrics, run.columns, run.intervals, reflect=folded)
-    coded = table["metric"].combine_chunks().dictionary_encode()
-    number = {name: index for index, name in enumerate(coded.dictionary.to_pylist())}
+    metric = np.asarray(table["metric"])
     arrays = {name: np.asarray(table[name], dtype=np.float64) for name in _CURVES}
     for name, values in arrays.items():
         if not (np.abs(values) < MAX_STATE).all():
             raise ResultError(f"{run.folder / DENSITIES}: column {name} holds what no run writes; run again")
-    rows = {column: np.asarray(coded.indices) == number.get(column, -1) for column in columns}
+    rows = {column: metric == column for column in columns}
     return {column: {name: values[mine] for name, values in arrays.items()} for column, mine in rows.items()}
 
 
@@ -99,7 +98,7 @@ def curve_arrays(
     """Return the curves of metric columns, extended to the ends of their views.
 
     Returns:
-        ``PREFIXn`` (P, 3) x, density, and share at or below x, of the n-th column, if it has a curve.
+        ``PREFIXn`` (P, 3) of the n-th column with a curve: x, density, share at or below x.
     """
     arrays: dict[str, NDArray[Any]] = {}
     for number, (column, (low, high)) in enumerate(views.items()):
@@ -117,14 +116,10 @@ def curve_arrays(
 
 
 def curve_words(curves: Curves, likely: Curves | None, column: str) -> dict[str, Any]:
-    """Return the atoms and the scales of a metric's curves.
-
-    Args:
-        likely: the same of the likely children, if there are any.
+    """Return atoms and scales of a metric's curves.
 
     Returns:
-        ``atoms`` and ``likely_atoms`` with their shares, ``band`` its half-width, ``peak`` the largest
-        density and ``most`` the largest share of an atom.
+        Shares of atoms, half-width ``band``, largest density ``peak``, largest share of an atom ``most``.
     """
     rows = [part[column] for part in (curves, likely) if part is not None]
     atoms = [
@@ -142,32 +137,22 @@ def curve_words(curves: Curves, likely: Curves | None, column: str) -> dict[str,
 
 
 def effective_numbers(run: Run, sides: Sequence[str]) -> list[list[tuple[float, float]]]:
-    """Return the effective number of independent children by the share of critical ones.
-
-    Args:
-        sides: critical side of each of its columns.
-
-    Returns:
-        For each column pairs of share and number, ascending; the last one is of 1.
-    """
+    """Return for each column pairs of critical share and effective number of children, ascending to 1."""
     hits: list[BoolArray] = []
     shares: list[FloatArray] = []
     levels = np.arange(1, _LEVELS + 1) / (_LEVELS + 1)
     for column, side in zip(run.columns, sides, strict=True):
         values = run.values(column) * (1 if side == "left" else -1)
         defined = values[~np.isnan(values)]
-        limits = (
-            np.unique(np.quantile(defined, levels, method="inverted_cdf")) if defined.size else np.empty(0)
-        )
+        limits = np.quantile(defined, levels, method="inverted_cdf") if defined.size else np.empty(0)
         with np.errstate(invalid="ignore"):
-            hits.append(values[:, None] <= limits)
+            hits.append(values[:, None] <= np.unique(limits))
         shares.append(hits[-1].mean(axis=0))
     effective = run.intervals.effective_number(np.concatenate(hits, axis=1).astype(float))
     ends = np.cumsum([share.size for share in shares])[:-1]
+    numbers = np.split(np.minimum(effective, 1e9), ends)
+    last = [(1.0, float(number[-1:].max(initial=run.children))) for number in numbers]
     return [
-        [
-            *zip(share.tolist(), number.tolist(), strict=True),
-            (1.0, float(number[-1:].max(initial=run.children))),
-        ]
-        for share, number in zip(shares, np.split(np.minimum(effective, 1e9), ends), strict=True)
+        [*zip(share.tolist(), number.tolist(), strict=True), end]
+        for share, number, end in zip(shares, numbers, last, strict=True)
     ]

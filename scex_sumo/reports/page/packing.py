@@ -1,7 +1,4 @@
-"""Packed arrays of a page: small integers and floats by byte planes, deflated, as base64 text.
-
-``assets/data.js`` reads them.
-"""
+"""Packed page data: byte planes of small integers and floats, deflated, as base64 for ``assets/data.js``."""
 
 from __future__ import annotations
 
@@ -19,22 +16,19 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 
 _LEVEL = 6
 _EXACT = (int, str)  # the most frequent types, which JSON writes as they are
-_INTEGERS = (np.int8, np.int16, np.int32)
 
 
 def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
     """Return the data of a page as text.
 
-    Args:
-        info: names and single numbers; become JSON, infinite ones null.
-        arrays: integers are written in the smallest type that holds them, floats in single precision.
+    ``info`` becomes JSON, infinities null. Integers get the smallest type, floats single precision.
     """
     planes: list[bytes] = []
     heads: list[dict[str, Any]] = []
     for name, values in arrays.items():
         small = smallest(values)
         heads.append({"name": name, "type": small.dtype.str[1:], "shape": small.shape})
-        # Bytes of equal significance side by side: the upper ones hardly vary and compress to nothing.
+        # Bytes of equal significance side by side compress well: the upper ones hardly vary.
         planes.append(small.reshape(-1, 1).view(np.uint8).T.tobytes() if small.size else b"")
     content = {"info": info, "arrays": heads}
     try:
@@ -51,7 +45,6 @@ def _json(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value that JSON can write, with null for infinities and NaN."""
     if value is None or isinstance(value, str | int):
         return value
     if isinstance(value, float):
@@ -64,14 +57,12 @@ def _plain(value: Any) -> Any:
 
 
 def smallest(values: NDArray[Any]) -> NDArray[Any]:
-    """Return the values in the smallest little-endian type of a page that holds them."""
+    """Return values in the smallest little-endian type that holds them."""
     if values.dtype.kind == "f":
         return np.ascontiguousarray(values, dtype="<f4")
-    low, high = (int(values.min()), int(values.max())) if values.size else (0, 0)
-    for kind in _INTEGERS:
-        if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max:
-            break
-    return np.ascontiguousarray(values, dtype=np.dtype(kind).newbyteorder("<"))
+    size = max(abs(int(values.min())), abs(int(values.max()) + 1)) if values.size else 0
+    kind = "<i1" if size <= 1 << 7 else "<i2" if size <= 1 << 15 else "<i4"
+    return np.ascontiguousarray(values, dtype=kind)
 
 
 def quantized(values: FloatArray, unit: float) -> IntArray:
@@ -80,11 +71,11 @@ def quantized(values: FloatArray, unit: float) -> IntArray:
 
 
 def second_differences(values: IntArray) -> IntArray:
-    """Return second differences along axis 1, after two zeros; they are small where motion is steady."""
+    """Return second differences along axis 1, after two zeros; small where motion is steady."""
     before = np.zeros((values.shape[0], 2, *values.shape[2:]), dtype=values.dtype)
     return np.diff(np.concatenate([before, values], axis=1), n=2, axis=1)
 
 
 def second_sums(differences: IntArray) -> IntArray:
-    """Return the values of which `second_differences` were taken."""
+    """Return the inverse of `second_differences`."""
     return np.asarray(np.asarray(differences, dtype=np.int64).cumsum(axis=1).cumsum(axis=1))

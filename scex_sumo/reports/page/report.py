@@ -8,21 +8,21 @@ from typing import Any
 from scex_sumo.base.files import write_atomic
 from scex_sumo.reports.page.body import run_body
 from scex_sumo.reports.page.contents import report_contents
+from scex_sumo.reports.page.exact import exact_card, exact_contents
 from scex_sumo.reports.page.html import BASE, page_html
 from scex_sumo.reports.page.under_test import TABLE, under_test_card, under_test_rows
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
 REPORT = "report.html"
-SCRIPTS = (*BASE, "state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js", "report.js")
+SCRIPTS = (
+    *(*BASE, "state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
+    *("exact.js", "report.js"),
+)
 
 
 def write_report(run: Run, scene: SeedScene | None = None) -> Path:
-    """Write the report of a finished run into its folder and return its path.
-
-    Args:
-        scene: its seed scene; None reads it from the folder.
-    """
+    """Write the report of a finished run into its folder and return its path."""
     path = run.folder / REPORT
     write_atomic(path, report_html(run, scene).encode())
     return path
@@ -34,8 +34,9 @@ def report_html(run: Run, scene: SeedScene | None = None) -> str:
 
 
 def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
-    """Return the report as HTML from what `report_contents` has returned."""
+    """Return the report as HTML from the result of `report_contents`."""
     tested = under_test_rows(run)
     tables = {} if tested is None else {TABLE: tested}
-    body = run_body(info, under_test_card(run))
-    return page_html(info["name"], body, SCRIPTS, info | {"tables": tables}, arrays)
+    body = run_body(info, under_test_card(run), *exact_card(run))
+    more = {"tables": tables, "exact": exact_contents(run)}
+    return page_html(info["name"], body, SCRIPTS, info | more, arrays)

@@ -1,4 +1,4 @@
-"""Scene of a page: the road as SVG paths, the tracks of all children as integers, a picture of both."""
+"""Road as SVG paths, tracks of all children as integers, and a picture of both."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _MIN_ASPECT = 0.55  # of the picture's sides, either way
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UniqueTracks:
-    """Trajectories of a run, each different one stored once.
+    """Different trajectories of a run, each stored once.
 
     Attributes:
-        start: (V, 3) x and y in cm, heading in mrad, at the moment of the seed scene.
+        start: (V, 3) x and y in cm, heading in mrad, at the seed moment.
         motion: (U, T, 3) second differences of the change since then, ordered by vehicle.
         which: (C, V) rows of ``motion``.
-        box: least and largest x, least and largest y of all vehicles after that moment, m.
+        box: least and largest x, least and largest y after that moment, m.
     """
 
     start: IntArray
@@ -40,10 +40,10 @@ class UniqueTracks:
 
 
 def unique_tracks(run: Run) -> UniqueTracks:
-    """Return the trajectories of a run from the moment of its seed scene on."""
+    """Return the trajectories of a run from its seed moment on."""
     vehicles = len(run.info["seed_scene"]["track_ids"])
     start = np.empty((0, 3), dtype=np.int64)
-    # By vehicle: the different motions of each block, and which of them each child has.
+    # By vehicle: the different motions of each block, and their index for each child.
     motions: list[list[IntArray]] = [[] for _ in range(vehicles)]
     places: list[list[IntArray]] = [[] for _ in range(vehicles)]
     for states in run.state_blocks():
@@ -68,7 +68,7 @@ def unique_tracks(run: Run) -> UniqueTracks:
 
 
 def _unique_rows(rows: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the different rows (U, T, 3) in order of their bytes, and which of them each row is."""
+    """Return the different rows (U, T, 3), and the index of each row among them."""
     rows = np.ascontiguousarray(rows)
     keys = rows.reshape(len(rows), -1).view(np.dtype((np.void, rows[0].nbytes))).reshape(-1)
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
@@ -131,7 +131,6 @@ def _road_svg(group: Mapping[str, Any]) -> Html:
 
 
 def _paths_svg(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[Html]:
-    """Return one line for each different trajectory, in the colour of one of its models."""
     which, levels = arrays["which"], arrays["levels"]
     rows, first = np.unique(which, return_index=True)
     moved = second_sums(arrays["motion"])[rows][:, ::3, :2] * POSITION_M

@@ -1,4 +1,4 @@
-"""Page of a study: headings, sentences, charts and sortable tables in the shell of the reports."""
+"""Page of a study: cards, charts and sortable tables in the shell of the reports."""
 
 from __future__ import annotations
 
@@ -19,12 +19,7 @@ NO_SCRIPT = element(
 
 
 def write_study(path: Path, title: str, about: str, *cards: Html, tables: Mapping[str, Table]) -> Path:
-    """Write a page and return its path.
-
-    Args:
-        cards: parts of the page, see `card`.
-        tables: by their ids, see `table_place`.
-    """
+    """Write a page and return its path; see `card` and `table_place` for its parts."""
     header = element("header", element("div", element("h1", title), element("p", about)))
     footer = element("footer.soft", f"scex-sumo {__version__}")
     body = joined(header, NO_SCRIPT, element("div.study", *cards), footer)
@@ -33,13 +28,13 @@ def write_study(path: Path, title: str, about: str, *cards: Html, tables: Mappin
 
 
 def card(title: str, *parts: str) -> Html:
-    """Return a part of a page under a heading; plain sentences become paragraphs."""
+    """Return a card with a heading; plain sentences become paragraphs."""
     inside = [part if isinstance(part, Html) else element("p.soft", part) for part in parts]
     return element("section.card", element("h2", title), *inside)
 
 
 def table_place(name: str) -> Html:
-    """Return the place of a table."""
+    """Return the place of the table with this id."""
     return element("div.scroll", id=name)
 
 
@@ -49,11 +44,9 @@ def plots(*figures: Html) -> Html:
 
 
 def table(heads: Sequence[tuple[str, str, str]], rows: Sequence[Sequence[Any]]) -> Table:
-    """Return a sortable table.
+    """Return a sortable table; None is an empty cell.
 
-    Args:
-        heads: title, format as in ``assets/table.js`` (text, real, percent, seconds, metres, words), hint.
-        rows: cells; None leaves one empty.
+    ``heads`` hold title, format (text, real, percent, seconds, metres, words) and hint.
     """
     columns = [_column(*head, [row[i] for row in rows]) for i, head in enumerate(heads)]
     return {"columns": columns, "rows": [{"cells": list(row)} for row in rows]}

@@ -1,4 +1,4 @@
-"""Tables of a report: encounters, collisions and worst events of a result folder."""
+"""Tables of a report: encounters, collisions, worst events."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
+from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.reports.encounter_table import QUESTIONS
+from scex_sumo.reports.run_table import encounter_in_words
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -24,8 +25,8 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
     """Return the worst events by metric, the worst first; children with the same event share a row.
 
     Returns:
-        A table whose rows have the index of the ``metric``, -1 for collisions, ``children``, the first
-        ``child``, ``step`` after the moment of the seed scene, and ``pair`` by index or None.
+        Rows have the index of the ``metric`` (-1: collision), ``children``, the first ``child``, ``step``
+        after the seed moment, and ``pair`` by index or None.
     """
     groups: dict[tuple[int, tuple[int, ...], int, float], list[int]] = {}
     where = {int(track): index for index, track in enumerate(track_ids)}
@@ -42,13 +43,13 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
                 add(number[row["metric"]], row, step, row["value"])
     for row in _rows(run, COLLISIONS):
         add(_COLLISION, row, row["step"], row["relative_speed"])
-    signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last one is of collisions
+    signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last sign: collisions
     order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
     columns = [
         {"title": "vehicles"},
         {"title": "value", "as": "real", "none": "∞", "hint": "Of collisions: relative speed, m/s"},
         {"title": "after", "as": "seconds"},
-        {"title": "children", "as": "times", "down": True},
+        {"title": "futures", "as": "times", "down": True},
         {"title": "which", "kind": "words"},
     ]
     return {"columns": columns, "rows": [_event(key, children, track_ids) for key, children in order]}
@@ -71,26 +72,25 @@ def _event(
 
 
 def collision_places(run: Run) -> dict[str, Any]:
-    """Return ``children`` and ``places`` (x and y in m) of collisions."""
+    """Return ``children`` and ``places`` (m) of collisions."""
     rows = _rows(run, COLLISIONS)
     places = [(round(row["x"], 2), round(row["y"], 2)) for row in rows]
     return {"children": [row["child"] for row in rows], "places": places}
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:
-    """Return number and share of the children with a collision, with its 95 % interval; None if unknown."""
+    """Return number, share and 95 % interval of children with a collision; None if unknown."""
     if COLLISION_COLUMN not in run.metrics.column_names:
         return None
-    share = run.p_collision
-    count = int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
-    interval = {"value": share.value, "low": share.low, "high": share.high}
+    share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
+    interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
     return {"count": count, "children": run.children, **interval}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return ``encounters.parquet`` with ``words``, the ``pair`` by index, a ``child`` and its ``step``."""
+    """Return ``encounters.parquet`` with ``words``, ``pair`` by index, ``child`` and ``step``."""
     where = {int(track): index for index, track in enumerate(track_ids)}
-    of = "Share of the children; a click on a row shows one of them"
+    of = "Share of the futures; a click on a row shows one of them"
     columns = [
         {"title": "pair"},
         {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
@@ -99,7 +99,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
             {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
             for q in ("ttc", "pet", "drac")
         ),
-        {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the children; up to 10 m"},
+        {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the futures; up to 10 m"},
         {"title": "after", "as": "seconds"},
     ]
     rows = [
@@ -111,7 +111,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
                 round(row["time_s"], 1),
             ],
-            "words": in_words(row),
+            "words": encounter_in_words(run, row),
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
             "child": row["child"],
@@ -123,7 +123,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
-    """Return (M, C) columns of a table of metrics, NaN where undefined or missing."""
+    """Return (M, C) columns of a table, NaN where undefined or missing."""
     missing = np.full(table.num_rows, np.nan)
     parts = [
         table[name].to_numpy(zero_copy_only=False) if name in table.column_names else missing
@@ -133,9 +133,7 @@ def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
 
 
 def _rows(run: Run, name: str) -> list[dict[str, Any]]:
-    """Return the rows of one of the folder's Parquet files; none if the run has not written it."""
-    rows: list[dict[str, Any]] = run.table(name).to_pylist() if (run.folder / name).is_file() else []
-    return rows
+    return list(run.table(name).to_pylist()) if (run.folder / name).is_file() else []
 
 
 def _short(value: float | None) -> float | None:

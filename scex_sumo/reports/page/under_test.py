@@ -1,4 +1,4 @@
-"""Vehicles under test in a report: their encounters with the models under test and without."""
+"""Card of the vehicles under test: their encounters with the tested models and without."""
 
 from __future__ import annotations
 
@@ -20,16 +20,15 @@ _KINDS: dict[Driven, str] = {"under_test": "picked", "baseline": "drawn"}
 
 
 def under_test_card(run: Run) -> Html:
-    """Return the card of the vehicles under test; empty without such vehicles or without a baseline."""
+    """Return the card; empty without vehicles under test or without a baseline."""
     if run.baseline is None or not run.info.get("under_test"):
         return Html()
     tested = run.under_test
     columns = [column for column in critical_columns(tested.columns) if column != COLLISION]
     return card(
         f"Under test, {tested.label}",
-        "Only encounters of the vehicles under test count here. Without: the same children, the same other "
-        "drivers, with these vehicles driven as drawn. Curves: share of the children up to a value, with "
-        "its 95 % band.",
+        "Only encounters of the vehicles under test count. Without: the same futures and other drivers, with "
+        "these vehicles driven as drawn. Curves: share of the futures up to a value, with its 95 % band.",
         table_place(TABLE),
         line_legend([("picked", "with the driver under test"), ("drawn", "without")]),
         plots(*(_chart(tested, column, run.thresholds.get(column)) for column in columns)),
@@ -37,19 +36,19 @@ def under_test_card(run: Run) -> Html:
 
 
 def under_test_rows(run: Run) -> Table | None:
-    """Return the table of that card: values and critical shares by metric, with and without."""
+    """Return the card's table: values and critical shares by metric, with and without."""
     if run.baseline is None or not run.info.get("under_test"):
         return None
-    worse = "Children that are more critical with the driver under test : less critical"
+    worse = "Futures that are more critical with the driver under test : less critical"
     chance = "How probable so large a difference would be by chance alone (corrected after Holm)"
     heads = [
         ("metric", "text", ""),
-        ("median", "real", "Of the children, with the driver under test"),
+        ("median", "real", "Of the futures, with the driver under test"),
         ("without", "real", "Median without"),
         ("worse : better", "text", worse),
         ("by chance", "text", chance),
-        ("P(critical)", "percent", "Share of critical children"),
-        ("without", "percent", "Share of critical children without"),
+        ("P(critical)", "percent", "Share of critical futures"),
+        ("without", "percent", "Share of critical futures without"),
         ("by chance", "text", chance),
     ]
     rows = [

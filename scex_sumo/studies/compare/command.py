@@ -1,4 +1,4 @@
-"""``scex-sumo compare``: distances of seed scenes, their groups, and what sets them apart."""
+"""``scex-sumo compare``: distances of seed scenes, their groups, and their differences."""
 
 from __future__ import annotations
 
@@ -73,7 +73,6 @@ def compare_command(
 
 
 def _folders(folders: Sequence[Path], nearest: Path | None) -> list[Path]:
-    """Return the folders to compare, with that of ``--nearest``; raise a `UsageError` for duplicates."""
     seen: dict[Path, Path] = {}
     for folder in folders:
         known = seen.setdefault(folder.resolve(), folder)

@@ -1,7 +1,6 @@
-"""Compare runs by the densities of their metrics.
+"""Compare runs by the densities of their metrics: by the values, and by how often they are defined.
 
-Two runs differ in a metric by where its values lie (``values``) and by how often it is defined
-(``undefined``). Their distance is the mean over the metrics of the sum of both. Formulas: docs/compare.md.
+Formulas: docs/compare.md.
 """
 
 from __future__ import annotations
@@ -36,10 +35,9 @@ class Comparison:
     """Distances between R runs in M metrics.
 
     Attributes:
-        scales: (M,) units of the values.
         values: (R, R, M) distance of the values.
-        undefined: (R, R, M) difference of the defined shares; 0 for ``jsd``, which counts undefined children.
-        noise: (R,) distance that two runs of the same seed scene with as many children have by chance.
+        undefined: (R, R, M) difference of the defined shares; 0 for ``jsd``.
+        noise: (R,) distance by chance of two runs of the same seed scene.
     """
 
     kind: Kind
@@ -69,29 +67,27 @@ class Comparison:
 
     @property
     def chance(self) -> float:
-        """Typical distance of two runs of one seed scene; NaN where no run has two children."""
+        """Typical distance of two runs of one seed scene; NaN if no run has two children."""
         return float("nan") if np.isnan(self.noise).all() else float(np.nanmedian(self.noise))
 
     def nearest(self, run: int) -> IntArray:
-        """(R - 1,) all other runs, the most similar first; equally similar ones by name."""
+        """Return the other runs (R - 1,), the most similar first; equals by name."""
         others = np.array([r for r in range(len(self.labels)) if r != run], dtype=np.int64)
         names = np.array([self.labels[r] for r in others])
         return others[np.lexsort((names, self.total[run, others]))]
 
     def apart(self, first: int, second: int) -> list[tuple[str, float]]:
-        """Metrics with the distances of two runs in them, the largest first."""
+        """Return the metrics with the distances of two runs in them, the largest first."""
         distances = self.per_metric[first, second]
         return [(self.metrics[m], float(distances[m])) for m in np.argsort(-distances, kind="stable")]
 
 
 def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distance: str = "w1") -> Comparison:
-    """Compute distances between the densities of runs.
-
-    The scales come from all runs: a distance between two of them depends on the others.
+    """Compute distances between the densities of runs, in scales that come from all runs.
 
     Args:
-        runs: at least two, with the same metric columns.
-        labels: (R,) names; by default those of the seed scenes.
+        runs: at least two.
+        labels: (R,) names; default: those of the seed scenes.
         distance: ``w1``: Wasserstein-1 over the pooled scale, plus the difference of the defined shares;
             ``jsd``: square root of the Jensen-Shannon divergence of the densities.
 
@@ -110,8 +106,6 @@ def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distanc
 
 def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     """Check that runs have the same length and metrics; return notes on other differences.
-
-    Longer children have worse extrema, and another preset measures other quantities: such runs are refused.
 
     Raises:
         UsageError: fewer than two runs.
@@ -141,7 +135,7 @@ def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
     few = [label for label, run in zip(labels, runs, strict=True) if run.children < FEW_CHILDREN]
     if few:
         notes.append(
-            f"fewer than {FEW_CHILDREN} children in {_listing(few)}; expect distances by chance alone"
+            f"fewer than {FEW_CHILDREN} futures in {_listing(few)}; expect distances by chance alone"
         )
     return notes
 
@@ -152,7 +146,7 @@ def compare_samples(
     """Compute distances between runs from their metric values.
 
     Args:
-        samples: per metric R arrays (C,), NaN where undefined; C may differ between runs.
+        samples: per metric R arrays (C,), NaN if undefined.
         labels: (R,) names.
         distance: as of `compare`.
 
@@ -187,11 +181,7 @@ def _distances(columns: Columns, scale: Scale, kind: Kind) -> tuple[FloatArray, 
 
 
 def _noise(samples: Mapping[str, Columns], scales: Sequence[Scale], kind: Kind) -> FloatArray:
-    """(R,) distance of two random halves of each run's children, over the root of 2.
-
-    The distance of samples of one density falls with the root of their number; halves are half as large as
-    runs.
-    """
+    """Return distances (R,) of random halves of each run, over the root of 2 for half the children."""
     runs = len(next(iter(samples.values())))
     noise = np.zeros((runs, len(samples)))
     for m, (columns, scale) in enumerate(zip(samples.values(), scales, strict=True)):
@@ -210,19 +200,15 @@ def _listing(names: Sequence[str], most: int = 4) -> str:
     return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 
-METHODS: Final = ("ward", "average")
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grouping:
     """Groups of R runs and the tree that they were cut from.
 
     Attributes:
-        linkage: (R - 1, 4) as scipy writes trees: the two parts joined, height in units of the distance,
-            size.
-        order: (R,) the runs as leaves of the tree, similar ones side by side.
+        linkage: (R - 1, 4) as in scipy: the two parts joined, height in units of the distance, size.
+        order: (R,) the runs as leaves of the tree.
         group: (R,) number of each run's group, from 1 on in the order of the leaves.
-        silhouette: (R,) how much better each run fits its own group than the next one, -1 to 1.
+        silhouette: (R,) see `silhouette`.
     """
 
     linkage: FloatArray
@@ -236,22 +222,18 @@ class Grouping:
         return int(self.group.max())
 
 
-def group_runs(
-    distance: FloatArray, labels: Sequence[str], *, groups: int | None = None, method: str = "ward"
-) -> Grouping:
-    """Cluster runs; the result does not depend on their order.
+def group_runs(distance: FloatArray, labels: Sequence[str], *, groups: int | None = None) -> Grouping:
+    """Cluster runs by Ward's criterion, in any order of the runs.
 
-    ``ward`` joins the two groups that then spread least. It works on the root of the distance: areas between
-    distributions become squared Euclidean distances, which Ward's criterion needs. ``average`` joins the two
-    whose runs are nearest on average, and often leaves single runs alone.
+    It needs squared Euclidean distances: areas between distributions, whose root is one.
 
     Args:
         distance: (R, R) symmetric, 0 on the diagonal.
         labels: (R,) different names; they break ties.
-        groups: 1 to R; by default the number from 2 to R - 1 with the largest mean silhouette.
+        groups: 1 to R; default: from 2 to R - 1, by the largest mean silhouette.
 
     Raises:
-        UsageError: an impossible number of groups, or an unknown method.
+        UsageError: an impossible number of groups.
     """
     from scipy.cluster.hierarchy import fcluster, leaves_list, linkage
     from scipy.spatial.distance import squareform
@@ -259,13 +241,10 @@ def group_runs(
     count = len(labels)
     if groups is not None and not 1 <= groups <= count:
         raise UsageError(f"--groups: got {groups}, needs 1 to {count}, the number of runs")
-    if method not in METHODS:
-        raise UsageError(f"unknown linkage {method!r}; known: {', '.join(METHODS)}")
     by_name = np.argsort(np.asarray(labels), kind="stable")
     condensed = squareform(distance[np.ix_(by_name, by_name)], checks=False)
-    power = 2 if method == "ward" else 1
-    tree = linkage(condensed ** (1 / power), method=method, optimal_ordering=True)
-    tree[:, 2] **= power
+    tree = linkage(np.sqrt(condensed), method="ward", optimal_ordering=True)
+    tree[:, 2] **= 2
     leaves = np.asarray(leaves_list(tree), dtype=np.int64)
     choices = range(2, max(count, 3)) if groups is None else (groups,)
     best: tuple[float, IntArray, FloatArray] | None = None
@@ -283,7 +262,6 @@ def group_runs(
 
 
 def _numbered(group: IntArray, leaves: IntArray) -> IntArray:
-    """Rename groups 1, 2, ... in the order of the leaves."""
     names: dict[int, int] = {}
     for leaf in leaves:
         names.setdefault(int(group[leaf]), len(names) + 1)
@@ -291,10 +269,9 @@ def _numbered(group: IntArray, leaves: IntArray) -> IntArray:
 
 
 def silhouette(distance: FloatArray, groups: Sequence[Hashable]) -> FloatArray:
-    """(R,) how much better each run fits its own group than the next best, -1 to 1.
+    """Return the silhouette (R,) of each run, -1 to 1; 0 for a run alone in its group.
 
-    (b - a) / max(a, b) with the mean distance a to the others of its group, and b to those of the nearest
-    other group; 0 for a run alone in its group, and for one group only.
+    (b - a) / max(a, b) with the mean distances a in its group and b to the nearest other group.
 
     Source: Rousseeuw 1987.
     """

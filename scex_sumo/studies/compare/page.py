@@ -1,4 +1,4 @@
-"""Page of a comparison: which seed scenes are alike, and what sets them apart, with the tree of runs."""
+"""Page of a comparison: the tree of runs, their distances, and the metrics in which they differ."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def write_comparison(runs: Sequence[Run], comparison: Comparison, grouping: Grou
     """Write the page of a comparison to an HTML file."""
     noise, fit = comparison.chance, float(grouping.silhouette.mean())
     alike = card(
-        "Which are alike",
-        "Left: the further to the left two groups join, the less alike they are. Right: distances, darker "
-        f"is further apart ({comparison.unit}). By chance alone, two runs of one scene differ by about "
+        "Which are similar",
+        "Left: the further to the left two groups join, the less similar they are. Right: distances, darker "
+        f"is larger ({comparison.unit}). By chance alone, two runs of one scene differ by about "
         f"{noise:.2f}.",
         draw_tree(comparison, grouping, noise),
     )
@@ -40,8 +40,8 @@ def write_comparison(runs: Sequence[Run], comparison: Comparison, grouping: Grou
     )
     curves = card(
         "Densities",
-        "How often a value occurs among the children of each scene; upright line: median; in percent the "
-        "share of children in which the metric is defined, where that is not all. One colour: one group.",
+        "How often a value occurs among the futures of each scene; upright line: median; in percent the "
+        "share of futures in which the metric is defined, unless all. One colour: one group.",
         plots(*(_ridges(runs, comparison, grouping, m) for m in metrics)),
     )
     about = f"{len(runs)} runs, {grouping.groups} groups" + (", not clearly apart" if fit < 0.25 else "")
@@ -51,7 +51,7 @@ def write_comparison(runs: Sequence[Run], comparison: Comparison, grouping: Grou
 
 
 def kind_of(group: int) -> str:
-    """Colour of a group, numbered from 1."""
+    """Return the colour of a group, numbered from 1."""
     return f"c{(group - 1) % _KINDS}"
 
 
@@ -76,7 +76,7 @@ def _median(run: Run, metric: str) -> str:
 
 
 def _ridges(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, m: int) -> Html:
-    """Densities of one metric, a row for each run, in the order of the tree."""
+    """Draw the densities of one metric, a row for each run."""
     column, count = comparison.metrics[m], len(runs)
     samples = [run.samples(column) for run in runs]
     x = _view(samples, comparison.scales[m])
@@ -109,7 +109,7 @@ def _ridge(plane: Plane, samples: FloatArray, share: float, foot: float, kind: s
 
 
 def _view(columns: Sequence[FloatArray], scale: Scale) -> tuple[float, float]:
-    """Range of the values, cut at the fences of the distance."""
+    """Return the range of the values, cut at the fences of the distance."""
     finite = np.concatenate([column[np.isfinite(column)] for column in columns])
     if not finite.size:
         return 0.0, 1.0
@@ -124,10 +124,7 @@ _NUMBERS_UP_TO = 20
 
 
 def draw_tree(comparison: Comparison, grouping: Grouping, noise: float) -> Html:
-    """Draw the tree, the names at its leaves, and the matrix of distances in the same rows.
-
-    Distances below ``noise``, which chance alone makes, are shaded in the tree.
-    """
+    """Draw the tree, shaded below ``noise``, with the names and the matrix of distances."""
     order = [int(run) for run in grouping.order]
     wide = _LETTER_PX * max(len(name) for name in comparison.labels) + 2 * _GAP_PX
     left, height = _TREE_PX + wide, _ROW_PX * len(order)
@@ -144,7 +141,6 @@ def draw_tree(comparison: Comparison, grouping: Grouping, noise: float) -> Html:
 
 
 def _row(comparison: Comparison, order: list[int], run: int, row: int, left: float) -> list[Html]:
-    """Distances of a run to all, as cells."""
     total, most = comparison.total, max(float(comparison.total.max()), 1e-9)
     found = []
     for column, other in enumerate(order):
@@ -160,7 +156,7 @@ def _row(comparison: Comparison, order: list[int], run: int, row: int, left: flo
 
 
 def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
-    """The tree; its axis is the root of the distance, so that small groups have room."""
+    """Draw the tree; its axis is the root of the distance, which gives small groups room."""
     count = len(grouping.order)
     top = max(float(grouping.linkage[-1, 2]), noise if noise == noise else 0.0, 1e-9)
 

@@ -1,4 +1,4 @@
-"""Comparison of runs as lines and as a table: distances, groups, nearest neighbours, what sets them apart."""
+"""Comparison of runs as lines and as a table."""
 
 from __future__ import annotations
 
@@ -57,7 +57,6 @@ def comparison_lines(
 
 
 def _matrix(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
-    """Distances in hundredths."""
     order = [int(r) for r in grouping.order]
     if len(order) > MAX_IN_MATRIX:
         yield f"(the matrix of more than {MAX_IN_MATRIX} runs: -o FOLDER, distances.csv and compare.html)"
@@ -82,7 +81,6 @@ def _groups(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
 
 
 def _pair(runs: Sequence[Run], comparison: Comparison, run: int, other: int) -> str:
-    """``OTHER: distance; metric distance (median of one, of the other)``."""
     metric, distance = comparison.apart(run, other)[0]
     line = f"{comparison.labels[other]}: {comparison.total[run, other]:.2f}"
     if distance == 0:
@@ -101,7 +99,7 @@ def _typical(run: Run, metric: str) -> str:
 
 
 def distances_table(comparison: Comparison) -> pa.Table:
-    """One row for each pair and metric, and one for each pair with metric ``all``."""
+    """Return one row for each pair and metric, and one for each pair with metric ``all``."""
     i, j = np.triu_indices(len(comparison.labels), 1)
     names = np.asarray(comparison.labels)
     parts = []

@@ -1,4 +1,4 @@
-"""``scex-sumo explain``: which vehicles' models make a run's values vary, and what makes them critical."""
+"""``scex-sumo explain``: vehicles whose models make a run's values vary or critical."""
 
 from __future__ import annotations
 
@@ -14,29 +14,28 @@ from scex_sumo.commands.metrics import write_table
 from scex_sumo.commands.options import Result, metric_option
 
 if TYPE_CHECKING:
+    from scex_sumo.exact.tables import InfluenceTable
     from scex_sumo.results.run import Run
     from scex_sumo.studies.explain.effects import Effect
     from scex_sumo.studies.explain.explain import Explanation
 
-_MIN_SHARE = 0.05  # of the variance, to be named
+_SHOWN_EFFECTS = 6
 _SHOWN_DRIVERS = 3  # of more vehicles, those of the two concerned
-
-
 EXAMPLE = "out/k733 --metric ttc"
 
 
 def explain_command(
     folder: Result,
-    metric: Annotated[str | None, metric_option("Print this one, with all its worst children.")] = None,
+    metric: Annotated[str | None, metric_option("Print this one, with all its worst futures.")] = None,
     encounter: Annotated[
         str | None, Option(metavar="A,B", help="Print whose models make these two collide.")
     ] = None,
-    worst: Annotated[int, Option(metavar="N", help="How many of the worst children are named.")] = 5,
+    worst: Annotated[int, Option(metavar="N", help="How many of the worst futures are named.")] = 5,
     plots: Annotated[
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write explain.html.")
     ] = True,
 ) -> None:
-    """Say which vehicles' drivers make a scene critical, and how."""
+    """Say which vehicles' models make a scene critical, and how."""
     from scex_sumo.commands.console import output_console
     from scex_sumo.metrics.registry import COLLISION, COLUMNS, column_named
     from scex_sumo.reports.run_table import print_line
@@ -50,6 +49,7 @@ def explain_command(
         metric_values,
         worst_rows,
     )
+    from scex_sumo.studies.explain.page import write_explanations
 
     if worst < 1:
         raise UsageError(f"--worst: got {worst}, needs at least 1")
@@ -66,22 +66,23 @@ def explain_command(
         with progress_bar("explain") as tick:
             found = explain(run, questions, worst=worst, progress=tick)
         worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
-    _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
-    _write(folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)])
-    _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
-    wanted = [COLLISION, *COLUMNS[::2], *run.thresholds] if metric is None else [metric]
-    shown, console = [e for e in found if e.metric in wanted], output_console()
-    for explanation in shown:
-        worst_ones = worst_of[explanation.metric][: 1 if metric is None else None]
-        for line in _told(run, explanation, ids, names, worst_ones):
-            print_line(line, console)
+        _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
+        _write(
+            folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)]
+        )
+        _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
+        page = write_explanations(run, found, names, worst_of) if plots else None
+        wanted = [COLLISION, *COLUMNS[::2], *run.thresholds] if metric is None else [metric]
+        shown, console = [e for e in found if e.metric in wanted], output_console()
+        for explanation in shown:
+            worst_ones = worst_of[explanation.metric][: 1 if metric is None else None]
+            for line in _told(run, explanation, ids, names, worst_ones):
+                print_line(line, console)
     if not any(explanation.effects for explanation in shown):
-        print("too few children, or values that do not vary: no shares; run with more --children")
+        print("too few futures, or values that do not vary: no shares; run with more --children")
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
-    if plots:
-        from scex_sumo.studies.explain.page import write_explanations
-
-        print(f"report: {write_explanations(run, found, names, worst_of)}")
+    if page is not None:
+        print(f"report: {page}")
 
 
 def _write(path: Path, rows: list[dict[str, Any]]) -> None:
@@ -93,31 +94,25 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
         path.unlink(missing_ok=True)
 
 
-def _sources(explanation: Explanation, ids: Sequence[int]) -> str:
-    """Vehicles whose models the values vary with, the largest shares of the variance first."""
-    found = sorted((e for e in explanation.effects if e.share >= _MIN_SHARE), key=lambda e: -e.share)
-    return ", ".join(f"{e.share:.1%} {_source(e, ids)}" for e in found)
+def _sources(effects: Sequence[Effect], ids: Sequence[int]) -> str:
+    """List the largest shares of the variance, and the rest, to 100 %."""
+    parts = sorted((e for e in effects if e.kind != "rest"), key=lambda e: -e.share)
+    named, small = parts[:_SHOWN_EFFECTS], parts[_SHOWN_EFFECTS:]
+    words = [
+        f"{e.share:.1%} {ids[e.vehicle]}" + (" alone" if e.other < 0 else f" with {ids[e.other]}")
+        for e in named
+    ]
+    if small:
+        words.append(f"{sum(e.share for e in small):.1%} {len(small)} smaller ones")
+    return ", ".join([*words, f"{effects[-1].share:.1%} not explained"])
 
 
-def _source(effect: Effect, ids: Sequence[int]) -> str:
-    if effect.kind == "rest":
-        return "more together or random routes"
-    first = str(ids[effect.vehicle])
-    return f"{first} alone" if effect.kind == "main" else f"{first} with {ids[effect.other]}"
-
-
-def _question(explanation: Explanation) -> str:
-    """What is explained, in words."""
-    from scex_sumo.metrics.registry import COLLISION, side_of
+def _exact_table(run: Run, metric: str) -> InfluenceTable | None:
+    """Return the influence table of two vehicles' collision; None for other metrics."""
     from scex_sumo.studies.explain.explain import pair_of
 
-    if explanation.metric == COLLISION:
-        return "collision"
-    if pair := pair_of(explanation.metric):
-        return f"collision of {pair[0]} and {pair[1]}"
-    sign = "<=" if side_of(explanation.metric) == "left" else ">="
-    kind = "critical" if explanation.given else "worst tenth"
-    return f"{explanation.metric} {kind} ({sign} {explanation.threshold:.3g})"
+    pair = pair_of(metric)
+    return run.exact.table(*pair) if run.exact is not None and pair is not None else None
 
 
 def _told(
@@ -129,25 +124,29 @@ def _told(
 ) -> Iterator[str]:
     """Yield the lines that the terminal shows for one metric."""
     if explanation.defined == 0:
-        yield f"{explanation.metric}: defined in no child"
+        yield f"{explanation.metric}: defined in no future"
         return
-    p = explanation.p_critical
-    sure = "" if p.low == p.high else f" (95 %: {p.low:.1%} – {p.high:.1%})"
-    yield f"{_question(explanation)}: {p.value:.1%} of {p.count} children{sure}"
-    for c in explanation.rules:
-        who = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
-        sure = "" if c.low == c.high else f"95 %: {c.low:.0%} – {c.high:.0%}, "
+    p, whole = explanation.p_critical, run.intervals.whole
+    sure = "" if whole else f" (95 %: {p.low:.1%} – {p.high:.1%})"
+    yield f"{explanation.question(explanation.metric)}: {p.value:.1%} of {p.count} futures{sure}"
+    table = _exact_table(run, explanation.metric)
+    if table is not None:
+        yield f"  exactly if ({100 * table.probability():.4g} %, checked on {table.checked} futures):"
+        yield from (f"    {words}" for words in table.in_words())
+    for c in explanation.rules if table is None else ():
+        models = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
+        sure = "" if whole else f"95 %: {c.low:.0%} – {c.high:.0%}, "
         counted = f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones"
-        yield f"  {c.share:.0%} with {who} ({sure}{counted})"
-    if sources := _sources(explanation, ids):
-        yield f"  variance: {sources}"
+        yield f"  {c.share:.0%} with {models} ({sure}{counted})"
+    if explanation.effects and table is None:
+        yield f"  variance: {_sources(explanation.effects, ids)}"
     for row in worst:
         value = [f"{row['value']:.3g}"] if explanation.metric in run.columns else []
         if row["track_id"] is not None:
             other = "" if row["other_id"] is None else f" with {row['other_id']}"
             value.append(f"{row['track_id']}{other} after {row['after_s']:.1f} s")
         if explanation.metric not in run.columns and not row["value"]:
-            continue  # nobody collides
+            continue  # no collision
         drivers = row["assignment"].split()
         if len(drivers) > _SHOWN_DRIVERS:
             both = (f"{row['track_id']}=", f"{row['other_id']}=")

@@ -11,10 +11,12 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE, wilson
-from scex_sumo.statistics.intervals import DesignIntervals
 
-SPARE_CHILDREN: Final = 10
-"""Children that a fit needs beyond its parameters; with fewer, nothing is said."""
+CHILDREN_PER_PARAMETER: Final = 5
+"""Children that each parameter of a fit needs."""
+MIN_CHILDREN: Final = 5
+"""Conditions of fewer children are left out."""
+_TRIED: Final = 5  # pairs of the largest screened gain that are tested in each step
 _HUGE: Final = 1e100  # larger values are scaled, so that their squares are finite
 
 
@@ -23,13 +25,12 @@ class Effect:
     """Share of a metric's variance that the models of one vehicle, or of two together, explain.
 
     Attributes:
-        kind: ``main`` (one vehicle), ``pair`` (only two vehicles together), or ``rest`` (three and more
-            together, and random routes).
+        kind: ``main`` (one vehicle), ``pair`` (two vehicles beyond their main effects), or ``rest``.
         vehicle: index; -1 for the rest.
         other: index of the second vehicle of a pair, else -1.
-        share: of the variance, less the expectation under chance; so it can be slightly negative.
-        raw_share: as fitted; it grows with fewer children or more models.
-        p_value: how often chance alone explains as much (F test).
+        share: less the expectation under chance, 0 to 1; all shares of a metric sum to 1.
+        raw_share: as fitted.
+        p_value: of the F test; NaN for the rest and if all assignments were run.
     """
 
     kind: Literal["main", "pair", "rest"]
@@ -46,8 +47,7 @@ class Condition:
     """Critical share of the children in which one or two vehicles have certain models.
 
     Attributes:
-        critical: number of critical ones among them.
-        share: critical share, with its 95 % interval ``low`` to ``high``.
+        share: critical share, with Wilson's 95 % interval ``low`` to ``high``, as in the report.
         covered: share of all critical children that are so.
     """
 
@@ -61,249 +61,242 @@ class Condition:
     covered: float
 
 
+class Cells:
+    """Children by the models of one vehicle or two, for G groups of vehicles and K cells in all.
+
+    Attributes:
+        groups: (G) indices of one vehicle or two.
+        group: (K,) group of each cell.
+        count: (K,) children in each cell.
+    """
+
+    def __init__(self, levels: IntArray, groups: Sequence[tuple[int, ...]]) -> None:
+        self.groups, names = list(groups), int(levels.max(initial=0)) + 1
+        first, last = (levels[:, [group[end] for group in self.groups]] for end in (0, -1))
+        numbers = (np.arange(len(self.groups)) * names + first) * names + last
+        used, code = np.unique(numbers, return_inverse=True)
+        self._code = code.reshape(-1).astype(np.int64)
+        self.group, self._models = used // names**2, np.stack([used // names % names, used % names], axis=1)
+        self.count = np.bincount(self._code, minlength=len(used))
+
+    def sums(self, weights: FloatArray | BoolArray) -> FloatArray:
+        """Return the sums (K,) of the weights (C,) of the children in each cell."""
+        every = np.repeat(weights, len(self.groups))
+        return np.bincount(self._code, every, minlength=len(self.count)).astype(np.float64)
+
+    def of(self, group: int) -> IntArray:
+        """Return the cell (C,) of each child in one group."""
+        return np.asarray(self._code[group :: len(self.groups)])
+
+    def squares(self, values: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Return sums of squares (G,) of values of mean 0 between the cells, and degrees (G,)."""
+        between = self.sums(values) ** 2 / self.count
+        size = len(self.groups)
+        degrees = np.bincount(self.group, minlength=size).astype(np.int64) - 1
+        return np.bincount(self.group, between, minlength=size).astype(np.float64), degrees
+
+    def models(self, cell: int) -> tuple[int, ...]:
+        """Return the models of the vehicles of a cell."""
+        return tuple(self._models[cell, : len(self.groups[self.group[cell]])].tolist())
+
+
+def drawn_vehicles(levels: IntArray) -> list[int]:
+    """Return the vehicles that have more than one model in (C, V) assignments."""
+    return np.flatnonzero((levels != levels[:1]).any(axis=0)).tolist()
+
+
+def all_cells(levels: IntArray, pairs: Collection[tuple[int, int]] | None = None) -> Cells:
+    """Return the cells of drawn vehicles and of ``pairs`` of them, the lower index first; None: all pairs."""
+    free = drawn_vehicles(levels)
+    twos = [two for two in combinations(free, 2) if pairs is None or two in pairs]
+    return Cells(levels, [*((v,) for v in free), *twos])
+
+
 def effects(
-    levels: IntArray, values: FloatArray, progress: Callable[[int, int], None] | None = None
+    levels: IntArray,
+    values: FloatArray,
+    *,
+    pairs: Collection[tuple[int, int]] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> list[list[Effect]]:
     """Decompose the variance of each column of values over the models of vehicles.
 
-    Least squares on indicators of the models. A vehicle's main effect is what the fit of all vehicles loses
-    without it. A pair's effect is what this fit gains by the pair's combinations. Where every combination
-    occurs once, the effects are orthogonal and their shares the exact Sobol' indices. Elsewhere the
-    expectation under chance is subtracted (degrees times the residual mean square, the epsilon-squared of
-    Kelley 1935).
+    Exact Sobol' indices if every assignment occurs once. Else a least squares fit by forward selection:
+    vehicles, then pairs, enter if the F test finds them beyond chance (5 % after Bonferroni) and
+    `CHILDREN_PER_PARAMETER` allows.
 
     Args:
         levels: (C, V) model of each vehicle in each child.
-        values: (C, Q); undefined (NaN) and infinite ones are left out.
-        progress: called with (vehicles done, vehicles in all).
+        values: (C, Q); only finite ones count.
+        pairs: vehicles that may have an effect together, the lower index first; None for any two.
+        progress: called with (columns done, columns in all).
 
     Returns:
-        For each column main effects and pairs of all vehicles with more than one model, then the rest. Empty
-        where the values do not vary, or are too few for the main effects; without pairs where they are too
-        few for those.
+        For each column the effects, then the rest; empty if the values do not vary, or are too few.
 
-    Source: Sobol' 1993; Saltelli et al. 2008.
+    Source: Sobol' 1993; Efroymson 1960 for the selection; Kelley 1935 for the expectation under chance.
     """
-    # Columns with values in the same children share all but the last products of a fit.
-    alike: dict[bytes, list[int]] = {}
-    known = np.isfinite(values)
+    found = []
     for column in range(values.shape[1]):
-        alike.setdefault(known[:, column].tobytes(), []).append(column)
-    found: list[list[Effect]] = [[] for _ in range(values.shape[1])]
-    for number, columns in enumerate(alike.values()):
-
-        def tick(done: int, total: int, before: int = number) -> None:
-            if progress is not None:
-                progress(before * total + done, len(alike) * total)
-
-        some = known[:, columns[0]]
-        responses = [Response(values[some, column], found[column]) for column in columns]
-        varying = [response for response in responses if response.varies]
-        if varying:
-            _decompose(levels[some], varying, _complete(levels, some), tick)
+        known = np.isfinite(values[:, column])
+        found.append(_effects_of(levels[known], values[known, column], pairs, whole=bool(known.all())))
+        if progress is not None:
+            progress(column + 1, values.shape[1])
     return found
 
 
-class Response:
-    """(C,) values that a fit explains, and the effects found so far."""
+def _effects_of(
+    levels: IntArray, values: FloatArray, pairs: Collection[tuple[int, int]] | None, *, whole: bool
+) -> list[Effect]:
+    largest = float(np.abs(values).max(initial=0.0))
+    unit = largest if largest > _HUGE else 1.0
+    y = values / unit
+    y = y - y.mean() if len(y) else y
+    free = drawn_vehicles(levels)
+    if not free or float(y @ y) <= 1e-18 * max(1.0, (largest / unit) ** 2) * len(y):
+        return []
+    fit = _Fit(y)
+    assignments = int(np.prod([len(np.unique(levels[:, v])) for v in free], dtype=np.float64))
+    if whole and len(levels) == assignments == len(np.unique(levels, axis=0)):
+        fit.add_all(all_cells(levels))
+    elif len(y) < CHILDREN_PER_PARAMETER * min(len(np.unique(levels[:, v])) for v in free):
+        return []
+    else:
+        cells = all_cells(levels, pairs)
+        while fit.add_best(cells, 1) or fit.add_best(cells, 2):
+            pass
+    return fit.effects()
 
-    def __init__(self, values: FloatArray, effects: list[Effect]) -> None:
-        self.effects = effects
-        largest = float(np.abs(values).max(initial=0.0))
-        unit = largest if largest > _HUGE else 1.0
-        values = values / unit
-        self.y = values - values.mean() if len(values) else values
-        self.total = float(self.y @ self.y)
-        self.varies = self.total > 1e-18 * max(1.0, (largest / unit) ** 2) * len(values)
 
-    def fit(self, indicators: FloatArray, inverse: FloatArray) -> None:
-        """Fit all main effects."""
-        self.residual = self.y - indicators @ (inverse @ (indicators.T @ self.y))
-        self.squares = float(self.residual @ self.residual)
+class _Fit:
+    def __init__(self, values: FloatArray) -> None:
+        self.total, self.residual = float(values @ values), values
+        self.basis = np.full((len(values), 1), len(values) ** -0.5)  # orthonormal
+        self.terms: dict[tuple[int, ...], tuple[float, int, float]] = {}  # gain, degrees, p value
 
-    def add(
-        self,
-        kind: Literal["main", "pair"],
-        vehicles: tuple[int, int],
-        gain: float,
-        degrees: int,
-        squares: float,
-        spare: int,
-        exact: bool,
-    ) -> None:
-        """Add an effect from the sum of squares that it gains, and the residual ``squares`` and degrees."""
+    def add_all(self, cells: Cells) -> None:
+        """Add all terms of a design in which they are orthogonal."""
+        gains, degrees = cells.squares(self.residual)
+        for term, gain, free in zip(cells.groups, gains.tolist(), degrees.tolist(), strict=True):
+            inner = [self.terms[v,] for v in term] if len(term) > 1 else []
+            beyond = max(gain - sum(part[0] for part in inner), 0.0)
+            self.terms[term] = beyond, free - sum(part[1] for part in inner), float("nan")
+        self.residual = np.zeros_like(self.residual)
+
+    def add_best(self, cells: Cells, size: int) -> bool:
+        """Add the best term of ``size`` vehicles, a pair with both; return False if none is beyond chance."""
+        candidates = [g for g, term in enumerate(cells.groups) if len(term) == size]
+        left = float(self.residual @ self.residual)
+        if not candidates or left <= 1e-12 * self.total:
+            return False
+        gains, degrees = cells.squares(self.residual)
+        # Without what the fit holds already, a term gains at least this.
+        order = sorted(candidates, key=lambda g: degrees[g] / max(float(gains[g]), 1e-300))
+        limit = (1 - CONFIDENCE) / len(candidates)
+        new = [cells.groups[g] for g in order if cells.groups[g] not in self.terms]
+        return any(self._add(term, cells, limit) for term in new[: 1 if size == 1 else _TRIED])
+
+    def _add(self, term: tuple[int, ...], cells: Cells, limit: float) -> bool:
         from scipy.special import fdtrc
 
-        noise, total = squares / spare if spare > 0 else 0.0, self.total
-        ratio = gain / degrees / noise if degrees > 0 and noise > 1e-12 * total / max(spare, 1) else np.inf
-        self.effects.append(
+        basis, residual, count = self.basis, self.residual, len(self.residual)
+        added: dict[tuple[int, ...], tuple[float, int, float]] = {}
+        p_value = 1.0
+        for part in dict.fromkeys([*((v,) for v in term), term]):
+            if part in self.terms:
+                continue
+            code = cells.of(cells.groups.index(part))
+            x = np.asarray(code[:, None] == np.unique(code), dtype=np.float64)
+            x -= basis @ (basis.T @ x)
+            vectors, size, _ = np.linalg.svd(x, full_matrices=False)
+            new = vectors[:, size > 1e-6]
+            degrees, spare = new.shape[1], count - basis.shape[1] - new.shape[1]
+            basis, along = np.concatenate([basis, new], axis=1), new.T @ residual
+            if not degrees or basis.shape[1] * CHILDREN_PER_PARAMETER > count:
+                return False
+            gain, residual = float(along @ along), residual - new @ along
+            noise = float(residual @ residual) / spare
+            p_value = float(fdtrc(degrees, spare, gain / degrees / max(noise, 1e-300)))
+            added[part] = gain, degrees, p_value
+        if p_value >= limit:
+            return False
+        self.basis, self.residual, self.terms = basis, residual, self.terms | added
+        return True
+
+    def effects(self) -> list[Effect]:
+        """Return the terms as effects, then the rest."""
+        noise = float(self.residual @ self.residual) / (len(self.residual) - self.basis.shape[1])
+        found = [
             Effect(
-                kind=kind,
-                vehicle=vehicles[0],
-                other=vehicles[1],
-                share=(gain - (0.0 if exact else degrees * noise)) / total,
-                raw_share=gain / total,
+                kind="main" if len(term) == 1 else "pair",
+                vehicle=term[0],
+                other=-1 if len(term) == 1 else term[1],
+                share=max(gain - degrees * noise, 0.0) / self.total,
+                raw_share=gain / self.total,
                 degrees=degrees,
-                p_value=float(fdtrc(degrees, spare, ratio))
-                if degrees > 0 and spare > 0 and gain > 0
-                else 1.0,
+                p_value=p_value,
             )
-        )
-
-
-def _decompose(
-    levels: IntArray, responses: Sequence[Response], exact: bool, tick: Callable[[int, int], None]
-) -> None:
-    """Add the effects of all vehicles and pairs to responses, by normal equations: these are mere counts."""
-    free = [v for v in range(levels.shape[1]) if len(np.unique(levels[:, v])) > 1]
-    if not free:
-        return
-    count, parts = len(levels), [indicators(levels[:, v]) for v in free]
-    every = np.concatenate([np.ones((count, 1)), *parts], axis=1)
-    owner = np.concatenate([[-1], np.repeat(np.arange(len(parts)), [part.shape[1] for part in parts])])
-    gram = every.T @ every
-    inverse, rank = pseudo_inverse(gram)
-    if count - rank < SPARE_CHILDREN and not exact:
-        return
-    for response in responses:
-        response.fit(every, inverse)
-    for index, vehicle in enumerate(free):
-        kept = owner != index
-        others = every[:, kept]
-        without, rank_without = pseudo_inverse(gram[np.ix_(kept, kept)])
-        for r in responses:
-            residual = r.y - others @ (without @ (others.T @ r.y))
-            gain = max(float(residual @ residual) - r.squares, 0.0)
-            r.add("main", (vehicle, -1), gain, rank - rank_without, r.squares, count - rank, exact)
-    for i, one in enumerate(free):
-        for j in range(i + 1, len(free)):
-            cells = (parts[i][:, :, None] * parts[j][:, None, :]).reshape(count, -1)
-            across = every.T @ cells
-            left, degrees = pseudo_inverse(cells.T @ cells - across.T @ inverse @ across, float(count))
-            spare = count - rank - degrees
-            if degrees == 0 or (spare < SPARE_CHILDREN and not exact):
-                continue
-            for r in responses:
-                toward = cells.T @ r.residual
-                gain = max(float(toward @ left @ toward), 0.0)
-                r.add("pair", (one, free[j]), gain, degrees, max(r.squares - gain, 0.0), spare, exact)
-        tick(i + 1, len(free))
-    for r in responses:
-        rest, raw = (1.0 - sum(getattr(e, name) for e in r.effects) for name in ("share", "raw_share"))
+            for term, (gain, degrees, p_value) in sorted(self.terms.items(), key=lambda t: (len(t[0]), t[0]))
+        ]
+        rest, raw = (max(1.0 - sum(getattr(e, name) for e in found), 0.0) for name in ("share", "raw_share"))
         nan = float("nan")
-        r.effects.append(
-            Effect(kind="rest", vehicle=-1, other=-1, share=rest, raw_share=raw, degrees=0, p_value=nan)
-        )
+        whole = Effect(kind="rest", vehicle=-1, other=-1, share=rest, raw_share=raw, degrees=0, p_value=nan)
+        return [*found, whole]
 
 
-def pseudo_inverse(gram: FloatArray, scale: float | None = None) -> tuple[FloatArray, int]:
-    """Inverse of a symmetric matrix on its range, and its rank; ``scale`` is what counts as large."""
-    size, vectors = np.linalg.eigh(gram)
-    some = size > 1e-10 * (float(size[-1]) if scale is None else scale)
-    return (vectors[:, some] / size[some]) @ vectors[:, some].T, int(some.sum())
+def conditions(cells: Cells, critical: BoolArray) -> list[Condition]:
+    """Return critical shares (of (C,) critical children) under models, if beyond chance.
 
-
-def indicators(levels: IntArray) -> FloatArray:
-    """(C, L) 1 where a child has a level, else 0, from (C,) levels of one vehicle."""
-    return np.asarray(levels[:, None] == np.unique(levels)[None], dtype=np.float64)
-
-
-def _complete(levels: IntArray, known: BoolArray) -> bool:
-    """Whether every combination of the models occurs once, with a value."""
-    combinations_ = int(np.prod([len(np.unique(levels[:, v])) for v in range(levels.shape[1])]))
-    return bool(known.all()) and len(levels) == combinations_ == len(np.unique(levels, axis=0))
-
-
-def conditions(
-    levels: IntArray,
-    critical: BoolArray,
-    *,
-    pairs: Collection[tuple[int, int]] | None = None,
-    intervals: DesignIntervals | None = None,
-    least: int = 5,
-) -> list[Condition]:
-    """Compute critical shares under every model of one vehicle and of two.
-
-    Args:
-        levels: (C, V) model of each vehicle in each child.
-        critical: (C,).
-        pairs: two vehicles that are looked at together, the lower index first; None for any two.
-        intervals: of the children, for conditions of one vehicle; else, and without, Wilson's intervals.
-        least: conditions with fewer children are left out.
-
-    Returns:
-        Ordered by the lower limit of the critical share, highest first; of equals, the simpler first.
+    Ordered by the lower limit of the critical share, highest first; of equals, the simpler first.
     """
-    total = int(critical.sum())
-    found = []
-    free = [v for v in range(levels.shape[1]) if len(np.unique(levels[:, v])) > 1]
-    twos = [two for two in combinations(free, 2) if pairs is None or two in pairs]
-    for group in [*((v,) for v in free), *twos]:
-        kinds, which = np.unique(levels[:, group], axis=0, return_inverse=True)
-        counts = np.bincount(which.reshape(-1), minlength=len(kinds))
-        hits = np.bincount(which.reshape(-1), critical, minlength=len(kinds))
-        for models, count, hit in zip(kinds.tolist(), counts.tolist(), hits.tolist(), strict=True):
-            if count < least:
-                continue
-            interval = wilson(int(hit), count)
-            if intervals is not None and len(group) == 1:
-                mine = levels[:, group[0]] == models[0]
-                interval = intervals.among(group[0], int(np.argmax(mine))).share(critical[mine])
-            found.append(
-                Condition(
-                    vehicles=group,
-                    models=tuple(models),
-                    children=count,
-                    critical=int(hit),
-                    share=interval.value,
-                    low=interval.low,
-                    high=interval.high,
-                    covered=int(hit) / total if total else 0.0,
-                )
-            )
+    hits = cells.sums(critical)
+    beyond = _beyond_chance(cells.count, hits, float(np.mean(critical)))
+    found = [_condition(cells, cell, hits, int(critical.sum())) for cell in beyond]
     return sorted(found, key=lambda c: (-c.low, len(c.vehicles), c.vehicles, c.models))
 
 
-def beyond_chance(found: Sequence[Condition], share: float) -> list[Condition]:
-    """Return the conditions that are critical more often than chance would make any of so many."""
+def _beyond_chance(count: FloatArray | IntArray, hits: FloatArray, share: float) -> list[int]:
     from scipy.special import bdtrc
 
-    limit = (1 - CONFIDENCE) / max(len(found), 1)
-    return [c for c in found if c.critical and bdtrc(c.critical - 1, c.children, share) < limit]
+    enough = count >= MIN_CHILDREN
+    limit = (1 - CONFIDENCE) / max(int(enough.sum()), 1)
+    chance = bdtrc(np.maximum(hits - 1, 0), count.astype(np.int64), share)
+    return np.flatnonzero(enough & (hits > 0) & (chance < limit)).tolist()
 
 
-def covering(
-    levels: IntArray,
-    critical: BoolArray,
-    most: int,
-    whole: Sequence[Condition],
-    *,
-    pairs: Collection[tuple[int, int]] | None = None,
-) -> list[Condition]:
+def _condition(cells: Cells, cell: int, hits: FloatArray, total: int) -> Condition:
+    interval = wilson(int(hits[cell]), int(cells.count[cell]))
+    return Condition(
+        vehicles=cells.groups[cells.group[cell]],
+        models=cells.models(cell),
+        children=int(cells.count[cell]),
+        critical=int(hits[cell]),
+        share=interval.value,
+        low=interval.low,
+        high=interval.high,
+        covered=int(hits[cell]) / total,
+    )
+
+
+def covering(cells: Cells, critical: BoolArray, most: int) -> list[Condition]:
     """Choose at most ``most`` conditions that together account for much of what is critical.
 
-    Each step takes the condition with the most critical children beyond the overall share, counted with the
-    lower limit of Wilson's interval, among children without a condition taken so far; only those beyond
-    chance count.
-
-    Args:
-        whole: all `conditions` of the same ``levels``, ``critical`` and ``pairs``.
-
-    Returns:
-        Conditions with their numbers over all children.
+    Each step takes the condition beyond chance with the most critical children beyond the overall share, by
+    Wilson's lower limit, among children without a condition so far.
 
     Source: sequential covering, Clark, Niblett 1989.
     """
-    overall = float(critical.mean()) if len(critical) else 0.0
-    by_name = {(c.vehicles, c.models): c for c in whole}
-    left = np.ones(len(critical), dtype=bool)
-    taken: list[Condition] = []
+    overall, left = float(np.mean(critical)) if len(critical) else 0.0, np.ones(len(critical), dtype=bool)
+    every, taken = cells.sums(critical), list[Condition]()
     while len(taken) < most:
-        rules = beyond_chance(conditions(levels[left], critical[left], pairs=pairs), overall)
-        gains = [(c.low - overall) * c.children for c in rules]
-        if not gains or max(gains) <= 0:
+        count, hits = cells.sums(left), cells.sums(left & critical)
+        gains = {
+            cell: (wilson(int(hits[cell]), int(count[cell])).low - overall) * count[cell]
+            for cell in _beyond_chance(count, hits, overall)
+        }
+        if not gains or max(gains.values()) <= 0:
             break
-        best = rules[int(np.argmax(gains))]
-        taken.append(by_name[best.vehicles, best.models])
-        left &= ~(levels[:, best.vehicles] == best.models).all(axis=1)
+        best = max(gains, key=gains.__getitem__)
+        taken.append(_condition(cells, best, every, int(critical.sum())))
+        left &= cells.of(int(cells.group[best])) != best
     return taken

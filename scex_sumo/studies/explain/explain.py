@@ -1,4 +1,4 @@
-"""Explain criticality: which vehicles' models make the values vary, and what makes them critical."""
+"""Explain criticality: the vehicles whose models make values vary, or critical."""
 
 from __future__ import annotations
 
@@ -10,13 +10,23 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.metrics.registry import COLLISION
+from scex_sumo.metrics.registry import COLLISION, column_named, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
-from scex_sumo.studies.explain.effects import Condition, Effect, beyond_chance, conditions, covering, effects
+from scex_sumo.studies.explain.effects import (
+    Cells,
+    Condition,
+    Effect,
+    all_cells,
+    conditions,
+    covering,
+    effects,
+)
 
 WORST_SHARE: Final = 0.1
 """The most critical tenth stands in for the critical children of a metric without threshold."""
+RULES: Final = 3
+MOMENT_MS: Final = 1000  # the seed scene is frame 10 of every child
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,12 +35,9 @@ class Explanation:
 
     Attributes:
         defined: number of children in which it is defined.
-        effects: see `effects`; empty where nothing can be said.
-        threshold: of criticality; the limit of the most critical tenth where the metric has none.
+        threshold: of criticality; the limit of the most critical tenth if the metric has none.
         given: whether the threshold is the run's.
         p_critical: critical share of all children.
-        conditions: more critical than the scene overall, see `beyond_chance`.
-        rules: a few conditions that account for much of what is critical, see `covering`.
         worst: most critical children, the worst first.
     """
 
@@ -44,9 +51,19 @@ class Explanation:
     rules: list[Condition]
     worst: list[int]
 
+    @property
+    def pair(self) -> tuple[int, int] | None:
+        """Track ids of the two vehicles whose collision is explained; None for a metric."""
+        return pair_of(self.metric)
 
-RULES: Final = 3
-MOMENT_MS: Final = 1000  # the seed scene is frame 10 of every child
+    def question(self, name: str, signs: tuple[str, str] = ("<=", ">=")) -> str:
+        """Return in words what is critical; ``signs`` of the left and the right side."""
+        if self.metric == COLLISION:
+            return COLLISION
+        if self.pair:
+            return f"collision of {self.pair[0]} and {self.pair[1]}"
+        worst = "" if self.given else ", the worst tenth"
+        return f"{name} {signs[side_of(self.metric) != 'left']} {self.threshold:.3g}{worst}"
 
 
 def explain(
@@ -59,26 +76,22 @@ def explain(
         worst: how many of the most critical children are named.
         progress: called with (steps done, steps in all).
     """
-    from scex_sumo.metrics.registry import column_named
-
     names = [m if pair_of(m) else column_named(m, [*run.outcomes, *run.columns]) for m in metrics]
     values, (levels, _) = [metric_values(run, name) for name in names], assignment_of(run)
-    tick, count = progress or (lambda done, total: None), len(names)
+    tick, count, pairs = progress or (lambda done, total: None), len(names), meeting(run)
     found = effects(
-        levels, np.stack(values, axis=1), lambda done, total: tick(count * done // total, 2 * count)
+        levels, np.stack(values, axis=1), pairs=pairs, progress=lambda done, _: tick(done, 2 * count)
     )
-    explanations = []
-    for number, (name, one) in enumerate(zip(names, values, strict=True)):
-        explanations.append(_explain(run, name, one, levels, found[number], worst))
-        tick(count + number + 1, 2 * count)
+    cells, explanations = all_cells(levels, pairs), []
+    for name, one, parts in zip(names, values, found, strict=True):
+        explanations.append(_explain(run, name, one, cells, parts, worst))
+        tick(count + len(explanations), 2 * count)
     return explanations
 
 
 def _explain(
-    run: Run, metric: str, values: FloatArray, levels: IntArray, found: list[Effect], worst: int
+    run: Run, metric: str, values: FloatArray, cells: Cells, found: list[Effect], worst: int
 ) -> Explanation:
-    from scex_sumo.metrics.registry import side_of
-
     thresholds = run.thresholds | {COLLISION: 1.0}
     known = ~np.isnan(values)
     column = COLLISION if pair_of(metric) else metric
@@ -90,10 +103,6 @@ def _explain(
     elif known.any():
         limit = float(sign * np.quantile(sign * values[known], WORST_SHARE, method="lower"))
     critical = known & (sign * values <= sign * limit)
-    intervals = run.intervals
-    share = intervals.share(critical)
-    pairs = meeting(run)
-    every = conditions(levels, critical, pairs=pairs, intervals=intervals)
     order = np.lexsort((np.arange(len(values)), np.where(known, sign * values, np.inf)))
     return Explanation(
         metric=metric,
@@ -101,15 +110,15 @@ def _explain(
         effects=found,
         threshold=limit,
         given=given,
-        p_critical=share,
-        conditions=beyond_chance(every, share.value),
-        rules=covering(levels, critical, RULES, every, pairs=pairs),
+        p_critical=run.intervals.share(critical),
+        conditions=conditions(cells, critical),
+        rules=covering(cells, critical, RULES),
         worst=[int(c) for c in order[: min(worst, int(known.sum()))]],
     )
 
 
 def meeting(run: Run) -> set[tuple[int, int]]:
-    """Pairs of vehicles, as indices, that meet in some child; others make nothing critical together."""
+    """Return the pairs of vehicles, as indices, that meet in some child."""
     place = {track: index for index, track in enumerate(run.info["seed_scene"]["track_ids"])}
     rows = zip(run.encounters["track_id"].to_pylist(), run.encounters["other_id"].to_pylist(), strict=True)
     pairs = (sorted((place[one], place[two])) for one, two in rows)
@@ -117,7 +126,7 @@ def meeting(run: Run) -> set[tuple[int, int]]:
 
 
 def pair_of(metric: str) -> tuple[int, int] | None:
-    """The two vehicles that ``A,B`` names; None for a metric."""
+    """Return the two track ids of ``A,B``; None for a metric."""
     ids = [part.strip() for part in metric.split(",")]
     if len(ids) != 2 or not all(part.isdecimal() for part in ids):
         return None
@@ -125,7 +134,7 @@ def pair_of(metric: str) -> tuple[int, int] | None:
 
 
 def metric_values(run: Run, metric: str) -> FloatArray:
-    """(C,) values to be explained; for two vehicles 1 in children in which they collide, else 0.
+    """Return the values (C,) of a metric; for ``A,B`` 1 in children in which the two collide, else 0.
 
     Raises:
         UsageError: there is no such metric, or the two collide in no child.
@@ -142,7 +151,7 @@ def metric_values(run: Run, metric: str) -> FloatArray:
 
 
 def assignment_of(run: Run) -> tuple[IntArray, list[str]]:
-    """(C, V) model of each vehicle in each child, vehicles as in the seed scene, and the models' names."""
+    """Return the model (C, V) of each vehicle in each child, and the models' names."""
     table = run.assignments
     names, flat = np.unique(np.asarray(table["model"].to_pylist(), dtype=str), return_inverse=True)
     vehicles = int(run.info["seed_scene"]["vehicles"])
@@ -150,7 +159,7 @@ def assignment_of(run: Run) -> tuple[IntArray, list[str]]:
 
 
 def effect_rows(explanation: Explanation, track_ids: Sequence[int]) -> list[dict[str, Any]]:
-    """Effects as rows of a table."""
+    """Return effects as rows of a table."""
     return [
         {
             "metric": explanation.metric,
@@ -169,7 +178,7 @@ def effect_rows(explanation: Explanation, track_ids: Sequence[int]) -> list[dict
 def condition_rows(
     explanation: Explanation, track_ids: Sequence[int], names: Sequence[str]
 ) -> list[dict[str, Any]]:
-    """Conditions as rows of a table."""
+    """Return conditions as rows of a table."""
     return [
         {
             "metric": explanation.metric,
@@ -191,7 +200,7 @@ def condition_rows(
 def worst_rows(
     run: Run, explanation: Explanation, levels: IntArray, names: Sequence[str]
 ) -> list[dict[str, Any]]:
-    """The most critical children as rows; ``levels`` and ``names`` as of `assignment_of`."""
+    """Return the most critical children as rows; ``levels`` and ``names`` as of `assignment_of`."""
     track_ids = run.info["seed_scene"]["track_ids"]
     metric = explanation.metric.removesuffix("_mean")
     source = {

@@ -1,4 +1,4 @@
-"""Page of an explanation: which vehicles' models make a scene critical."""
+"""Page of an explanation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.metrics.registry import COLLISION, side_of
+from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.reports.page.charts import metric_title
 from scex_sumo.reports.page.html import Html, element
 from scex_sumo.reports.page.study import Table, card, plots, table, table_place, write_study
@@ -31,26 +31,22 @@ def write_explanations(
     names: Sequence[str],
     worst: Mapping[str, Sequence[Mapping[str, Any]]],
 ) -> Path:
-    """Write the page into the folder of the run; ``names`` are of the models, ``worst`` rows by metric."""
+    """Write the page into the run's folder, with model ``names`` and ``worst`` rows by metric."""
     ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
-    said = [
-        _sentences(one, ids, names)
-        for one in found
-        if one.metric == COLLISION or one.given or pair_of(one.metric)
-    ]
-    worst_of = [one for one in found if one.metric in run.columns and not one.metric.endswith("_mean")]
-    drawn = [_matrix(one, ids) for one in worst_of if one.effects]
+    said = [_sentences(one, ids, names) for one in found if one.given]
+    metrics = [one for one in found if one.metric in run.columns and not one.metric.endswith("_mean")]
+    drawn = [_matrix(one, ids) for one in metrics if len(one.effects) > 1]
     cards = [
         card("What makes it critical", *said),
         card(
-            "Whose driving matters",
-            "Share of what varies between the children that comes from who drives a vehicle (diagonal), and "
-            "from who drives two vehicles together (below it), in percent. What is missing to 100 % comes "
-            "from three and more together, and from random routes.",
-            plots(*drawn) if drawn else "Nothing varies that could be explained.",
+            "Which models matter",
+            "Share of the variance between the futures, in percent: from the model of one vehicle "
+            "(diagonal) and of two together (below it). The rest to 100 % is not explained: three or more "
+            "vehicles together, random routes, or effects too small for so many futures.",
+            plots(*drawn) if drawn else "No effect of a model is beyond chance.",
         ),
-        card("Drivers that make it more critical", table_place("conditions")),
-        card("Most critical children", table_place("worst")),
+        card("Models that make it more critical", table_place("conditions")),
+        card("Most critical futures", table_place("worst")),
     ]
     tables = {
         "conditions": _conditions(found, ids, names),
@@ -59,52 +55,46 @@ def write_explanations(
     scene = run.info["seed_scene"]
     about = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
     return write_study(
-        run.folder / HTML, f"Whose driving makes it so: {scene['name']}", about, *cards, tables=tables
+        run.folder / HTML, f"Which models make it critical: {scene['name']}", about, *cards, tables=tables
     )
 
 
 def _question(one: Explanation) -> str:
-    if one.metric == COLLISION:
-        return "a collision"
-    if pair := pair_of(one.metric):
-        return f"a collision of {pair[0]} and {pair[1]}"
-    sign = "≤" if side_of(one.metric) == "left" else "≥"
-    return f"{metric_title(one.metric)} {sign} {one.threshold:.3g}" + ("" if one.given else " (worst tenth)")
+    return one.question(metric_title(one.metric), ("≤", "≥"))
 
 
 def _sentences(one: Explanation, ids: Sequence[int], names: Sequence[str]) -> Html:
-    """How often it happens, and with which models it happens more often."""
     if not one.defined:
-        return element("p", f"{metric_title(one.metric)}: defined in no child.")
+        return element("p", f"{metric_title(one.metric)}: defined in no future.")
     rules = [
         element(
             "li",
-            f"{rule.share:.0%} with {_who(rule, ids, names)} (95 %: {rule.low:.0%} – {rule.high:.0%}); "
-            f"that is {rule.covered:.0%} of all cases",
+            f"{rule.share:.0%} with {_models(rule, ids, names)} (95 %: {rule.low:.0%} – {rule.high:.0%}); "
+            f"that is {rule.covered:.0%} of all critical futures",
         )
         for rule in one.rules
     ]
-    head = element("b", f"{one.p_critical.value:.1%} of the children have {_question(one)}.")
+    head = element("b", f"{one.p_critical.value:.1%} of the futures have {_question(one)}.")
     return element("div", element("p", head), *([element("ul", *rules)] if rules else []))
 
 
-def _who(rule: Condition, ids: Sequence[int], names: Sequence[str]) -> str:
+def _models(rule: Condition, ids: Sequence[int], names: Sequence[str]) -> str:
     pairs = zip(rule.vehicles, rule.models, strict=True)
     return " and ".join(f"{ids[vehicle]} as {names[model]}" for vehicle, model in pairs)
 
 
 def _conditions(found: Sequence[Explanation], ids: Sequence[int], names: Sequence[str]) -> Table:
     heads = [
-        ("what", "text", ""),
-        ("who drives how", "words", ""),
-        ("share", "percent", "Of these children that are critical"),
-        ("all children", "percent", "Critical share whoever drives"),
-        ("from", "percent", "95 % interval of the share"),
-        ("to", "percent", "95 % interval of the share"),
-        ("of the critical", "percent", "Part of all critical children that are so"),
+        ("critical if", "text", ""),
+        ("models", "words", ""),
+        ("share", "percent", "Critical share of the futures with these models"),
+        ("all futures", "percent", "Critical share of all futures"),
+        ("from", "percent", "95 % confidence interval of the share"),
+        ("to", "percent", "95 % confidence interval of the share"),
+        ("of the critical", "percent", "Share of all critical futures that have these models"),
     ]
     rows = [
-        [_question(one), _who(c, ids, names), c.share, one.p_critical.value, c.low, c.high, c.covered]
+        [_question(one), _models(c, ids, names), c.share, one.p_critical.value, c.low, c.high, c.covered]
         for one in found
         if one.given or one.p_critical.value <= 2 * WORST_SHARE  # else many share the value of the tenth
         for c in one.conditions
@@ -114,34 +104,25 @@ def _conditions(found: Sequence[Explanation], ids: Sequence[int], names: Sequenc
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> Table:
     heads = [("metric", "text", ""), ("child", "text", ""), ("value", "real", ""), ("vehicles", "text", "")]
-    heads += [("after", "seconds", ""), ("who drove whom", "words", "")]
+    heads += [("after", "seconds", ""), ("models", "words", "")]
     shown = []
     for row in rows:
-        vehicles = [str(row[name]) for name in ("track_id", "other_id") if row[name] is not None]
-        name = (
-            row["metric"]
-            if row["metric"] == COLLISION or pair_of(row["metric"])
-            else metric_title(row["metric"])
-        )
-        shown.append(
-            [
-                name,
-                row["child"],
-                row["value"],
-                " – ".join(vehicles) or None,
-                row["after_s"],
-                row["assignment"],
-            ]
-        )
+        vehicles = " – ".join(str(row[name]) for name in ("track_id", "other_id") if row[name] is not None)
+        metric = row["metric"]
+        name = metric if metric == COLLISION or pair_of(metric) else metric_title(metric)
+        cells = row["child"], row["value"], vehicles or None, row["after_s"], row["assignment"]
+        shown.append([name, *cells])
     return table(heads, shown)
 
 
 def _matrix(one: Explanation, ids: Sequence[int]) -> Html:
-    """Vehicles by vehicles: the darker, the larger the share."""
+    """Draw the vehicles with an effect by themselves: the darker, the larger the share."""
+    effects = [effect for effect in one.effects if effect.kind != "rest"]
+    vehicles = sorted({effect.vehicle for effect in effects} | {max(e.other, e.vehicle) for e in effects})
     share: FloatArray = np.zeros((len(ids), len(ids)))
-    for effect in one.effects:
-        if effect.kind != "rest":
-            share[max(effect.vehicle, effect.other), effect.vehicle] = max(effect.share, 0.0)
+    for effect in effects:
+        share[max(effect.vehicle, effect.other), effect.vehicle] = effect.share
+    share, ids = share[np.ix_(vehicles, vehicles)], [ids[vehicle] for vehicle in vehicles]
     parts = []
     for row, track in enumerate(ids):
         y = row * _CELL_PX

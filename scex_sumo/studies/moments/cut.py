@@ -1,4 +1,4 @@
-"""Cut recordings into moments: loaded one after the other, ahead of the workers."""
+"""Cut recordings into moments: one recording after the other, ahead of the workers."""
 
 from __future__ import annotations
 
@@ -36,16 +36,12 @@ def moment_tasks(
     wanted: Callable[[Listing], Sequence[MomentRef]],
     choose: Callable[[LoadedRecording], Sequence[Moment]] | None = None,
 ) -> Iterator[Item]:
-    """Yield the tasks of all wanted moments; a moment that fails stops none of the others.
+    """Yield the listing of each recording that had none, then its tasks; failures in their place.
 
     Args:
-        recordings: the dataset, or some of it.
         listings: by recording; a recording without wanted moments is not loaded.
         wanted: the moments of a recording that shall run.
-        choose: the moments of a recording without a listing; by default one every ``settings.every`` seconds.
-
-    Yields:
-        The listing of each recording that had none, then its tasks; failures in their place.
+        choose: the moments of a recording without a listing.
     """
     for recording in recordings:
         listing = listings.get(recording.name)
@@ -78,7 +74,7 @@ def moment_tasks(
 def list_moments(recording: Recording, moments: Sequence[Moment], *, min_vehicles: int) -> Listing:
     """List the moments of a recording that have enough vehicles.
 
-    In cases all vehicles count; in recordings those that move and are recorded from 1 s before to 3 s after.
+    In cases all vehicles count, else those that move and are recorded from 1 s before to 3 s after.
     """
     refs = [
         MomentRef(
@@ -102,10 +98,9 @@ def unreadable(recording: Recording, reason: str) -> Failure:
 
 
 def read_ahead(items: Iterator[T], size: int) -> Generator[T, None, None]:
-    """Yield the same items in the same order; a thread makes up to ``size`` of them ahead.
+    """Yield the same items; a thread makes up to ``size`` of them ahead.
 
-    An error of the items is raised where it would have come. Closing the generator ends the thread after its
-    present item.
+    Closing the generator ends the thread after its present item.
     """
     buffer: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(maxsize=size)
     closed = threading.Event()

@@ -1,4 +1,4 @@
-"""Study folder: what has run is kept whole, checked when it is read, and found again after a crash."""
+"""Study folder: parts that have run, checked when they are read, and found again after a crash."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FAILED = "failed"
 
 
 class StudyFolder(OutputFolder):
-    """Keeps the moments of a study that have run, and those that failed."""
+    """Folder of the moments of a study that have run, and of those that failed."""
 
     kept: ClassVar[tuple[str, ...]]
     """Folders and files that another study in the same folder removes."""
@@ -43,7 +43,7 @@ class StudyFolder(OutputFolder):
         write_atomic(self._failure_file(failure.moment), as_json({**row, "check": checksum([row])}).encode())
 
     def failures(self) -> dict[str, Failure]:
-        """Return failures by moment; damaged files are removed, and their moments run again."""
+        """Return failures by moment; damaged files are removed, so that their moments run again."""
         found = {}
         for file in sorted((self.path / _FAILED).glob("*.json")):
             row = read_record(file)
@@ -65,12 +65,12 @@ class StudyFolder(OutputFolder):
 
 
 def checksum(rows: Sequence[dict[str, Any]]) -> int:
-    """Checksum of the rows of a file of listings or failures."""
+    """Return the checksum of the rows of a file of listings or failures."""
     return zlib.crc32(as_json({"seeds": rows}).encode())
 
 
 def read_record(file: Path) -> dict[str, Any]:
-    """Read a small JSON file; empty where it is missing, or no object."""
+    """Read a small JSON file; empty if it is missing or damaged."""
     try:
         content = json.loads(file.read_text())
     except (OSError, ValueError, RecursionError):
@@ -79,14 +79,14 @@ def read_record(file: Path) -> dict[str, Any]:
 
 
 def write_table(file: Path, table: pa.Table, **options: Any) -> None:
-    """Write a table, in a new folder where needed, with ``options`` of Arrow's Parquet writer."""
+    """Write a Parquet table and its folder."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:
         pq.write_table(table, temporary, compression="zstd", write_page_checksum=True, **options)
 
 
 def read_table(file: Path, schema: pa.Schema, undefined: Collection[str] = ()) -> pa.Table:
-    """Read a kept table and check pages, columns, types and nulls, which only ``undefined`` columns may have.
+    """Read a kept table; check pages, columns, types, and nulls outside of ``undefined`` columns.
 
     Raises:
         ResultError: the file is damaged, or was edited.
@@ -109,5 +109,5 @@ def read_table(file: Path, schema: pa.Schema, undefined: Collection[str] = ()) -
 
 
 def damaged(file: Path, what: str) -> ResultError:
-    """Return the error of a kept file that is not as it was written."""
+    """Return the error of a kept file that cannot be used."""
     return ResultError(f"{file}: {what}; remove it and run again")

@@ -1,4 +1,4 @@
-"""Names of moments, listings of recordings, and failures, as they are written to files."""
+"""Moments by name, listings of recordings, and failures, with their form in files."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ class MomentRef:
     """A moment by name, before its seed scene is built.
 
     Attributes:
-        moment: unique in a study and fit for a folder's name; ``seed`` in files.
+        moment: unique in a study, fit for a folder's name; ``seed`` in files.
         location: the site; moments of one site share a map.
-        recording: the recording's name.
         case: id of the case, or an empty string.
         time_s: in the recording's clock.
     """
@@ -34,7 +33,7 @@ class Failure:
     """Why a moment, or a whole recording, has no result.
 
     Attributes:
-        moment: the moment's name; the recording's where that cannot be read. The next ones as in `MomentRef`.
+        moment: the moment's name, or the recording's.
         time_s: None for a whole recording.
         died: a worker died; the next run of the same command tries again.
     """
@@ -63,7 +62,7 @@ class Listing:
 
 
 def as_row(named: MomentRef | Failure) -> dict[str, Any]:
-    """Return plain values under the names that they have in files."""
+    """Return the values under their names in files."""
     values = asdict(named)
     return {"seed": values.pop("moment"), **values}
 
@@ -74,11 +73,11 @@ def from_row(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def moment_name(recording: str, case: str, time_s: float) -> str:
-    """Name a moment by recording, case and time; milliseconds only where the time has them."""
+    """Name a moment by recording, case and time, in milliseconds if needed."""
     when = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
     return plain(f"{recording}_case{case}_t{when}" if case else f"{recording}_t{when}")
 
 
 def plain(name: str) -> str:
-    """Replace all characters that the path of a partition would have to escape."""
+    """Replace the characters that the path of a partition would have to escape."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", name)

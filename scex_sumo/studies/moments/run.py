@@ -1,7 +1,4 @@
-"""Run a moment in a worker: seed scene and road come with the task, no file of the dataset is needed.
-
-A worker keeps the roads that it has met, and converts each to a SUMO net once.
-"""
+"""Run a moment in a worker, without files of the dataset; a worker converts each road to a net once."""
 
 from __future__ import annotations
 
@@ -52,8 +49,8 @@ class MomentTask:
 
     Attributes:
         scene: its seed scene, without the road.
-        road: the road, packed; None where it goes to the workers separately.
-        version: of this package where the task was made.
+        road: packed; None if the workers get it separately.
+        version: of the package that made the task.
     """
 
     ref: MomentRef
@@ -65,7 +62,7 @@ class MomentTask:
 
     @classmethod
     def of(cls: type[Task], task: MomentTask, **more: Any) -> Task:
-        """Return a task of a subclass, whose further fields are ``more``."""
+        """Return a task of a subclass with ``more`` fields."""
         return cls(**{field.name: getattr(task, field.name) for field in fields(MomentTask)}, **more)
 
 
@@ -77,7 +74,7 @@ _compared_on = weakref.WeakSet[SumoNet]()
 def attempt(
     work: Callable[[Task, SeedScene, SumoNet], Result], task: Task, road: bytes | None
 ) -> Result | Failure:
-    """Return the result of ``work`` on the seed scene with its road and net, or the moment's failure."""
+    """Return the result of ``work`` on a seed scene with road and net, or the moment's failure."""
     packed = task.road or road
     try:
         assert packed is not None, "no road"
@@ -95,7 +92,7 @@ def attempt(
 
 
 def check_versions(task: MomentTask) -> None:
-    """Refuse tasks of another version of the package or its weights, which would give other values."""
+    """Refuse tasks of another version of the package or the weights, which give other values."""
     if task.version != __version__:
         raise UsageError(
             f"the worker has scex-sumo {__version__}, needs {task.version}; install the same everywhere"
@@ -106,7 +103,7 @@ def check_versions(task: MomentTask) -> None:
 
 @lru_cache(maxsize=8)
 def road_and_net(packed: bytes, cache: bool) -> tuple[Road, SumoNet]:
-    """Return a road and its net; the net's temporary folder is removed with it."""
+    """Return a road and its net, whose folder is removed with it."""
     road, folder = unpack_road(packed), TemporaryFolder()
     with writing(Path(folder.name)):
         net = converted(road, Path(folder.name) / "map.net.xml", keep=cache)
@@ -115,7 +112,7 @@ def road_and_net(packed: bytes, cache: bool) -> tuple[Road, SumoNet]:
 
 
 def compared(net: SumoNet, ref: MomentRef) -> bool:
-    """Whether SUMO checks some children of a moment: of a worker's first on a map, and of every 16th."""
+    """Whether SUMO checks children of a moment: of a worker's first on a map, and of every 16th."""
     first = net not in _compared_on
     _compared_on.add(net)
     return first or zlib.crc32(ref.moment.encode()) % COMPARED_EVERY == 0

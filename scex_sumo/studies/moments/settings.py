@@ -1,4 +1,4 @@
-"""Study settings: what decides on the values of a study of many moments, checked where it is made."""
+"""Study settings: the values that identify a study of many moments."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class StudySettings:
     """Settings that all studies of moments share.
 
     Attributes:
-        run: of each moment; its models are kept as on the command line, SUMO checks samples of its children.
-        every: least time between two moments of a recording, s; every case of a file of cases is a moment.
-        min_vehicles: moments with fewer moving vehicles are left out.
-        cache: take converted nets from ``~/.cache/scex-sumo`` and keep them there.
+        run: of each moment; SUMO checks samples of its children.
+        every: least time between two moments of a recording, s; every case is a moment.
+        min_vehicles: least number of moving vehicles.
+        cache: use converted nets in ``~/.cache/scex-sumo``.
         weights: SHA-256 of the weights by learned model.
 
     Raises:
@@ -60,7 +60,7 @@ class StudySettings:
 
     @property
     def children(self) -> int:
-        """Children of a moment at most."""
+        """Maximum number of children of a moment."""
         assert self.run.count is not None
         return self.run.count
 
@@ -78,7 +78,7 @@ class StudySettings:
         return {column: limits[column] for column in self.run.columns if column in limits}
 
     def identity(self, recordings: Sequence[Recording], *, first: int, top: int, keep: str) -> dict[str, Any]:
-        """Return what tells this study from others; name and size stand for a recording."""
+        """Return the values that identify a study; name and size stand for a recording."""
         run, described = self.run, describe_metrics(self.run.measured)
         return {
             "recordings": [_described(recording) for recording in recordings],

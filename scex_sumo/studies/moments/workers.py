@@ -1,7 +1,4 @@
-"""Share moments out to workers: processes of this machine, or a Dask cluster.
-
-Dask gives the moments of a dead worker to others by itself.
-"""
+"""Workers for moments: processes of this machine, or a Dask cluster, which replaces dead workers."""
 
 from __future__ import annotations
 
@@ -43,14 +40,14 @@ class MomentWorkers(Protocol):
         """Return notes for the user."""
 
     def run(self, tasks: Iterable[MomentTask]) -> Iterator[Done]:
-        """Run tasks as they come, a few at a time; yield them in the order in which they finish."""
+        """Run tasks, a few at a time; yield them with their results as they finish."""
 
     def close(self) -> None:
-        """End the workers, whatever they do."""
+        """End the workers."""
 
 
 def moment_workers(work: Work, count: int, cluster: str | None) -> MomentWorkers:
-    """Return ``count`` processes of this machine, or the workers of a Dask scheduler at an address."""
+    """Return ``count`` processes of this machine, or the workers of a Dask scheduler."""
     return LocalWorkers(count, work) if cluster is None else DaskWorkers(cluster, work)
 
 
@@ -86,14 +83,13 @@ class LocalWorkers:
 
 
 def _runner(work: Work) -> AbstractContextManager[Callable[[MomentTask, object], Any]]:
-    """A worker process keeps nothing open between tasks."""
     return nullcontext(lambda task, _: work(task))
 
 
 class DaskWorkers:
     """The workers behind a Dask scheduler.
 
-    Each road is a task of its own: where the workers that hold it die, the scheduler makes it again.
+    Each road is a task of its own, which the scheduler repeats if the workers that hold it die.
     """
 
     def __init__(self, address: str, work: Work) -> None:
@@ -101,7 +97,7 @@ class DaskWorkers:
 
         Raises:
             MissingExtraError: distributed is not installed.
-            UsageError: no scheduler answers at the address, or no worker joins it.
+            UsageError: no scheduler answers, or it has no worker.
         """
         try:
             from distributed import Client, Security
@@ -144,7 +140,7 @@ class DaskWorkers:
         return self._notes
 
     def _room(self) -> int:
-        """Number of tasks that the cluster shall have; workers come and go, so it is asked now and then."""
+        """Return how many tasks the cluster shall have; its workers come and go."""
         now = time.monotonic()
         if now - self._asked_at > _ASK_S:
             with _answering():
@@ -189,7 +185,7 @@ class DaskWorkers:
 
 
 def _check_reachable(address: str) -> None:
-    """Raise a `UsageError` in one line where nothing listens; Dask would try for long, with tracebacks."""
+    """Refuse an address where nothing listens: Dask would try for long, with tracebacks."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if not host or not port.isdigit():
         raise UsageError(f"--cluster {address}: needs the address of a Dask scheduler, e.g. tcp://host:8786")
@@ -207,13 +203,13 @@ def _no_scheduler(address: str, error: Exception) -> UsageError:
 
 
 def publish_road(road: bytes) -> bytes:
-    """Bring a road to the workers, as a task of Dask."""
+    """Return a road: a task of Dask that brings it to the workers."""
     return road
 
 
 @contextmanager
 def _answering() -> Iterator[None]:
-    """Raise a `ScexError` in one line where the scheduler went away."""
+    """Raise a `ScexError` if the scheduler went away."""
     try:
         yield
     except (OSError, CancelledError):
@@ -223,7 +219,7 @@ def _answering() -> Iterator[None]:
 
 
 def _result(task: MomentTask, future: Future) -> Any:
-    """Return the result of a task, or its failure; raise a `ScexError` where the cluster failed."""
+    """Return the result of a task, or its failure; raise a `ScexError` if the cluster failed."""
     from distributed import KilledWorker
 
     try:

@@ -1,4 +1,4 @@
-"""Children of a moment: run and measured in a worker, scored, and as a table."""
+"""Children of a moment of a ranking: run and measured in a worker, scored, and as a table."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ class RankTask(MomentTask):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MomentPart:
-    """Children of one moment, measured.
+    """Measured children of one moment.
 
     Attributes:
         children: one row each, see `children_schema`.
-        tracks: INTERACTION columns of the children that are kept; None where none is.
+        tracks: INTERACTION columns of the kept children; None if none is kept.
     """
 
     children: pa.Table
@@ -86,7 +86,6 @@ def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart:
 
 
 def _fallbacks(part: Part) -> IntArray:
-    """(C,) plans of each child that are not its models' own."""
     if part.fallbacks is None:
         return np.zeros(len(part.children), dtype=np.int64)
     of_child = np.asarray(part.fallbacks["child"], dtype=np.int64)
@@ -95,7 +94,7 @@ def _fallbacks(part: Part) -> IntArray:
 
 
 def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
-    """For each child its critical encounters, see `pairs_of`."""
+    """Return the critical encounters of each child, see `pairs_of`."""
     assert part.encounters is not None
     found = encounters_of_rows(part.encounters)
     answers = answers_of(found)
@@ -108,16 +107,16 @@ def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
 
 
 def score_of(pairs: Sequence[IntArray]) -> FloatArray:
-    """(C,) score of children from their critical encounters.
+    """Return the scores (C,) of children from their critical encounters.
 
-    A collision counts 1 and its relative speed over 10 m/s; every critical encounter, collision or not, 0.1.
+    A collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
     """
     hard = [(rows[:, 2] * (1 + rows[:, 3] / (100 * HARD_MPS))).sum() for rows in pairs]
     return np.array(hard, dtype=np.float64) + CRITICAL_WEIGHT * np.array([len(rows) for rows in pairs])
 
 
 def choose_kept(score: FloatArray, keep: str, spare: int) -> BoolArray:
-    """(C,) whose tracks are kept: of ``critical`` those of the greatest score, the first of equals."""
+    """Return whose tracks (C,) are kept: of ``critical`` those of the greatest score above 0."""
     if keep != "critical":
         return np.full(len(score), keep == "all")
     kept = np.zeros(len(score), dtype=bool)
@@ -138,10 +137,10 @@ def _tracks(scene: SeedScene, parts: list[Part], kept: BoolArray) -> pa.Table:
 
 
 def children_schema(columns: Sequence[str]) -> pa.Schema:
-    """Columns of a moment's children; undefined metrics are null.
+    """Return the columns of a moment's children; undefined metrics are null.
 
-    ``fallbacks`` counts plans that are not the models' own; ``track_id`` and ``model`` have one entry for
-    each vehicle, ``critical_pairs`` four for each critical encounter, see `pairs_of`.
+    ``fallbacks`` counts fallback plans. ``track_id`` and ``model`` have one entry for each vehicle,
+    ``critical_pairs`` four for each critical encounter, see `pairs_of`.
     """
     return pa.schema(
         [
@@ -168,13 +167,13 @@ def children_table(
     models: Sequence[Sequence[str]],
     pairs: Sequence[IntArray],
 ) -> pa.Table:
-    """Rows of (C,) children, see `children_schema`.
+    """Return rows of (C,) children, see `children_schema`.
 
     Args:
         values: (C, M) of the metric columns.
         defined: (C, M).
         fallbacks: (C,).
-        kept: (C,) whose tracks are kept.
+        kept: (C,).
         track_ids: (V,).
         models: (C, V).
         pairs: (C,) of (E, 4), see `pairs_of`.
@@ -191,8 +190,8 @@ def children_table(
 
 
 def pairs_of(table: pa.Table) -> list[IntArray]:
-    """For each child its critical encounters (E, 4).
+    """Return the critical encounters (E, 4) of each child.
 
-    Rows are track_id, other_id, 1 where they collide, and their relative speed at impact in cm/s.
+    Rows are track_id, other_id, 1 in a collision, and the relative speed at impact in cm/s.
     """
     return [np.asarray(row, dtype=np.int64).reshape(-1, 4) for row in table["critical_pairs"].to_pylist()]

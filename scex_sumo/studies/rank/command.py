@@ -37,16 +37,14 @@ EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
 def rank_command(
     roots: Roots,
     every: Every = 1.0,
-    children: Annotated[int, Option(help="Children of a seed scene at most.")] = 96,
-    first: Annotated[int, Option(help="Children of every seed scene; more where ranks are close.")] = 32,
+    children: Annotated[int, Option(help="Futures of a seed scene at most.")] = 96,
+    first: Annotated[int, Option(help="Futures of every seed scene; more if ranks are close.")] = 32,
     min_vehicles: MinVehicles = 2,
     models: Models = None,
     preset: Preset = "both",
     metrics: Metrics = None,
     threshold: Thresholds = None,
-    keep: Annotated[
-        str, Option(metavar="none|critical|all", help="Children whose tracks are kept.")
-    ] = "none",
+    keep: Annotated[str, Option(metavar="none|critical|all", help="Futures whose tracks are kept.")] = "none",
     top: Annotated[int, Option(help="Moments on the page.")] = 10,
     seed: Seed = 0,
     workers: Processes = 1,
@@ -61,7 +59,7 @@ def rank_command(
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.studies.rank.rank import rank
 
-    with progress_bar("children") as tick, resumable("seeds", out):
+    with progress_bar("futures") as tick, resumable("seeds", out):
         ranking = rank(
             roots,
             out=out,
@@ -85,7 +83,7 @@ def rank_command(
         )
     warn(ranking.info["notes"])
     if ranking.info["fallbacks"]:
-        warn([f"{ranking.info['fallbacks']} plans are not the models' own; see column fallbacks"])
+        warn([f"{ranking.info['fallbacks']} plans come from fallback planners; see column fallbacks"])
     _warn_failures(ranking)
     _print_top(ranking)
     print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} children")
@@ -132,7 +130,7 @@ def _print_top(ranking: Ranking) -> None:
         )
     console = output_console(width=160)
     print_table(table, console)
-    about = "P(collision): stress test, driven as any of the models; encounters: critical ones of a future"
+    about = "P(collision): stress test; encounters: critical ones of a future"
     print_line(f"{about} on average; ranked by collisions, how hard they are, and these", console)
 
 

@@ -32,10 +32,11 @@ _PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
 
 
 class RankFolder(StudyFolder):
-    """Holds what a ranking has found so far.
+    """Folder of a ranking under way.
 
-    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all: its children need
-    not run again. Tracks are written before the children that they belong to.
+    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all. Tracks are
+    written
+    before the children that they belong to.
     """
 
     info, what = "rank.json", "ranking"
@@ -44,14 +45,8 @@ class RankFolder(StudyFolder):
     kept = (*(f"ranking.{end}" for end in ("parquet", "csv", "html")), _CHILDREN, _TRACKS, _SEEDS, REPORTS)
 
     def __init__(
-        self,
-        path: Path,
-        identity: Mapping[str, Any],
-        settings: RankSettings,
-        *,
-        overwrite: bool = False,
+        self, path: Path, identity: Mapping[str, Any], settings: RankSettings, *, overwrite: bool = False
     ) -> None:
-        """Claim a folder; ``settings`` say which columns and models its parts have."""
         self._columns = settings.run.columns
         self._schema = children_schema(self._columns)
         self._models = {str(spec) for spec in built(settings.models).drawn}
@@ -63,7 +58,7 @@ class RankFolder(StudyFolder):
         self._parts = dict(self._scan())
 
     def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:
-        """Parts by moment; damaged ones are removed, and their children run again."""
+        """Yield parts by moment; damaged ones are removed, so that their children run again."""
         for folder in (self.path / _CHILDREN).glob("location=*/seed=*"):
             spans = {}
             for file in sorted(folder.iterdir()):
@@ -79,7 +74,7 @@ class RankFolder(StudyFolder):
             yield folder.name.removeprefix("seed="), spans
 
     def listing(self, recording: str) -> Listing | None:
-        """Return the moments of a recording; None where it has not been listed, or the file is damaged."""
+        """Return the moments of a recording; None if it is not listed, or the file is damaged."""
         content = read_record(self._listing_file(recording))
         try:
             rows = content["seeds"]
@@ -99,11 +94,11 @@ class RankFolder(StudyFolder):
         return self.path / _SEEDS / f"{plain(recording)}.json"
 
     def has(self, ref: MomentRef, first: int) -> bool:
-        """Whether the part of a moment that begins with a child is there."""
+        """Whether the part of a moment that begins with child ``first`` is there."""
         return first in self._parts.get(ref.moment, {})
 
     def append(self, ref: MomentRef, part: MomentPart) -> None:
-        """Add children of a moment; those that are there stay as they are."""
+        """Add children of a moment, unless they are there."""
         numbers = part.children["child"]
         first, last = numbers[0].as_py(), numbers[-1].as_py()
         if self.has(ref, first):
@@ -120,7 +115,7 @@ class RankFolder(StudyFolder):
         return self.path / kind / f"location={ref.location}" / f"seed={ref.moment}" / name
 
     def read(self, ref: MomentRef, first: int) -> pa.Table:
-        """Read the part of a moment that begins with a child.
+        """Read the part of a moment that begins with child ``first``.
 
         Raises:
             ResultError: it is damaged.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +13,24 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scex_sumo.base.errors import ScexError
+from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.extrapolation.engine import RunOptions, run_scene
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.registry import COLLISION, metric_of
 from scex_sumo.reports.page.body import percent
 from scex_sumo.reports.page.charts import Plane
+from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.html import Html, element
+from scex_sumo.reports.page.report import filled_report
+from scex_sumo.reports.page.scene import scene_svg
 from scex_sumo.reports.page.study import Table, card, table, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.run import MomentTask, unpack_road
 from scex_sumo.studies.moments.settings import written
 from scex_sumo.studies.rank.folder import REPORTS
-from scex_sumo.studies.rank.moment_report import MomentReport, write_moment_report
 from scex_sumo.studies.rank.places import distinct_moments, nearby
 from scex_sumo.studies.rank.ranking_run import RankingRun
 
@@ -31,7 +39,7 @@ _ROWS = 1000
 _REASONS = 20
 _HOW = (
     "A seed scene is one moment of recorded traffic; its futures are what could come of it with "
-    "other drivers. Moments are ranked by how often and how hard vehicles collide in the children, and by "
+    "other drivers. Moments are ranked by how often and how hard vehicles collide in the futures, and by "
     "how many encounters are critical."
 )
 
@@ -70,21 +78,54 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
     return [refs[i].moment for i in chosen]
 
 
+@dataclass(frozen=True, kw_only=True)
+class _MomentReport:
+    """A written report, and the picture of its scene."""
+
+    path: Path
+    picture: Html
+
+
+def _write_report(
+    task: MomentTask, command: Sequence[str], path: Path, workers: Workers
+) -> _MomentReport | None:
+    """Run the children of a moment and write their report; None if they cannot be run.
+
+    Args:
+        task: the moment with its road.
+        command: runs the moment by itself; its last word is the folder.
+    """
+    assert task.road is not None
+    scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
+    settings = dataclasses.replace(task.settings.run, children=len(task.children))
+    folder = TemporaryFolder()
+    with folder:
+        try:
+            out = Path(folder.name) / "run"
+            options = RunOptions(compared=False)
+            run = run_scene(scene, settings, out=out, workers=workers, options=options)
+        except ScexError:
+            return None
+        info, arrays = report_contents(run, scene)
+        info |= {"folder": command[-1], "command": shlex.join(command)}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, filled_report(run, info, arrays).encode())
+        return _MomentReport(path=path, picture=scene_svg(info, arrays))
+
+
 def _write_reports(
     run: RankingRun, refs: Sequence[MomentRef], folder: Path, workers: Workers
-) -> dict[str, MomentReport]:
-    """Write reports of the moments whose children can be run; return them by moment."""
+) -> dict[str, _MomentReport]:
     found = {}
     for task in run.tasks(refs):
         path = folder / REPORTS / f"{task.ref.moment}.html"
-        report = write_moment_report(task, _command(run, task.ref), path, workers)
+        report = _write_report(task, _command(run, task.ref), path, workers)
         if report is not None:
             found[task.ref.moment] = report
     return found
 
 
 def _command(run: RankingRun, ref: MomentRef) -> list[str]:
-    """Command that runs a moment by itself."""
     recording = next(r for r in run.recordings if r.name == ref.recording)
     paths, models = recording.track_paths, run.settings.models
     words = ["scex-sumo", "run", str(recording.map_path)]
@@ -108,12 +149,11 @@ def _summary(run: RankingRun, ranking: pa.Table) -> str:
 
 def _moment(
     row: Mapping[str, Any],
-    report: MomentReport | None,
+    report: _MomentReport | None,
     beside: int,
     command: str,
     limits: Mapping[str, float],
 ) -> Html:
-    """Card of a moment: its picture, what happens there, and how to look closer."""
     name = row["seed"]
     title = element("h2", element("b", str(row["rank"])), f" {name}")
     where = f", case {row['case']}" if row["case"] else ""
@@ -146,7 +186,6 @@ def _critical(column: str, limit: float) -> str:
 
 
 def _share(words: str, row: Mapping[str, Any], name: str) -> Html:
-    """Share of the children with its interval, as a bar."""
     value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
     plane = Plane(x=(0.0, 1.0), width=200, height=10)
     drawn = [plane.box((0.0, value), (0.2, 0.8), "drawn"), plane.box((0.0, value), (0.2, 0.8), "drawn")]
@@ -158,11 +197,11 @@ def _share(words: str, row: Mapping[str, Any], name: str) -> Html:
 
 def _worst(row: Mapping[str, Any]) -> str:
     if row["worst_track_id"] is None:
-        return "Nobody comes near anybody critically."
+        return "No encounter is critical."
     pair = f"{row['worst_track_id']} and {row['worst_other_id']}"
     if row["worst_p_collision"] > 0:
-        return f"{pair} collide in {percent(row['worst_p_collision'])} of the children."
-    return f"{pair} meet critically in {percent(row['worst_p_critical'])} of the children."
+        return f"{pair} collide in {percent(row['worst_p_collision'])} of the futures."
+    return f"{pair} meet critically in {percent(row['worst_p_critical'])} of the futures."
 
 
 def _table(rows: Sequence[Mapping[str, Any]], limits: Mapping[str, float]) -> Table:
@@ -195,7 +234,7 @@ def _more(seeds: int) -> str:
 
 
 def _strips(ranking: pa.Table, tops: Sequence[Mapping[str, Any]]) -> list[Html]:
-    """Score over time of the recordings that the top moments come from."""
+    """Draw the score over time of the recordings that the top moments come from."""
     names = list(dict.fromkeys(row["recording"] for row in tops if not row["case"]))
     strips = []
     for name in names:

@@ -1,7 +1,6 @@
-"""Ranks of moments by score, with intervals, and which moments get more children in the next round.
+"""Ranks of moments by score, with intervals, and the moments that get more children.
 
-A round is decided from whole earlier rounds only. So workers, interruptions and the order in which moments
-finish do not change what is run.
+A round depends on whole earlier rounds only, not on workers, interruptions or the order of moments.
 """
 
 from __future__ import annotations
@@ -10,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.statistics.normal import normal_quantiles
 from scex_sumo.studies.moments.references import MomentRef
 
 DRAWS = 200
@@ -28,8 +27,8 @@ class Places:
     """Ranks of n moments, 1 the most critical.
 
     Attributes:
-        score: (n,) mean over the children, see `scex_sumo.studies.rank.children.score_of`.
-        rank: (n,) 1 plus the number of moments with a greater score, or an equal one and more severe.
+        score: (n,) mean over the children.
+        rank: (n,) 1 plus the number of more critical moments.
         low: (n,) best rank of the 95 % interval.
         high: (n,) worst rank of the 95 % interval.
     """
@@ -40,12 +39,12 @@ class Places:
     high: IntArray
 
     def order(self) -> list[int]:
-        """Indices, best first; equals in the order given."""
+        """Return indices, best first; equals in the order given."""
         return [int(i) for i in np.argsort(self.rank, kind="stable")]
 
 
 def severity_share(values: FloatArray) -> FloatArray:
-    """(n,) share of the other moments with smaller values (n, M), averaged over the metrics.
+    """Return shares (n,) of the other moments with smaller values (n, M), averaged over the metrics.
 
     Equal values count half; a single moment has 0.
     """
@@ -62,22 +61,16 @@ def severity_share(values: FloatArray) -> FloatArray:
 
 
 def place(
-    score: FloatArray,
-    error: FloatArray,
-    *,
-    severity: FloatArray | None = None,
-    seed: int,
-    draws: int = DRAWS,
+    score: FloatArray, error: FloatArray, *, severity: FloatArray | None = None, seed: int, draws: int = DRAWS
 ) -> Places:
-    """Rank moments by score, with intervals.
+    """Rank moments by score, then by `severity_share`, with 95 % intervals.
 
-    Moments of equal score are ranked by `severity_share`. For the interval, each score is drawn ``draws``
-    times from the normal distribution of its standard error, cut at 0; it holds the middle 95 % of the ranks.
+    Scores are drawn from the normal distribution of their standard error, cut at 0.
 
     Args:
         score: (n,) mean over the children; larger is more critical.
         error: (n,) its standard error.
-        severity: (n, M) typical value of each metric; larger is more critical, -inf where undefined.
+        severity: (n, M) typical value of each metric; larger is more critical, -inf if undefined.
 
     Source: Goldstein and Spiegelhalter 1996, 5.2.
     """
@@ -85,7 +78,7 @@ def place(
     if len(score) < 2:
         return Places(score=score, rank=rank, low=rank, high=rank)
     level = (_levels(len(score), draws, seed) + 0.5) / draws
-    possible = np.maximum(score[:, None] + error[:, None] * normal_quantiles(level), 0.0)
+    possible = np.maximum(score[:, None] + error[:, None] * ndtri(level), 0.0)
     drawn = np.sort(np.stack([_ranks(possible[:, d]) for d in range(draws)]), axis=0)
     tail = (1 - CONFIDENCE) / 2
     low, high = drawn[int(tail * draws)], drawn[draws - 1 - int(tail * draws)]
@@ -94,16 +87,15 @@ def place(
 
 
 def mean_score(values: FloatArray, intervals: DesignIntervals) -> tuple[float, float]:
-    """Mean of the scores (C,) of children, and its standard error under their design.
+    """Return the mean of the scores (C,) of children, and its standard error under their design.
 
-    Half a child of another score is added: equal children do not prove that the next one is equal, too.
+    Half a child of another score is added: equal children do not prove that the next one is equal.
     """
     variance = float(intervals.variance(values[:, None])[0]) + (0.5 / (len(values) + 1)) ** 2
     return float(values.mean()), float(np.sqrt(variance))
 
 
 def _refined(score: FloatArray, second: FloatArray) -> FloatArray:
-    """Score that orders by the first, and equal ones by the second."""
     _, place = np.unique(np.stack([score, second], axis=-1), axis=0, return_inverse=True)
     return np.asarray(place.reshape(-1), dtype=np.float64)
 
@@ -114,7 +106,7 @@ def _ranks(score: FloatArray) -> IntArray:
 
 
 def _levels(count: int, draws: int, seed: int) -> IntArray:
-    """(count, draws) the numbers 0 to draws - 1 in random order for each moment."""
+    """Return the numbers 0 to draws - 1 (count, draws) in random order for each moment."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, _STREAM)))
     levels = np.broadcast_to(np.arange(draws, dtype=np.int64), (count, draws))
     return rng.permuted(levels, axis=1)
@@ -125,8 +117,8 @@ class Tally:
     """Result of a moment in one round.
 
     Attributes:
-        children: how many ran in it.
-        score: mean of all its children up to this round.
+        children: of this round.
+        score: mean of all its children so far.
         kept: children of this round whose tracks are kept.
     """
 
@@ -137,7 +129,7 @@ class Tally:
 
 
 def round_ends(children: int, first: int) -> list[int]:
-    """Number of children of a moment after each round: doubled each time, up to ``children``."""
+    """Return the number of children after each round: doubled each time, up to ``children``."""
     ends = [min(first, children)]
     while ends[-1] < children:
         ends.append(min(2 * ends[-1], children))
@@ -154,13 +146,11 @@ def current_places(refs: Sequence[MomentRef], tallies: Mapping[str, Sequence[Tal
 def undecided(
     refs: Sequence[MomentRef], tallies: Mapping[str, Sequence[Tally]], number: int, *, top: int, seed: int
 ) -> list[MomentRef]:
-    """Return the moments that get more children in a round.
-
-    They had children in the round before, may be among the moments on the page, and their rank is uncertain.
+    """Return the moments of the round before that may reach the page and whose rank is uncertain.
 
     Args:
-        refs: all moments that have not failed, in the order of the dataset.
-        tallies: by moment, its rounds; those from ``number`` on are ignored.
+        refs: moments without failure, in the order of the dataset.
+        tallies: rounds by moment; those from ``number`` on are ignored.
         number: of the round to come, from 1.
     """
     before = {ref.moment: list(tallies[ref.moment])[:number] for ref in refs if tallies.get(ref.moment)}
@@ -178,9 +168,7 @@ def undecided(
 
 
 def distinct_moments(refs: Sequence[MomentRef], order: Sequence[int], top: int) -> list[int]:
-    """Return the ``top`` best moments that show different situations, as indices, best first.
-
-    Of moments of one recording less than `NEARBY_S` apart only the best counts; cases are all different.
+    """Return the ``top`` moments that show different situations, as indices, best first.
 
     Args:
         order: indices of the moments, best first.
@@ -195,7 +183,7 @@ def distinct_moments(refs: Sequence[MomentRef], order: Sequence[int], top: int) 
 
 
 def nearby(one: MomentRef, other: MomentRef) -> bool:
-    """Whether two moments show the same situation, or are the same."""
+    """Whether two moments show the same situation."""
     if one.recording != other.recording or one.case or other.case:
         return one.moment == other.moment
     return abs(one.time_s - other.time_s) < NEARBY_S

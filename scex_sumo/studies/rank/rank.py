@@ -1,4 +1,4 @@
-"""Rank the moments of a dataset: from its recordings to the folder with table and page."""
+"""Rank the moments of a dataset, from its recordings to the folder with table and page."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Ranking:
     """A finished ranking.
 
     Attributes:
-        table: one row for each moment, see `scex_sumo.studies.rank.table.schema`; failed ones at the end.
+        table: one row for each moment, see `scex_sumo.studies.rank.table.schema`; failures last.
         info: content of ``rank.json``.
 
     Example:
@@ -65,7 +65,7 @@ def rank(
     """Run every moment of a dataset a few times, the promising ones more often, and rank them.
 
     Args:
-        roots: folders of recordings, or single files, as `find_recordings` takes them.
+        roots: folders of recordings, or single files.
         out: folder of the ranking; an interrupted one goes on.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
@@ -73,14 +73,11 @@ def rank(
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
         progress: called with (children done, children expected).
-        run: models, steps, replan, preset, metrics, seed and thresholds, as of `extrapolate`.
-
-    Returns:
-        The ranking, which depends on neither ``workers`` nor ``cluster``, nor on interruptions.
+        run: settings as of `extrapolate`.
 
     Raises:
         UsageError: an argument makes no sense.
-        TrackError: no recordings, or no moment in them.
+        TrackError: no moment can be run.
         ResultError: the folder cannot be written or holds something else.
 
     Example:

@@ -25,7 +25,7 @@ Progress = Callable[[int, int], None]
 
 
 class RankingRun:
-    """A ranking under way; only it writes the folder.
+    """A ranking under way.
 
     Attributes:
         unreadable: failures by recording; the next run tries these again.
@@ -40,7 +40,7 @@ class RankingRun:
         workers: MomentWorkers,
         progress: Progress | None = None,
     ) -> None:
-        """Load what an earlier, interrupted run of the same ranking has done."""
+        """Load the results of an earlier, interrupted run of the same ranking."""
         self.recordings, self.settings = recordings, settings
         self._folder, self._workers, self._progress = folder, workers, progress
         self._ends = round_ends(settings.children, settings.first)
@@ -76,7 +76,7 @@ class RankingRun:
         return [self._folder.read(ref, first) for first in self._starts[: len(self.tallies[ref.moment])]]
 
     def run(self) -> None:
-        """Run all rounds, or what is left of them."""
+        """Run all rounds that have not run."""
         for number, span in enumerate(map(range, self._starts, self._ends)):
             chosen = None if number == 0 else self._chosen(number)
             self._begin_round(span, chosen)
@@ -94,7 +94,7 @@ class RankingRun:
                 items.close()  # ends the thread, wherever the workers have stopped
 
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
-        """Yield tasks that run some moments once more, with all the children that they have."""
+        """Yield tasks that run moments once more, with all their children."""
         names = {ref.moment for ref in refs}
         items = moment_tasks(
             self._readable(),
@@ -140,13 +140,11 @@ class RankingRun:
         return {ref.moment for ref in undecided(self.listed, self.tallies, number, top=top, seed=seed)}
 
     def _open(self, ref: MomentRef, span: range, chosen: set[str] | None) -> bool:
-        """Whether a round has still to run a moment."""
         if chosen is not None and ref.moment not in chosen:
             return False
         return ref.moment not in self.failures and not self._folder.has(ref, span.start)
 
     def _enter(self, listing: Listing) -> None:
-        """Enter the moments of a recording, and their kept parts."""
         self.listings[listing.recording] = listing
         for ref in listing.moments:
             for first in self._starts:
@@ -155,7 +153,6 @@ class RankingRun:
                 self._count(ref, self._folder.read(ref, first))
 
     def _count(self, ref: MomentRef, children: pa.Table) -> None:
-        """Enter the children of a moment in a round."""
         models, scores = self._scores.setdefault(ref.moment, ([], []))
         models.extend(children["model"].to_pylist())
         scores.extend(score_of(pairs_of(children)).tolist())
@@ -177,7 +174,7 @@ class RankingRun:
         self._tick(0)
 
     def _expect(self, children: int) -> None:
-        """Estimate the total of the first round: all recordings have as many moments as those listed."""
+        """Estimate the total of the first round from the recordings listed so far."""
         known = len(self.listings) + len(self.unreadable)
         moments = sum(len(listing.moments) for listing in self.listings.values())
         expected = moments * len(self.recordings) / known if known else len(self.recordings)

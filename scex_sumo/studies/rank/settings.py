@@ -1,4 +1,4 @@
-"""Ranking settings: what decides on the values of a ranking, checked where it is made."""
+"""Ranking settings: the values that identify a ranking."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ KEEP = ("none", "critical", "all")
 
 @dataclass(frozen=True, kw_only=True)
 class RankSettings(StudySettings):
-    """Settings of a ranking; ``run.children`` are those of a moment at most.
+    """Settings of a ranking; ``run.children`` is the maximum of a moment.
 
     Attributes:
-        first: children that every moment gets.
+        first: children of every moment.
         top: moments on the page; more children settle their ranks.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
 
@@ -43,11 +43,11 @@ class RankSettings(StudySettings):
         object.__setattr__(self, "first", min(self.first, self.children))
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
-        """Return what tells the ranking of some recordings from others."""
+        """Return the values that identify the ranking of some recordings."""
         return self.identity(recordings, first=self.first, top=self.top, keep=self.keep)
 
     def intervals(self, models: Sequence[Sequence[str]]) -> DesignIntervals:
-        """Intervals over children with (C, V) models."""
+        """Return the intervals of children with (C, V) models."""
         drawn = built(self.models).drawn
         index = {str(spec): number for number, spec in enumerate(drawn)}
         levels = np.array([[index[name] for name in row] for row in models], dtype=np.int64)

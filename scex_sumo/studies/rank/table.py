@@ -30,7 +30,7 @@ _ENDS = ("", "_low", "_high")
 
 
 def ranking_table(run: RankingRun) -> pa.Table:
-    """Make the table of a ranking whose moments have all run.
+    """Return the table of a ranking whose moments have all run.
 
     Raises:
         TrackError: no moment has a result.
@@ -57,7 +57,7 @@ def ranking_table(run: RankingRun) -> pa.Table:
 
 
 def schema(settings: RankSettings) -> pa.Schema:
-    """Columns of the table: rank and score, moment, collisions, worst pair, metrics, failure."""
+    """Return the columns: rank and score, moment, collisions, worst pair, metrics, failure."""
     fields = [("rank", pa.int64()), ("rank_low", pa.int64()), ("rank_high", pa.int64())]
     fields += [("score", pa.float64()), ("score_error", pa.float64())]
     fields += [(name, pa.string()) for name in ("seed", "location", "recording", "case")]
@@ -77,7 +77,7 @@ def schema(settings: RankSettings) -> pa.Schema:
 def moment_row(
     ref: MomentRef, parts: Sequence[pa.Table], tally: Tally, settings: RankSettings
 ) -> dict[str, Any]:
-    """Row of a moment without its rank, from all parts of its children and their tally."""
+    """Return the row of a moment without its rank, from its children and their tally."""
     children = pa.concat_tables(parts)
     intervals = settings.intervals(children["model"].to_pylist())
     pairs = pairs_of(children)
@@ -101,7 +101,6 @@ def _share(name: str, found: Interval) -> dict[str, float]:
 
 
 def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str, Any]:
-    """Critical encounters: shares, means of a child, and the pair that is critical most often."""
     collides = np.array([rows[:, 2].any() for rows in pairs])
     every = np.concatenate(pairs)
     row: dict[str, Any] = _share("p_collision", intervals.share(collides))
@@ -118,12 +117,12 @@ def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str,
 
 
 def failed_row(failure: Failure) -> dict[str, Any]:
-    """Row of a moment or recording without a result."""
+    """Return the row of a moment or recording without a result."""
     return as_row(failure) | {"children": 0, "failure": failure.reason}
 
 
 def tabulate(rows: Iterable[dict[str, Any]], settings: RankSettings) -> pa.Table:
-    """Make a table of rows, a few at a time."""
+    """Return a table of rows, made of a few rows at a time."""
     wanted, waiting = schema(settings), iter(rows)
     tables = [wanted.empty_table()]
     while chunk := list(islice(waiting, _ROWS_AT_ONCE)):
@@ -132,7 +131,7 @@ def tabulate(rows: Iterable[dict[str, Any]], settings: RankSettings) -> pa.Table
 
 
 def placed(table: pa.Table, thresholds: Mapping[str, float], *, seed: int) -> pa.Table:
-    """Sort rows of moments by rank, the most critical first; equals stay in the order given."""
+    """Sort rows of moments by rank, the most critical first."""
     medians = np.stack([_larger_is_worse(table, column) for column in thresholds], axis=-1)
     found = place(np.asarray(table["score"]), np.asarray(table["score_error"]), severity=medians, seed=seed)
     values = {"rank": found.rank, "rank_low": found.low, "rank_high": found.high}

@@ -1,4 +1,4 @@
-"""``scex-sumo sample-size``: how many children are enough, with all assignments as the truth."""
+"""``scex-sumo sample-size``: how many futures are enough, with all assignments as the truth."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _sizes(text: str) -> tuple[int, ...]:
 
 
 def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield how far the shares of samples are from those of all assignments, for each design and size."""
+    """Yield the errors of the shares of samples, for each design and size."""
     from numpy import median
 
     for design, size in dict.fromkeys((row["design"], row["size"]) for row in rows):
@@ -138,7 +138,7 @@ def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
         if ks := {row["metric"]: row["ks_p95"] for row in part if row["ks_p95"] is not None}:
             worst = max(ks, key=ks.__getitem__)
             yield (
-                f"{size} children, {design}: 95 % of samples have shares right within "
+                f"{size} futures, {design}: 95 % of samples have shares right within "
                 f"{median([*ks.values()]):.2f}; {worst} within {ks[worst]:.2f}"
             )
 
@@ -151,7 +151,7 @@ def _table(rows: list[dict[str, Any]], run: Run, draws: int) -> Table:
         title=f"{scene['name']}: samples of {run.children} assignments, {draws} draws each",
         title_justify="left",
         caption="from all assignments, median and 95 % of the samples: KS largest difference of a share of "
-        "children, W1 in the metric's unit, JSD 0 to 1",
+        "futures, W1 in the metric's unit, JSD 0 to 1",
         caption_justify="left",
     )
     for name in ("metric", "design"):

@@ -1,4 +1,4 @@
-"""Page of a study of the sample size: how near fewer children come to all assignments."""
+"""Page of a study of the sample size."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def write_sample_size(
     errors = dict(zip(designs, _KINDS, strict=False))
     how_far = card(
         "How far samples are from all assignments",
-        "The largest difference of the shares of children at or below any value (Kolmogorov-Smirnov): of "
+        "The largest difference of the shares of futures at or below any value (Kolmogorov-Smirnov): of "
         f"{draws} samples of each size the median, and the size that 95 % of them stay below (dashed).",
         line_legend(
             [*((kind, name) for name, kind in errors.items()), ("soft", "known bound, independent draws")]
@@ -54,7 +54,7 @@ def write_sample_size(
     )
     return write_study(
         path,
-        f"How many children are enough: {scene['name']}",
+        f"How many futures are enough: {scene['name']}",
         about,
         how_far,
         what,
@@ -77,7 +77,6 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
 
 
 def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, str]) -> Html:
-    """Distance over the number of children, both logarithmic."""
     known = [row for row in rows if row["metric"] == column and row["ks_median"] is not None]
     sizes = sorted({int(row["size"]) for row in rows})
     span_x = (np.log10(sizes[0]) - 0.05, np.log10(sizes[-1]) + 0.05) if sizes else (0.0, 1.0)
@@ -91,7 +90,7 @@ def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, 
         size, middle, high = np.log10(np.maximum(np.array(found, dtype=float).T, _FEWEST))
         parts += [plane.line(size, middle, kind), plane.line(size, high, kind, dashed=True)]
         parts += [
-            plane.dot(x, y, kind, title=f"{10**x:.0f} children: {10**y:.3f}")
+            plane.dot(x, y, kind, title=f"{10**x:.0f} futures: {10**y:.3f}")
             for x, y in zip(size.tolist(), middle.tolist(), strict=True)
         ]
     parts += [plane.words(plane.x[0], y, f"{10**y:g}", anchor="start") for y in (-2.0, -1.0)]

@@ -21,9 +21,9 @@ _OFF_ROAD_M = 1e6  # farther than any vehicle on the road
 def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
     """Choose a group of vehicles around the closest encounter, as ascending indices.
 
-    All vehicles go straight on for 3 s. The two on mapped lanes that come nearest to each other are taken
-    first, then always the one that comes nearest to any of those taken. Two standing ones count as 1 km
-    apart: else every queue would be the closest encounter. Vehicles off the lanes come last.
+    At constant velocity for 3 s, the two vehicles on lanes that come nearest to each other are taken first,
+    then
+    always the one that comes nearest to any taken. Two standing ones count as 1 km apart.
 
     Raises:
         UsageError: the seed scene has fewer than ``count`` vehicles.
@@ -53,7 +53,7 @@ def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
 
 
 def _nearest_approach(scene: SeedScene) -> FloatArray:
-    """(V, V) smallest distance of the centres within 3 s at constant velocity, m."""
+    """Return the smallest distance (V, V) of the centres within 3 s at constant velocity, m."""
     now = scene.now
     x, y = now.x, now.y
     vx, vy = now.speed * np.cos(now.heading), now.speed * np.sin(now.heading)

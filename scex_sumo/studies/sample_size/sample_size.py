@@ -1,4 +1,4 @@
-"""Sample size: all assignments as the truth, and how far fewer children are from it."""
+"""Sample size: all assignments as the truth, and the error of fewer children."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def truth(
     command: Sequence[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Run:
-    """Run every assignment of a seed scene, or open the result where that has been done before.
+    """Run every assignment of a seed scene, or open the result of an earlier run.
 
     Args:
         out: result folder; an interrupted run goes on.
@@ -80,7 +80,7 @@ def truth(
 
 
 def subsets(count: int, size: int, draws: int, *, seed: int = 0) -> IntArray:
-    """(D, size) random subsets of ``count`` children."""
+    """Return random subsets (D, size) of ``count`` children."""
     rngs = (np.random.default_rng([seed, size, draw]) for draw in range(draws))
     return np.stack([rng.permutation(count)[:size] for rng in rngs])
 
@@ -88,14 +88,14 @@ def subsets(count: int, size: int, draws: int, *, seed: int = 0) -> IntArray:
 def designed(
     design: str, models: int, vehicles: int, size: int, draws: int, *, seed: int = 0
 ) -> tuple[IntArray, ...]:
-    """Draw children that repetitions of a design would run.
+    """Return the children that repetitions of a design would run.
 
     Args:
         design: one of `scex_sumo.statistics.designs.DESIGNS`.
         models: number of models, equally frequent.
 
     Returns:
-        D arrays (size,), numbered as `scex_sumo.extrapolation.assignments.all_assignments` does.
+        D arrays (size,), numbered as by `scex_sumo.extrapolation.assignments.all_assignments`.
     """
     check_design(design)
     shares = [np.full(models, 1 / models)] * vehicles
@@ -115,16 +115,15 @@ def study(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Median and 95th percentile of the distances of repeated smaller samples to all children.
+    """Return median and 95th percentile of the distances of smaller samples to all children.
+
+    Rows of metric, design, size, draws, defined_draws, and median and p95 of ks, w1 and jsd; None if
+    undefined.
 
     Args:
         sizes: numbers of children; those above the number of assignments are left out.
-        designs: ``random`` takes subsets without replacement, as the paper does; ``balanced`` its designs.
+        designs: ``random``: subsets without replacement; ``balanced``: its designs.
         progress: called with (metrics done, metrics in all).
-
-    Returns:
-        Rows of metric, design, size, draws, defined_draws, and median and p95 of ks, w1 and jsd; None where
-        the metric is defined in no draw.
     """
     models, vehicles = len(run.info["models"]), run.info["seed_scene"]["vehicles"]
     if run.children != models**vehicles:

@@ -1,1 +1,1 @@
-"""Validation: seed scenes of recordings run with a mix of models and compared with what really happened."""
+"""Validation: a mix of models against what really happened in recordings."""

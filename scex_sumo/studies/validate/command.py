@@ -22,7 +22,7 @@ def validate_command(
     roots: Roots,
     models: Models = None,
     every: Every = 1.0,
-    children: Annotated[int, Option(help="Children of a seed scene.")] = 96,
+    children: Annotated[int, Option(help="Futures of a seed scene.")] = 96,
     min_vehicles: MinVehicles = 2,
     part: Annotated[
         str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")
@@ -79,7 +79,7 @@ def _print_scores(done: Validation) -> None:
         f"{info['mean_brier_base_rate']:.3f}; P(collision) {collisions_in(info)}"
     )
     print_line(told, console)
-    about = "skill: 1 perfect, 0 as good as the base rate, what was so at the start, constant velocity"
+    about = "skill: 1 perfect, 0 as good as the base rate, the seed moment, constant velocity"
     table = Table(title="events", title_justify="left", caption=about, caption_justify="left")
     skills = ("skill_base_rate", "skill_seed_moment", "skill_constant_velocity")
     for name in (

@@ -17,7 +17,7 @@ _MOMENTS = "moments"
 
 
 class ForecastFolder(StudyFolder):
-    """Holds the forecasts of the moments that have run: ``moments/NAME/children.parquet`` and four more."""
+    """Folder of the forecasts of moments: ``moments/NAME/children.parquet`` and four more tables."""
 
     info, what, another, kept = "validate.json", "validation", "another validation", (_MOMENTS,)
     evidence = ("events.parquet", "values.parquet", "positions.parquet", _MOMENTS)
@@ -30,7 +30,6 @@ class ForecastFolder(StudyFolder):
         *,
         overwrite: bool = False,
     ) -> None:
-        """Claim a folder; ``settings`` say which columns its tables have."""
         self._schemas = forecast_schemas(settings)
         self._columns = asked_of(settings).columns
         self._children = list(range(settings.children))
@@ -60,7 +59,7 @@ class ForecastFolder(StudyFolder):
             write_table(self.path / _MOMENTS / ref.moment / f"{name}.parquet", getattr(forecast, name))
 
     def read(self, ref: MomentRef) -> Forecast:
-        """Read the forecast of a moment that has run.
+        """Read the forecast of a moment.
 
         Raises:
             ResultError: it is damaged.

@@ -1,4 +1,4 @@
-"""Forecast a moment in a worker: its children beside what really happened, measured by the same code."""
+"""Forecast of a moment in a worker: its children and what really happened, measured by the same code."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, r
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.studies.moments.references import Failure
 from scex_sumo.studies.moments.run import MomentTask, attempt, compared
@@ -40,7 +41,7 @@ class Forecast:
         vehicles: see `position_forecasts`.
         encounters: see `gap_forecasts`.
         realism: one row with the score and the likelihood of each feature.
-        seen: metric columns and ``collision`` of each child as it would have been recorded.
+        seen: metric columns and ``collision`` of each child with errors of boxes, see `as_recorded`.
         children: the same of each child as driven, and of `COMPARED`.
     """
 
@@ -52,7 +53,7 @@ class Forecast:
 
 
 def forecast_schemas(settings: StudySettings) -> dict[str, pa.Schema]:
-    """Columns of the tables of a `Forecast`; undefined metrics are null."""
+    """Return the columns of the tables of a `Forecast`; undefined metrics are null."""
     metrics = [(name, pa.float64()) for name in asked_of(settings).columns]
     children = pa.schema([("child", pa.int32()), *metrics, ("collision", pa.bool_())])
     return {
@@ -65,7 +66,7 @@ def forecast_schemas(settings: StudySettings) -> dict[str, pa.Schema]:
 
 
 def asked_of(settings: StudySettings) -> RunSettings:
-    """Settings of a moment's run: all metrics, and plans, which errors of boxes move, too."""
+    """Return the settings of a moment's run: all metrics, and plans."""
     return dataclasses.replace(settings.run, preset="both", metrics=None, keep_plans=True)
 
 
@@ -81,7 +82,7 @@ class ForecastTask(MomentTask):
 
 
 def validate_moment(task: ForecastTask, road: bytes | None = None) -> Forecast | Failure:
-    """Run the children of a task beside its recording; or return the moment's failure."""
+    """Run the children of a task; or return the moment's failure."""
     return attempt(_forecast, task, road)
 
 
@@ -162,21 +163,22 @@ def _run(
 
 
 def _joined(plans: Sequence[FloatArray | None]) -> FloatArray:
-    """Concatenate the plans of all batches; empty where they were not kept."""
     return np.concatenate([plan for plan in plans if plan is not None] or [np.empty(0)])
 
 
 def _seen(
-    scene: SeedScene,
-    settings: RunSettings,
-    children: _Children,
-    noise: BoxNoise,
-    rng: np.random.Generator,
+    scene: SeedScene, settings: RunSettings, children: _Children, noise: BoxNoise, rng: np.random.Generator
 ) -> _Children:
-    """Measure children as they would have been recorded."""
     seen = as_recorded(scene, children.driven, noise, rng)
     counted = recorded_steps_of(scene, settings.steps)
-    found = measure_outcome(scene, seen, metrics=settings.measured, preset=settings.rule, counted=counted)
+    found = measure_outcome(
+        scene,
+        seen,
+        metrics=settings.measured,
+        preset=settings.rule,
+        counted=counted,
+        limit_m2=OVERLAP_M2,
+    )
     collided = np.zeros(len(seen.children), dtype=bool)
     collided[found.collisions.child] = True
     values = np.where(found.values.defined, found.values.values, np.nan)
@@ -184,7 +186,6 @@ def _seen(
 
 
 def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
-    """(V,) vehicles with a recorded future of so many steps."""
     if scene.future_valid is None or scene.future_valid.shape[1] < steps:
         return np.zeros(scene.vehicles, dtype=bool)
     whole: BoolArray = np.all(scene.future_valid[:, :steps], axis=1)

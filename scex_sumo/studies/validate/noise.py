@@ -1,8 +1,7 @@
-"""Noise of a recording's boxes, and children as that recording would have shown them.
+"""Noise of a recording's boxes, and children with this noise.
 
-A recorded extremum over all pairs picks the largest error of the boxes: children to compare with it need the
-same errors. These are the differences of a track from its smoothed course; whole pieces of them are added to
-the children.
+A recorded extremum over all pairs picks the largest error of the boxes, so children need the same errors to
+be compared. An error is the difference of a track from its smoothed course.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ MIN_PIECES, MAX_PIECES = 10, 200
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoxNoise:
-    """Pieces of the errors of boxes along their way, m, across it, m, of heading, rad, and of speed, m/s.
+    """Pieces of the errors of boxes: along their way, m, across it, m, of heading, rad, of speed, m/s.
 
     Attributes:
-        moving: (D, 61, 4) of vehicles that move all the time; empty where there are too few.
-        standing: (D, 61, 4) of vehicles that stand, likewise.
+        moving: (D, 61, 4) of vehicles that move all the time; empty if there are too few.
+        standing: (D, 61, 4) of vehicles that stand; empty if there are too few.
     """
 
     moving: FloatArray
@@ -39,11 +38,11 @@ class BoxNoise:
 
 
 def box_noise(rows: TrackRows, until_s: float) -> BoxNoise:
-    """Find the errors of the boxes of a recording.
+    """Return the errors of the boxes of a recording.
 
     Args:
         rows: vehicles at 10 Hz.
-        until_s: later rows are left out, unless the others give too few pieces.
+        until_s: later rows count only if the others give too few pieces.
     """
     none = np.empty((0, STEPS + 1, 4))
     if not len(rows):
@@ -67,7 +66,7 @@ def box_noise(rows: TrackRows, until_s: float) -> BoxNoise:
 
 
 def _errors(rows: TrackRows) -> FloatArray:
-    """(N, 4) differences of rows from their smoothed courses."""
+    """Return differences (N, 4) of rows from their smoothed courses."""
     time_s, heading = rows.timestamp_ms / 1000.0, rows.psi_rad.copy()
     for b, e in zip(*rows.pieces, strict=True):
         heading[b : e + 1] = np.unwrap(heading[b : e + 1])
@@ -81,7 +80,7 @@ def _errors(rows: TrackRows) -> FloatArray:
 def as_recorded(scene: SeedScene, driven: Rollout, noise: BoxNoise, rng: np.random.Generator) -> Rollout:
     """Add errors of boxes to the states and plans of children, starting from none at the seed scene.
 
-    Each vehicle of each child gets a random piece of ``noise``, as it moves or stands in the seed scene.
+    Each vehicle of each child gets a random piece of ``noise``, of vehicles that move or stand as it does.
     """
     count, steps, vehicles = driven.states.shape
     piece = np.zeros((count, vehicles, STEPS + 1, 4))
@@ -109,6 +108,5 @@ def as_recorded(scene: SeedScene, driven: Rollout, noise: BoxNoise, rng: np.rand
 
 
 def _turned(heading: FloatArray, along: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Offsets in x and y from those along and across headings."""
     cos, sin = np.cos(heading), np.sin(heading)
     return cos * along - sin * across, sin * along + cos * across

@@ -18,15 +18,15 @@ from scex_sumo.reports.run_table import counted
 HTML = "validation.html"
 _BRIER = "95 % interval of the Brier score, recordings drawn with replacement"
 _RESOLUTION = "Part of the score: how different the outcomes of forecasts are; more is better"
-_AS_RECORDED = "Of children as they would have been recorded"
+_AS_RECORDED = "Of futures with errors of the boxes"
 _EVENT_HEADS = (
     ("event", "event", "text", ""),
-    ("happened", "happened", "percent", "Share of the moments in which it was recorded"),
-    ("forecast", "forecast", "percent", "Mean probability that the children gave it"),
+    ("happened", "happened", "percent", "Share of the moments with the event"),
+    ("forecast", "forecast", "percent", "Mean probability that the futures gave it"),
     ("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
     ("brier_constant_velocity", "constant velocity", "real", "Brier score if all go on as they do"),
     ("uncertainty", "base rate", "real", "Brier score of the share that happened; no forecast changes it"),
-    ("brier_seen", "as recorded", "real", "Brier score of children as they would have been recorded"),
+    ("brier_seen", "as recorded", "real", "Brier score of futures with errors of the boxes"),
     ("brier_low", "Brier from", "real", _BRIER),
     ("brier_high", "to", "real", _BRIER),
     ("reliability", "reliability", "real", "Part of the score: error of the probabilities; 0 is best"),
@@ -41,11 +41,11 @@ _EVENT_HEADS = (
 _VALUE_HEADS = (
     ("column", "value", "text", ""),
     ("count", "cases", "text", ""),
-    ("crps", "CRPS", "real", "Distance of the children's distribution from the recorded value, in its unit"),
+    ("crps", "CRPS", "real", "Distance of the futures' distribution from the recorded value, in its unit"),
     ("crps_skill", "better than constant velocity", "real", "1: perfect, 0: no better, below: worse"),
     ("crps_skill_seen", "as recorded", "real", _AS_RECORDED),
-    ("coverage_driven", "within 5 – 95 %", "percent", "Recorded values within the children's as driven"),
-    ("coverage", "as recorded", "percent", "Within the children's as they would have been recorded"),
+    ("coverage_driven", "within 5 – 95 %", "percent", "Recorded values within the futures' as driven"),
+    ("coverage", "as recorded", "percent", "Within the futures' with errors of the boxes"),
     ("coverage_low", "from", "percent", "95 % interval of that share"),
     ("coverage_high", "to", "percent", "95 % interval of that share"),
 )
@@ -53,11 +53,11 @@ _POSITION_HEADS = (
     ("second", "after [s]", "text", ""),
     ("moving", "moving", "text", "Whether only vehicles that move count"),
     ("vehicles", "vehicles", "text", ""),
-    ("error_of_mean_m", "of the mean", "metres", "Distance of the children's mean from the recorded place"),
-    ("mean_error_m", "mean", "metres", "Mean distance of a child from the recorded place"),
-    ("least_error_m", "least", "metres", "Distance of the nearest child"),
+    ("error_of_mean_m", "of the mean", "metres", "Distance of the futures' mean from the recorded place"),
+    ("mean_error_m", "mean", "metres", "Mean distance of a future from the recorded place"),
+    ("least_error_m", "least", "metres", "Distance of the nearest future"),
     ("constant_velocity_error_m", "constant velocity", "metres", "Distance where all go on as they do"),
-    ("along_coverage_driven", "along, within 5 – 95 %", "percent", "Recorded places within the children's"),
+    ("along_coverage_driven", "along, within 5 – 95 %", "percent", "Recorded places within the futures'"),
     ("along_coverage", "as recorded", "percent", _AS_RECORDED),
     ("across_coverage_driven", "across, within 5 – 95 %", "percent", "The same across the way"),
     ("across_coverage", "as recorded", "percent", _AS_RECORDED),
@@ -72,13 +72,13 @@ def write_validation_page(
 
     Args:
         info: content of ``validate.json``.
-        rows: events, values and positions, as `scex_sumo.studies.validate.scoring` gives them.
+        rows: events, values and positions, see `scex_sumo.studies.validate.scoring`.
     """
     events, values = rows["events"], rows["values"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
     found = [
         _summary(info),
-        card("Events", "How probable the children called what then happened, or not.", table_place("events")),
+        card("Events", "Probability that the futures gave to recorded events.", table_place("events")),
         card(
             "Do probabilities hold?",
             "Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its area is the "
@@ -87,19 +87,19 @@ def write_validation_page(
         ),
         card(
             "Values",
-            "As recorded: with errors like those of the boxes put onto the children, for what was "
-            "recorded carries such errors, too.",
+            "Times count up to 10 s, 1/TTC up to 10 1/s, DRAC up to 20 m/s². As recorded: futures with "
+            "errors of the boxes like those of the recording.",
             table_place("values"),
         ),
         card(
             "Is the spread right?",
-            "Ranks of the recorded value among the children: flat (the line) where the children are like "
+            "Ranks of the recorded value among the futures: flat (the line) where the futures are like "
             "it, high at both ends where they spread too little, high at one where they are off.",
             plots(*(_ranks(printed_name(row["column"]), row["ranks"]) for row in values)),
         ),
         card(
             "Positions",
-            "How far the children are from where the vehicles really went.",
+            "Distance of the futures from the recorded places.",
             table_place("positions"),
         ),
         *_failures(info["failed"]),
@@ -107,7 +107,7 @@ def write_validation_page(
     tables = {name: _table(heads, rows[name]) for name, heads in _HEADS.items()}
     about = (
         f"{counted(info['seeds'], 'seed scene')} of {counted(info['recordings'], 'recording')}, "
-        f"{info['children']} children each, part of the recordings: {info['part']}"
+        f"{info['children']} futures each, part of the recordings: {info['part']}"
     )
     title = f"Validation of {', '.join(info['models'])}"
     write_study(folder / HTML, title, about, *found, tables=tables)
@@ -133,14 +133,14 @@ def _table(heads: Sequence[tuple[str, str, str, str]], rows: Sequence[Mapping[st
 
 
 def collisions_in(info: Mapping[str, Any]) -> str:
-    """P(collision) in all seed scenes, and in those whose recorded future has no overlap."""
+    """Return P(collision) of all seed scenes, and of those without a recorded overlap, in words."""
     without = info["p_collision_without_overlap"]
     where = "" if without is None else f", {without:.2%} where no recorded boxes overlap"
     return f"{info['p_collision']:.2%}{where} (they do in {info['recorded_overlaps']:.2%} of the seed scenes)"
 
 
 def printed_name(column: str) -> str:
-    """Name of a metric column as it is printed; other values have names already."""
+    """Return the printed name of a metric column; other values keep their names."""
     return metric_title(column) if column.removesuffix("_mean") in known_metrics() else column
 
 
@@ -154,7 +154,6 @@ def _cell(row: Mapping[str, Any], key: str) -> Any:
 
 
 def _diagram(row: Mapping[str, Any]) -> Html:
-    """Reliability diagram of an event."""
     total = sum(row["diagram_count"])
     plane = Plane(x=(-0.1, 1.1), y=(-0.1, 1.1), width=180, height=180)  # the largest dots in the corners, too
     whole = np.array([0.0, 1.0])
@@ -175,7 +174,7 @@ def _diagram(row: Mapping[str, Any]) -> Html:
 
 
 def _ranks(name: str, counts: Sequence[int]) -> Html:
-    """Rank histogram; the line is the level of equal ranks."""
+    """Draw a rank histogram; the line is the level of equal ranks."""
     plane = Plane(x=(0.0, float(len(counts))), y=(0.0, 1.1 * max(*counts, 1)), width=180, height=70)
     bars = [plane.box((k + 0.06, k + 0.94), (0.0, n), "drawn") for k, n in enumerate(counts)]
     level = sum(counts) / len(counts)

@@ -1,8 +1,7 @@
 """Realism: how probable the recorded motion is among the children, feature by feature.
 
-After the realism meta-metric of the Waymo Open Sim Agents Challenge (Montali et al. 2023), with the
-histograms and weights of 2025. Traffic lights are left out and the other weights renormalised; futures have 3
-s, not 8. So the numbers are not comparable with that leaderboard.
+After the Waymo Open Sim Agents Challenge (Montali et al. 2023), histograms and weights of 2025. Without
+traffic lights and for 3 s, not 8, the numbers are not comparable with that leaderboard.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ BERNOULLI_PSEUDOCOUNT = 0.001
 
 @dataclass(frozen=True, kw_only=True)
 class Feature:
-    """One feature: its histogram from ``low`` to ``high``, and its weight before renormalisation.
+    """Histogram of a feature from ``low`` to ``high``, and its weight before renormalisation.
 
     An event of a vehicle's whole future has 2 bins from -0.5 to 1.5.
     """
@@ -53,14 +52,14 @@ FEATURES = {
 def realism(
     children: States, recorded: States, length: FloatArray, width: FloatArray, judged: BoolArray, road: Road
 ) -> dict[str, float]:
-    """Likelihood of the recorded future by feature: exp of the mean log over vehicles and steps, in (0, 1].
+    """Return the likelihood of the recorded future by feature: exp of the mean log, in (0, 1].
 
     Args:
         children: (C, T, V).
-        recorded: (1, T, V); values of vehicles that are not judged do not matter.
+        recorded: (1, T, V).
         length: (V,) m.
         width: (V,) m.
-        judged: (V,) vehicles recorded to the end; the others are ignored. Empty result without any.
+        judged: (V,) vehicles recorded to the end; others are ignored, and without any the result is empty.
     """
     if not judged.any():
         return {}
@@ -84,7 +83,7 @@ def realism(
 
 
 def realism_score(likelihood: dict[str, float]) -> float:
-    """Weighted mean of the likelihoods of `realism`; NaN without any."""
+    """Return the weighted mean of the likelihoods of `realism`; NaN without any."""
     if not likelihood:
         return float("nan")
     weights = {name: FEATURES[name].weight for name in likelihood}
@@ -92,7 +91,7 @@ def realism_score(likelihood: dict[str, float]) -> float:
 
 
 def _features(states: States, length: FloatArray, width: FloatArray, road: Road) -> dict[str, FloatArray]:
-    """(C, T', V) of each feature of motion, (C, V) of each event."""
+    """Return features (C, T', V) of motion, and events (C, V)."""
     turn = wrap(np.diff(states.heading, axis=1)) / STEP_S
     gap, ttc = _nearest(states, length, width)
     depth = _least_depth(states, length, width, road)
@@ -110,7 +109,7 @@ def _features(states: States, length: FloatArray, width: FloatArray, road: Road)
 
 
 def _least_depth(states: States, length: FloatArray, width: FloatArray, road: Road) -> FloatArray:
-    """(C, T, V) depth within the lanes of the corner next to their edge, m; negative outside."""
+    """Return the depth (C, T, V) of the outermost corner within the lanes, m; negative outside."""
     cos, sin = np.cos(states.heading), np.sin(states.heading)
     surface, least = surface_of(road), np.full(states.shape, np.inf)
     for along in (-0.5, 0.5):
@@ -122,7 +121,7 @@ def _least_depth(states: States, length: FloatArray, width: FloatArray, road: Ro
 
 
 def _nearest(states: States, length: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(C, T, V) distance to the nearest other rectangle, m, and time to collision with the leader, s."""
+    """Return distances (C, T, V) to the nearest rectangle, m, and times to collision with the leader, s."""
     vehicles = states.shape[2]
     gap, ttc = np.full(states.shape, np.inf), np.full(states.shape, MAX_TTC_S)
     ahead = np.full(states.shape, np.inf)

@@ -15,14 +15,14 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class BrierParts:
-    """Brier score and its parts: score = reliability - resolution + uncertainty + within.
+    """Brier score = reliability - resolution + uncertainty + within.
 
     Attributes:
         score: mean (p - o)².
-        reliability: distance of forecasts from the frequencies that followed them; 0 is best.
-        resolution: distance of those frequencies from the base rate; large is good.
-        uncertainty: base rate · (1 - base rate), the score of the base rate as forecast.
-        within: what the bins hide, 0 where all forecasts of a bin are equal.
+        reliability: distance of forecasts from the frequencies that followed them.
+        resolution: distance of those frequencies from the base rate.
+        uncertainty: score of the base rate as forecast.
+        within: 0 if all forecasts of a bin are equal.
     """
 
     score: float
@@ -34,11 +34,11 @@ class BrierParts:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reliability:
-    """Reliability diagram: forecasts by bins of equal width, without empty ones.
+    """Reliability diagram: forecasts by B bins of equal width, without empty ones.
 
     Attributes:
-        forecast: (B,) mean forecast of each bin.
-        observed: (B,) how often the event happened.
+        forecast: (B,) mean forecast.
+        observed: (B,) share of events.
         count: (B,) forecasts.
     """
 
@@ -48,14 +48,14 @@ class Reliability:
 
 
 def brier(forecast: FloatArray, happened: BoolArray) -> float:
-    """Mean (p - o)² of probabilities p (N,) and outcomes o (N,). Source: Brier 1950."""
+    """Return the mean (p - o)² of probabilities (N,) and outcomes (N,). Source: Brier 1950."""
     return float(np.mean((forecast - happened) ** 2))
 
 
 def brier_parts(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> BrierParts:
     """Decompose the Brier score of forecasts (N,) and outcomes (N,) over bins of equal width.
 
-    Source: Murphy 1973; ``within`` is the two terms of Stephenson et al. 2008.
+    Source: Murphy 1973; ``within``: Stephenson et al. 2008.
     """
     diagram, base = reliability(forecast, happened, bins=bins), float(np.mean(happened))
     share = diagram.count / len(forecast)
@@ -72,12 +72,12 @@ def brier_parts(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) ->
 
 
 def skill(score: float, reference: float) -> float:
-    """1 - score / reference: 1 is perfect, 0 no better; NaN where the reference is perfect."""
+    """Return 1 - score / reference: 1 is perfect, 0 no better; NaN if the reference is perfect."""
     return 1.0 - score / reference if reference > 0 else float("nan")
 
 
 def reliability(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> Reliability:
-    """Forecasts (N,) and outcomes (N,) by bins of equal width over [0, 1]; empty bins are left out."""
+    """Return the reliability diagram of forecasts (N,) and outcomes (N,)."""
     bin_of = np.minimum((np.asarray(forecast) * bins).astype(np.int64), bins - 1)
     count = np.bincount(bin_of, minlength=bins)
     used = count > 0
@@ -86,7 +86,7 @@ def reliability(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) ->
 
 
 def calibration_error(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> float:
-    """Expected calibration error: mean |forecast - observed| over the bins of `reliability`, by their counts.
+    """Return the expected calibration error: mean |forecast - observed| of `reliability`.
 
     Source: Naeini, Cooper, Hauskrecht 2015.
     """
@@ -95,9 +95,9 @@ def calibration_error(forecast: FloatArray, happened: BoolArray, *, bins: int = 
 
 
 def roc_area(forecast: FloatArray, happened: BoolArray) -> float:
-    """P(forecast of an event > forecast of none) + ½ P(equal): the area under the ROC curve.
+    """Return P(forecast of an event > forecast of none) + ½ P(equal): the area under the ROC curve.
 
-    NaN where the event happened always or never. Source: Hanley and McNeil 1982.
+    NaN if the event happened always or never. Source: Hanley and McNeil 1982.
     """
     events, others = np.sort(forecast[happened]), forecast[~happened]
     if not len(events) or not len(others):
@@ -108,9 +108,9 @@ def roc_area(forecast: FloatArray, happened: BoolArray) -> float:
 
 
 def precision_area(forecast: FloatArray, happened: BoolArray) -> float:
-    """Average precision, Σ (R_k - R_{k-1})·P_k over falling thresholds: the area under precision and recall.
+    """Return the average precision, Σ (R_k - R_{k-1})·P_k over falling thresholds.
 
-    NaN where the event never happened. Source: Davis and Goadrich 2006, without interpolation.
+    NaN if the event never happened. Source: Davis and Goadrich 2006, without interpolation.
     """
     if not happened.any():
         return float("nan")
@@ -122,7 +122,7 @@ def precision_area(forecast: FloatArray, happened: BoolArray) -> float:
 
 
 def crps(samples: FloatArray, outcome: float) -> float:
-    """Continuous ranked probability score E|X - y| - ½ E|X - X'| of samples (C,), in the unit of y.
+    """Return the continuous ranked probability score E|X - y| - ½ E|X - X'| of samples (C,).
 
     Source: Gneiting and Raftery 2007, of the empirical distribution.
     """
@@ -132,9 +132,9 @@ def crps(samples: FloatArray, outcome: float) -> float:
 
 
 def rank_among(samples: FloatArray, outcome: float, rng: np.random.Generator) -> float:
-    """Rank of the outcome among samples (C,), in (0, 1) and uniform where both have one distribution.
+    """Return the rank of the outcome among samples (C,), uniform in (0, 1) for equal distributions.
 
-    Ties are broken at random, and the rank is a random place in its interval of 1 / (C + 1).
+    It is a random place in its interval of 1 / (C + 1); ties are broken at random.
 
     Source: Hamill 2001; Czado, Gneiting, Held 2009 for the random place.
     """
@@ -143,10 +143,9 @@ def rank_among(samples: FloatArray, outcome: float, rng: np.random.Generator) ->
 
 
 def covered(samples: FloatArray, outcome: float, share: float = 0.9) -> bool:
-    """Whether an outcome lies within the central share of samples (C,), ends included.
+    """Return whether an outcome lies within the central share of samples (C,), ends included.
 
-    Quantiles are at plotting positions k / (C + 1): an outcome of the samples' distribution lies between them
-    with this probability. Source: Hyndman and Fan 1996, definition 6.
+    Quantiles are at plotting positions k / (C + 1). Source: Hyndman and Fan 1996, definition 6.
     """
     low, high = np.quantile(samples, [(1 - share) / 2, (1 + share) / 2], method="weibull")
     return bool(low <= outcome <= high)
@@ -155,7 +154,7 @@ def covered(samples: FloatArray, outcome: float, share: float = 0.9) -> bool:
 def histogram_log_likelihood(
     samples: FloatArray, outcome: FloatArray, *, low: float, high: float, bins: int, pseudocount: float = 0.1
 ) -> FloatArray:
-    """(N,) log probability of outcomes (N,) by histograms of samples (C, N) with additive smoothing.
+    """Return log probabilities (N,) of outcomes (N,) by histograms of samples (C, N), smoothed.
 
     Values beyond the ends count in the first and the last bin. Source: Montali et al. 2023.
     """
@@ -172,14 +171,11 @@ def histogram_log_likelihood(
 def group_bootstrap(
     statistic: Callable[[IntArray], float], groups: IntArray, *, draws: int = 400, seed: int = 0
 ) -> tuple[float, float]:
-    """95 % interval of a statistic, from whole groups drawn with replacement.
+    """Return the 95 % interval of a statistic from whole groups drawn with replacement.
 
     Args:
-        statistic: of the indices (n,) of some rows; NaN where undefined.
-        groups: (N,) group of each row: neighbouring moments of a recording are not independent.
-
-    Returns:
-        Its 2.5 % and 97.5 % quantiles; NaN for a single group.
+        statistic: of the indices (n,) of some rows; NaN if undefined.
+        groups: (N,) group of each row; one group has the interval NaN.
 
     Source: Davison and Hinkley 1997, section 3.8.
     """

@@ -1,4 +1,4 @@
-"""Scores of a validation: events, continuous values, positions, encounters and realism, as tables."""
+"""Scores of a validation as tables: events, continuous values, positions, encounters."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ COLLISION: Final = "collision"
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens, or not, in a child or in what was recorded.
+    """Something that happens, or not, in a child or in a recording.
 
     Attributes:
         column: metric column, or ``collision``.
@@ -47,7 +47,7 @@ class Event:
     paper: bool = False
 
     def happened(self, value: FloatArray) -> BoolArray:
-        """Whether it happened, from values of its column; undefined (NaN) is no event."""
+        """Return whether it happened, from values of its column; undefined (NaN) is no event."""
         if self.column == COLLISION:
             return np.asarray(value > 0, dtype=bool)
         with np.errstate(invalid="ignore"):
@@ -78,6 +78,11 @@ EVENTS: Final = (
 
 
 MIN_DEFINED = 0.5  # share of the children in which a metric must be defined to forecast its value
+SCORED_UP_TO: Final = {"s": 10.0, "1/s": 10.0, "m/s²": 20.0}
+"""Value of a metric column in each unit from which on all values, inf too, are scored as equal.
+
+A closing speed near 0 makes a PTTC of 1e15 s, which would decide the mean score alone.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,14 +91,12 @@ class Forecasts:
 
     Attributes:
         columns: K metric columns, then ``collision``.
-        children: (M) values (C, K) of the children; NaN where undefined.
-        seen: (M) the same as they would have been recorded.
+        children: (M) values (C, K) of the children; NaN if undefined.
+        seen: (M) the same with errors of boxes.
         recorded: (M, K) what happened.
         straight: (M, K) constant velocity.
-        now: (M, K) the seed moment itself.
-        group: (M,) number of each moment's recording.
-        vehicles: rows of all moments, with their group, like ``encounters``.
-        realism: (M,) score.
+        now: (M, K) the seed moment.
+        group: (M,) recording.
     """
 
     refs: Sequence[MomentRef]
@@ -109,12 +112,12 @@ class Forecasts:
     realism: FloatArray
 
     def of(self, column: str) -> int:
-        """Index of a column."""
+        """Return the index of a column."""
         return self.columns.index(column)
 
 
 def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
-    """Join the forecasts of all moments."""
+    """Return the forecasts of all moments."""
     columns = tuple(name for name in found[0][1].children.column_names if name != "child")
     names = sorted({ref.recording for ref, _ in found})
     group = np.array([names.index(ref.recording) for ref, _ in found])
@@ -152,7 +155,7 @@ def _matrix(table: pa.Table, columns: tuple[str, ...]) -> tuple[IntArray, FloatA
 
 
 def probability(found: Forecasts, event: Event) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(M,) forecast probability of an event, as driven and as recorded, and whether it happened."""
+    """Return forecasts (M,) of an event, as driven and as recorded, and whether it happened."""
     column = found.of(event.column)
     driven, seen = (
         np.array([event.happened(values[:, column]).mean() for values in children])
@@ -162,7 +165,7 @@ def probability(found: Forecasts, event: Event) -> tuple[FloatArray, FloatArray,
 
 
 def event_scores(found: Forecasts) -> list[dict[str, Any]]:
-    """One row for each event: Brier score with its parts, skills, calibration, areas under curves."""
+    """Return one row for each event: Brier score, skills, calibration, areas under curves."""
     rows = []
     for event in EVENTS:
         column = found.of(event.column)
@@ -207,15 +210,19 @@ def _brier_of(p: FloatArray, o: BoolArray) -> Callable[[IntArray], float]:
 
 
 def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
-    """One row for each metric column: CRPS, its skill against constant velocity, coverage, ranks."""
+    """Return one row for each metric column: CRPS and its skill, coverage, ranks.
+
+    Values are bounded by `SCORED_UP_TO`.
+    """
     rng, rows = np.random.default_rng(seed), []
     for column, name in enumerate(found.columns):
         if name == COLLISION:
             continue
+        limit = SCORED_UP_TO.get(metric_of(name).column_unit, np.inf)
         cases: list[tuple[Any, ...]] = []
         for m, values in enumerate(found.children):
-            sample, y, straight = values[:, column], found.recorded[m, column], found.straight[m, column]
-            noisy = found.seen[m][:, column]
+            sample, noisy = (np.minimum(part[:, column], limit) for part in (values, found.seen[m]))
+            y, straight = (float(min(part[m, column], limit)) for part in (found.recorded, found.straight))
             sample, noisy = sample[np.isfinite(sample)], noisy[np.isfinite(noisy)]
             least = MIN_DEFINED * len(values)
             if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
@@ -252,7 +259,7 @@ def _of_values(
 
 
 def encounter_scores(found: Forecasts) -> list[dict[str, Any]]:
-    """Score the least body gap of encounters, as a row of `value_scores`; empty without encounters."""
+    """Score the least body gap of encounters, as a row of `value_scores`; empty without any."""
     table = found.encounters
     if not len(table):
         return []
@@ -263,7 +270,7 @@ def encounter_scores(found: Forecasts) -> list[dict[str, Any]]:
 
 
 def position_scores(found: Forecasts) -> list[dict[str, Any]]:
-    """One row for each second, of moving and of standing vehicles: errors in m, coverage, ranks."""
+    """Return one row for each second, of moving and of standing vehicles."""
     rows, table = [], found.vehicles
     for second in sorted(set(table["second"].to_pylist())):
         for moving in (True, False):
@@ -289,7 +296,7 @@ def position_scores(found: Forecasts) -> list[dict[str, Any]]:
 
 
 def summary(found: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The main figures."""
+    """Return the main figures."""
     papers = [row for row in events if row["paper"]]
     p, _, overlap = probability(found, next(event for event in EVENTS if event.column == COLLISION))
     realism = found.realism[np.isfinite(found.realism)]

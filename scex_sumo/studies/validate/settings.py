@@ -1,4 +1,4 @@
-"""Validation settings, and the moments of the part of each recording that is validated."""
+"""Validation settings, and the moments that are validated."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class ValidationSettings(StudySettings):
     """Settings of a validation.
 
     Attributes:
-        part: ``train``, ``validation`` or ``test`` of each recording's time, as learned drivers are trained,
-            or ``all``.
+        part: ``train``, ``validation`` or ``test`` of each recording's time, as for learned drivers, or
+            ``all``.
 
     Raises:
         UsageError: a value makes no sense.
@@ -37,7 +37,7 @@ class ValidationSettings(StudySettings):
             raise UsageError(f"--part {self.part}: unknown; choose {', '.join(PARTS)} or {ALL}")
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
-        """Return what tells the validation of some recordings from others."""
+        """Return the values that identify the validation of some recordings."""
         # first, top and keep as of a ranking that gives every moment all children
         shared = self.identity(recordings, first=self.children, top=10, keep="none")
         return {**shared, "part": self.part, "population": population_digest()}

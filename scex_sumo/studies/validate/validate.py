@@ -1,4 +1,4 @@
-"""Validate a mix of models on recordings: from datasets to the folder with tables and page."""
+"""Validate a mix of models on recordings, from datasets to the folder with tables and page."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Validation:
 
     Attributes:
         info: content of ``validate.json``.
-        tables: by name (events, values, positions), as in the folder.
+        tables: events, values and positions, as in the folder.
 
     Example:
         >>> out = scex.validate(scex.example_path("roundabout"), out="validated", every=9, children=4)
@@ -82,18 +82,16 @@ def validate(
     Args:
         roots: folders of recordings, or single files.
         out: folder of the validation; an interrupted one goes on.
-        models: the mix.
-        children: of each moment.
         every: as of `scex_sumo.studies.validate.settings.ValidationSettings`, like the next two.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
-        overwrite: replace another validation in ``out``, or the same one once it is finished.
+        overwrite: replace another validation in ``out``, or a finished one.
         command: the command line, for ``validate.json``.
         progress: called with (moments done, moments known).
 
     Raises:
-        UsageError: an argument that makes no sense.
-        TrackError: no recordings, or no moment in them that can be judged.
+        UsageError: an argument makes no sense.
+        TrackError: no moment can be judged.
         ResultError: the folder cannot be written or holds something else.
 
     Example:
@@ -155,7 +153,7 @@ def _run(
     workers: MomentWorkers,
     progress: Any,
 ) -> list[MomentRef]:
-    """Run the moments that have not run yet; return all moments."""
+    """Run the moments that have not run; return all moments."""
     refs: list[MomentRef] = []
     noise: dict[str, BoxNoise] = {}
     done = 0

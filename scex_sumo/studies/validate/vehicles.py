@@ -51,14 +51,14 @@ def position_forecasts(
     judged: BoolArray,
     rng: np.random.Generator,
 ) -> pa.Table:
-    """One row of `POSITIONS` for each vehicle recorded to the end and each second.
+    """Return one row of `POSITIONS` for each vehicle recorded to the end and each second.
 
-    Along and across the recorded heading: whether the recorded position is within the 5-95 % of the children
-    (``covered`` as driven, ``seen`` as recorded), and its rank among the latter in (0, 1).
+    Along and across the heading: coverage by the 5-95 % of the children (``seen``: with errors of boxes), and
+    the rank in (0, 1).
 
     Args:
         children: (C, T, V).
-        seen: (C, T, V) children as they would have been recorded.
+        seen: (C, T, V) children with errors of boxes.
         straight: (1, T, V) constant velocity.
         judged: (V,) vehicles recorded to the end.
     """
@@ -99,7 +99,6 @@ def position_forecasts(
 
 
 def _in_frame(dx: FloatArray, dy: FloatArray, heading: float) -> tuple[FloatArray, FloatArray]:
-    """Offsets along and across a heading."""
     cos, sin = np.cos(heading), np.sin(heading)
     return cos * dx + sin * dy, cos * dy - sin * dx
 
@@ -113,10 +112,10 @@ def gap_forecasts(
     judged: BoolArray,
     rng: np.random.Generator,
 ) -> pa.Table:
-    """One row of `ENCOUNTERS` for each pair that comes within 10 m in some child: its least body gap.
+    """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some child.
 
-    ``crps_m`` and ``covered`` are of the children as driven, ``crps_seen_m``, ``seen`` and ``rank`` of the
-    children as they would have been recorded. Arguments as of `position_forecasts`; ``recorded`` (1, T, V).
+    ``crps_m`` and ``covered`` are of the children as driven, the others of ``seen``. Arguments as of
+    `position_forecasts`; ``recorded`` (1, T, V).
     """
     first, second = _near_pairs(children, judged)
     gaps, noisy, plain, real = (
@@ -140,7 +139,7 @@ def gap_forecasts(
 
 
 def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
-    """Pairs whose centres come within 25 m, so that bodies of trucks may come within 10 m."""
+    """Return pairs whose centres come within 25 m: bodies of trucks may come within 10 m."""
     vehicles = np.flatnonzero(judged)
     a, b = np.triu_indices(len(vehicles), 1)
     first, second = vehicles[a], vehicles[b]
@@ -153,7 +152,7 @@ def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray
 
 
 def _least_gap(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> FloatArray:
-    """(C, P) least distance of the rectangles of pairs over all steps, m."""
+    """Return least distances (C, P) of the rectangles of pairs over all steps, m."""
     least = np.empty((states.shape[0], len(first)))
     for k, pair in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
         one, two = (Rectangles.of(states[:, :, v], scene.length[v], scene.width[v]) for v in pair)

@@ -1,4 +1,4 @@
-"""Augmented batches: mirrored left to right, and map images in four directions, mirrored too."""
+"""Augmented batches: mirrored, with map images in four directions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LEFT, RIGHT = PATH_COLUMNS.index("room_left"), PATH_COLUMNS.index("room_right")
 
 
 def _signs(columns: Sequence[str], sideways: Sequence[str]) -> Tensor:
-    """(columns,) -1 for columns that change their sign in a mirror, else 1."""
+    """Return (columns,) -1 for columns whose sign a mirror changes, else 1."""
     missing = [name for name in sideways if name not in columns]
     assert not missing, missing
     return torch.tensor([-1.0 if name in sideways else 1.0 for name in columns])
@@ -36,7 +36,7 @@ PATH = _signs(PATH_COLUMNS, [*SIDEWAYS, *(name for name in PATH_COLUMNS if name.
 
 
 def mirrored(batch: Batch) -> Batch:
-    """Mirror a batch about the x axis of the map; vehicles' own frames are mirrored about their headings."""
+    """Mirror a batch about the x axis of the map; vehicles' own frames about their headings."""
     device = batch.s.device
     features = batch.path.features * PATH.to(device)
     order = torch.arange(features.shape[1], device=device)
@@ -68,7 +68,7 @@ class Images:
 
     @classmethod
     def of_roads(cls, roads: Sequence[Road], device: torch.device) -> Images:
-        """Draw the maps of some roads."""
+        """Draw the maps."""
         return cls(
             maps=tuple(
                 (*_turns(image), *_turns(_mirrored(image)))
@@ -77,11 +77,7 @@ class Images:
         )
 
     def batch(self, batch: Batch, turns: int = 0, *, mirrored: bool = False) -> ImageBatch:
-        """Return what the vehicles of a batch see, one place per pair, after some quarter turns.
-
-        Args:
-            turns: 0 to 3.
-        """
+        """Return the maps for a batch after 0 to 3 quarter turns, one place per pair."""
         present, site = torch.unique(batch.site, return_inverse=True)
         return ImageBatch(
             maps=tuple(self.maps[int(s)][turns + 4 * mirrored] for s in present),
@@ -106,7 +102,6 @@ def _image(road: Road, device: torch.device) -> MapTensors:
 
 
 def _mirrored(image: MapTensors) -> MapTensors:
-    """Mirror a map about the x axis."""
     values = image.raster.flip(1)
     values[SIN] = -values[SIN]
     height = PIXEL_M * (values.shape[1] - 1)
@@ -114,7 +109,6 @@ def _mirrored(image: MapTensors) -> MapTensors:
 
 
 def _turns(image: MapTensors) -> list[MapTensors]:
-    """Turn a map by 0, 1, 2, 3 quarters counter-clockwise about the origin."""
     images, values, corner = [image], image.raster, image.corner
     for _ in range(3):
         height = PIXEL_M * (values.shape[1] - 1)

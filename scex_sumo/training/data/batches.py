@@ -1,4 +1,4 @@
-"""Batches of samples as tensors, a few graphs at a time."""
+"""Batches of samples as tensors."""
 
 from __future__ import annotations
 
@@ -15,23 +15,19 @@ from scex_sumo.training.networks.graph import PathBatch, SceneBatch
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
-    """Some graphs, their pairs of vehicle and path, and the targets.
+    """Some graphs, their n pairs of vehicle and path, and the targets, as in `TrainingSamples`.
 
     Attributes:
-        right: (n,) whether the path is the one taken.
         share: (n,) weight in losses on trajectories: the site's weight over the vehicle's number of right
             paths; 0 where the path is not right.
-        site: (n,) number of the site.
-        pose: (n, 3) x, y, heading of the vehicle in the map's coordinates.
-        s: (n, H) m; ``d``, ``start`` and ``xy`` as of `TrainingSamples`, too.
     """
 
     scene: SceneBatch
     path: PathBatch
-    right: Tensor
+    right: Tensor  # (n,) whether the vehicle took the path
     share: Tensor
-    site: Tensor
-    pose: Tensor
+    site: Tensor  # (n,) number of the site
+    pose: Tensor  # (n, 3) x, y, heading on the map
     s: Tensor
     d: Tensor
     start: Tensor
@@ -39,7 +35,7 @@ class Batch:
 
 
 class Batches:
-    """Samples as tensors, from which batches are taken.
+    """Samples as tensors.
 
     Args:
         site_weight: (S,) weight of each site's graphs in the loss.
@@ -68,7 +64,7 @@ class Batches:
         return torch.as_tensor(np.asarray(values, dtype=np.float32), device=self.device)
 
     def take(self, graphs: IntArray) -> Batch:
-        """Return some graphs by number, as one batch."""
+        """Return some graphs as one batch."""
         samples = self.samples
         nodes, edges, pairs = samples.nodes[graphs], samples.edges[graphs], samples.pairs[graphs]
         node = self._index(self.node_start[graphs], nodes)
@@ -89,7 +85,7 @@ class Batches:
         )
 
     def _index(self, start: IntArray, count: IntArray) -> Tensor:
-        """Row numbers of several pieces, one after the other."""
+        """Return row numbers of several pieces, one after the other."""
         index = np.arange(int(count.sum())) + np.repeat(start - _starts(count), count)
         return torch.as_tensor(index, device=self.device)
 

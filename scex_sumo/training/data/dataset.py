@@ -1,4 +1,4 @@
-"""Training and validation samples of many recordings, made once and kept in a cache."""
+"""Training and validation samples of many recordings, kept in a cache."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.base.files import replacing
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
@@ -27,51 +26,45 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.training.data.obstacles import add_obstacles
 from scex_sumo.training.data.perturb import Perturbation, measured, perturbed
-from scex_sumo.training.data.samples import TrainingSamples, learnable, load_samples, scene_samples
+from scex_sumo.training.data.samples import (
+    TrainingSamples,
+    learnable,
+    load_samples,
+    save_samples,
+    scene_samples,
+)
 
-MAX_MOMENTS = 800  # moments of a short recording are denser, up to so many, at least so far apart:
+MAX_MOMENTS = 800  # of a short recording, whose moments are denser, but at least so far apart:
 MIN_APART_S = 0.2
 SAME_MAP_M = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class SampleOptions:
-    """How samples are made from recordings.
+    """Options of the samples.
 
     Attributes:
-        every_s: between two moments of a long recording; shorter in a short one, see `MAX_MOMENTS`.
-        copies: perturbed copies of each training scene.
-        stops: further copies with standing vehicles in the way.
-        perturbation: how far vehicles are put off in them.
-        split: which time is for what.
+        perturbation: of the vehicles in both.
     """
 
-    every_s: float = 0.5
-    copies: int = 2
-    stops: int = 3
+    every_s: float = 0.5  # between two moments of a long recording
+    copies: int = 2  # perturbed copies of each training scene
+    stops: int = 3  # further copies with standing vehicles in the way
     perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))
-    split: Split = field(default_factory=Split)
+    split: Split = field(default_factory=Split)  # of the recordings' time
     seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
-    """Samples for training and validation.
+    """Samples for training and validation."""
 
-    Attributes:
-        sites: (S) names; `TrainingSamples.site` counts them.
-        kinds: (S) the dataset that each site belongs to.
-        roads: (S) their maps.
-        validation: without.
-        digest: of the recordings and options.
-    """
-
-    sites: tuple[str, ...]
-    kinds: tuple[str, ...]
-    roads: tuple[Road, ...]
+    sites: tuple[str, ...]  # (S) names; `TrainingSamples.site` counts them
+    kinds: tuple[str, ...]  # (S) dataset of each site
+    roads: tuple[Road, ...]  # (S) maps
     train: TrainingSamples
-    validation: TrainingSamples
-    digest: str
+    validation: TrainingSamples  # without copies
+    digest: str  # of the recordings and options
 
 
 def make_dataset(
@@ -103,16 +96,16 @@ def make_dataset(
         loaded = load_recording(recording)
         kinds[recording.site] = recording.dataset
         shift = map_shift(roads.setdefault(recording.site, loaded.road), loaded.road)
-        for part, found in parts.items():
+        for part, made in parts.items():
             whole = hashlib.sha256(code_key() + key.encode()).hexdigest()
             file = None if cache is None else cache / f"{recording.name}-{part}-{whole[:16]}.npz"
             samples = None if file is None else load_samples(file)
             if samples is None:
                 samples = _make(loaded, options, part)
                 if file is not None:
-                    _write(file, samples)
+                    save_samples(file, samples)
             site = sites.index(recording.site)
-            found += [samples.at(site, shift)] if samples else []
+            made += [samples.at(site, shift)] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
         raise TrackError(
@@ -130,7 +123,9 @@ def make_dataset(
 
 
 def map_shift(road: Road, other: Road) -> FloatArray:
-    """(2,) m from a place on a map to the same place on another of the site: NGSIM's have different origins.
+    """Return (2,) m from a place on a map to the same place on another of the site.
+
+    NGSIM's maps have different origins.
 
     Raises:
         MapError: they are different maps.
@@ -150,10 +145,7 @@ def part_scenes(
     """Return the seed scenes of one part of a recording that have a vehicle to learn from.
 
     Args:
-        most: in a short recording, moments are denser, up to so many in all, or every 0.2 s.
-
-    Raises:
-        TrackError: a track is not finite.
+        most: number of moments in a short recording, where they are denser, or every 0.2 s.
     """
     every = recording_moments(loaded, every_s=STEP_S)
     step_s = every_s
@@ -172,7 +164,6 @@ def part_scenes(
 
 
 def _moments_of(every: list[Moment], part: Part, split: Split, name: str) -> list[Moment]:
-    """Moments of a part of a recording: cut by time, or as a whole where it is short."""
     whole = None if not every or every[0].case else split.whole_part(name, every[-1].time_s - every[0].time_s)
     if whole is None:
         return split_moments(every, split)[part]
@@ -193,16 +184,15 @@ def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
 
 
 def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> TrainingSamples | None:
-    """Make samples of one part; training scenes get perturbed copies. None where there are none."""
     rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
     copies = options.copies if part == "train" else 0
-    road, found = loaded.road, []
+    road, made = loaded.road, []
     for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MAX_MOMENTS):
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
         seen = [measured(states, options.perturbation, rng) for states in put_off]
         whole = States.stack([scene.history, *put_off], 0)
         samples = scene_samples(scene, road, whole, seen=States.stack([scene.history, *seen], 0))
-        found += [samples] if samples is not None else []
+        made += [samples] if samples is not None else []
         for _ in range(options.stops if part == "train" else 0):
             stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:
@@ -211,19 +201,12 @@ def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> Traini
             samples = scene_samples(
                 stop[0], road, stop[0].history.repeat(1), seen=seen_now.repeat(1), blocked=stop[1]
             )
-            found += [samples] if samples is not None else []
-    return TrainingSamples.concatenate(found) if found else None
+            made += [samples] if samples is not None else []
+    return TrainingSamples.concatenate(made) if made else None
 
 
 def _key(recording: Recording, options: SampleOptions) -> str:
-    """Digest of a recording's files and of the options."""
     digest = hashlib.sha256(repr(sorted(asdict(options).items())).encode())
     for path in (recording.map_path, *recording.track_paths):
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def _write(file: Path, samples: TrainingSamples | None) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **({} if samples is None else vars(samples)))

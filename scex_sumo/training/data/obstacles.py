@@ -1,4 +1,4 @@
-"""Standing vehicles as obstacles for moving ones; recorded drivers have long been braking for theirs."""
+"""Standing vehicles as obstacles; recorded drivers have long been braking for theirs."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 from scex_sumo.training.data.targets import right_paths
 
-MAX_OBSTACLES = 6  # standing vehicles in one scene
+MAX_OBSTACLES = 6  # in one scene
 MIN_SPEED_MPS = 1.0  # slower vehicles are not blocked
-BRAKING_MPS2 = (0.5, 5.0)  # that it takes to stop, from the logarithm evenly
+BRAKING_MPS2 = (0.5, 5.0)  # that it takes to stop; its logarithm is drawn evenly
 MAX_GAP_M = 80.0
 ROOM_M = 8.0  # between the centres of a standing vehicle and of any other
 SIZE_M = (4.6, 1.9)
-# The Intelligent Driver Model (Treiber 2000), with which those stop: gap, headway, comfort.
+# The Intelligent Driver Model (Treiber 2000) of stopping vehicles.
 STOP_GAP_M, HEADWAY_S, FASTER_MPS2, SLOWER_MPS2, HARDEST_MPS2 = 2.0, 1.0, 1.5, 2.5, 8.0
 
 
@@ -31,8 +31,7 @@ def add_obstacles(
     """Put standing vehicles on the ways of some of a scene's vehicles.
 
     Returns:
-        The scene with the standing vehicles at its end, and the vehicles (indices) that they block, in the
-        same order; None where none can be blocked.
+        The scene with the standing vehicles at its end, and the vehicles that they block; None without any.
     """
     paths = seed_paths(scene, road)
     usable = usable[paths.on_road[usable] & (scene.now.speed[usable] > MIN_SPEED_MPS)]
@@ -57,7 +56,7 @@ def add_obstacles(
 def _places(
     scene: SeedScene, road: Road, paths: SeedPaths, vehicle: IntArray, row: IntArray, rng: np.random.Generator
 ) -> tuple[States, BoolArray]:
-    """(n,) places for obstacles ahead of n vehicles, and (n,) whether the way there is free and mapped."""
+    """Return (n,) places, and (n,) whether the way there is free and mapped."""
     history, who = SceneHistory.of_scene(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     own = scene.now[vehicle]
     s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
@@ -73,7 +72,6 @@ def _places(
 
 
 def _with_standing(scene: SeedScene, place: States) -> SeedScene:
-    """Return the scene with further vehicles that stand all the time."""
     count = len(place.x)
     assert scene.future is not None and scene.future_valid is not None
 
@@ -95,14 +93,14 @@ def _with_standing(scene: SeedScene, place: States) -> SeedScene:
 
 
 def standing_gap(history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> FloatArray:
-    """(n,) m from vehicles to the next one on their paths; inf without one."""
+    """Return (n,) m from vehicles to the next one on their paths; inf without one."""
     own = history.now[who.child, who.vehicle]
     s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
     return find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0).gap
 
 
 def stopping_way(speed: FloatArray, gap: FloatArray, steps: int) -> FloatArray:
-    """(n, H) m that drivers of (n,) speeds travel until they stand behind a vehicle (n,) m ahead."""
+    """Return (n, H) m that vehicles travel until they stand behind one (n,) m ahead."""
     v, way, ways = speed, np.zeros_like(speed), []
     wanted = np.maximum(speed, 8.0)
     for _ in range(steps):

@@ -10,28 +10,23 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S, States
 
-# Errors of NGSIM's tracks against a smooth motion: speeds of one track are alike for so long.
+# Errors of NGSIM's tracks against a smooth motion: speeds of one track have similar errors for so long.
 ALIKE_S = 0.15
-CALM_MPS = 3.0  # below, errors shrink with the speed: who stands is seen to stand
+CALM_MPS = 3.0  # below, errors shrink with the speed
 
 
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
-    """Size of the perturbations, uniform up to both sides.
-
-    Attributes:
-        share: of the vehicles of a copy that are moved.
-        speed_mps: standard deviation of the errors of `measured`, for half of the vehicles.
-    """
+    """Size of the perturbations, uniform up to both sides."""
 
     lateral_m: float = 0.7
     heading_rad: float = float(np.deg2rad(5.0))
-    share: float = 1.0
-    speed_mps: float = 0.0
+    share: float = 1.0  # of the vehicles of a copy that are moved
+    speed_mps: float = 0.0  # standard deviation of the errors of `measured`, for half of the vehicles
 
 
 def perturbed(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:
-    """Move vehicles (V, T) sideways and turn them, with their whole past; speeds stay."""
+    """Move vehicles (V, T) sideways and turn them, with their past; speeds stay."""
     count = history.shape[0]
     off = rng.random(count) < perturbation.share
     lateral = off * rng.uniform(-perturbation.lateral_m, perturbation.lateral_m, count)
@@ -40,10 +35,7 @@ def perturbed(history: States, perturbation: Perturbation, rng: np.random.Genera
 
 
 def measured(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:
-    """States (V, T) as a worse tracker sees them: off along the way, by an error that changes smoothly.
-
-    Half of the vehicles are seen as they are; each of the others has an error of its own size.
-    """
+    """Return states (V, T) of a worse tracker: half of the vehicles have a smooth error along their way."""
     count, steps = history.shape
     reach = 4  # steps, almost three times `ALIKE_S`
     t = STEP_S * np.arange(-reach, reach + 1)
@@ -51,7 +43,7 @@ def measured(history: States, perturbation: Perturbation, rng: np.random.Generat
     kernel /= np.sqrt((kernel**2).sum())
     white = rng.standard_normal((count, steps + 2 * reach + 1))
     smooth = np.lib.stride_tricks.sliding_window_view(white, 2 * reach + 1, axis=1) @ kernel
-    # The error of the speed is the slope of that of the place, whose spread follows from it.
+    # The error of the speed is the slope of the place's.
     slope = np.diff(smooth, axis=1) / STEP_S
     size = np.where(rng.random(count) < 0.5, 0.0, perturbation.speed_mps * np.abs(rng.standard_normal(count)))
     calm = np.minimum(history.speed.mean(axis=1) / CALM_MPS, 1.0)
@@ -66,12 +58,7 @@ def measured(history: States, perturbation: Perturbation, rng: np.random.Generat
 
 
 def moved(history: States, lateral: FloatArray, turn: FloatArray) -> States:
-    """Shift tracks (V, T) to the left of their present heading and turn them about their present place.
-
-    Args:
-        lateral: (V,) m.
-        turn: (V,) rad.
-    """
+    """Shift tracks (V, T) to the left by (V,) m and turn them by (V,) rad, from their present pose."""
     now = history[:, -1]
     x = now.x - lateral * np.sin(now.heading)
     y = now.y + lateral * np.cos(now.heading)

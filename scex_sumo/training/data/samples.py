@@ -1,4 +1,4 @@
-"""Training samples: scene graphs with every vehicle's candidate paths and its recorded future."""
+"""Training samples: scene graphs with every vehicle's candidate paths and recorded future."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.files import replacing
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import sample_paths
@@ -24,8 +25,8 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, Stat
 from scex_sumo.training.data.obstacles import standing_gap, stopping_way
 from scex_sumo.training.data.targets import along_paths, fading, right_paths, smooth_return
 
-CATCH_UP_S = 4.0  # within which a driver who is ahead or behind gets to where the recorded one was
-MAX_AHEAD_M = 8.0  # further off along the path, what the recorded driver did says nothing any more
+CATCH_UP_S = 4.0  # within which a driver ahead or behind gets to the recorded one's place
+MAX_AHEAD_M = 8.0  # further off along the path, the recorded driver is no target
 MAX_ASIDE_M = 2.0
 MAX_SLOPE = 0.3
 
@@ -35,50 +36,37 @@ class TrainingSamples:
     """G scene graphs one after the other; N nodes, E edges, P pairs of a vehicle and a candidate path.
 
     Attributes:
-        site: (G,) number of the graph's site.
-        nodes: (G,) number of nodes of each graph; so ``edges`` and ``pairs``.
-        node: (N, F) features, as in `SceneGraph`; so ``history`` (N, 11, 5).
-        pose: (N, 3) x and y of the vehicle's centre in the map's coordinates, and its heading.
-        edge_index: (2, E) source and target within the graph.
-        edge: (E, K) features.
-        pair_node: (P,) the vehicle, within the graph.
-        feature: (P, D), as in `PathInputs`.
-        right: (P,) True for the path that the vehicle took.
-        s: (P, H) m, target: way along the path; 0 where the path is not right.
-        d: (P, H) m, target: offset from the path.
-        start: (P, 4) speed in m/s, offset in m, heading error in rad, and the offset of the perturbation in
-            m.
-        xy: (P, H, 2) the target in the vehicle's own coordinates, m.
+        start: (P, 4) speed in m/s, offset in m, heading error in rad, offset of the perturbation in m.
     """
 
-    site: IntArray
-    nodes: IntArray
+    site: IntArray  # (G,) number of the graph's site
+    nodes: IntArray  # (G,) number of nodes of each graph; so ``edges`` and ``pairs``
     edges: IntArray
     pairs: IntArray
-    node: FloatArray
+    node: FloatArray  # (N, F) features, as in `SceneGraph`; so ``history`` (N, 11, 5)
     history: FloatArray
-    pose: FloatArray
-    edge_index: IntArray
-    edge: FloatArray
-    pair_node: IntArray
-    feature: FloatArray
-    right: BoolArray
-    s: FloatArray
-    d: FloatArray
+    pose: FloatArray  # (N, 3) x, y (m) and heading on the map
+    edge_index: IntArray  # (2, E) source and target within the graph
+    edge: FloatArray  # (E, K) features
+    pair_node: IntArray  # (P,) the vehicle, within the graph
+    feature: FloatArray  # (P, D), as in `PathInputs`
+    right: BoolArray  # (P,) True for the path that the vehicle took
+    s: FloatArray  # (P, H) m, target: way along the path; 0 where the path is not right
+    d: FloatArray  # (P, H) m, target: offset from the path
     start: FloatArray
-    xy: FloatArray
+    xy: FloatArray  # (P, H, 2) the target in the vehicle's own frame, m
 
     def __len__(self) -> int:
         return len(self.nodes)
 
     def at(self, site: int, shift: FloatArray) -> TrainingSamples:
-        """Return the samples as of a site whose map lies ``shift`` (2,) m elsewhere."""
+        """Return the samples of a site whose map lies ``shift`` (2,) m elsewhere."""
         pose = self.pose - np.append(shift, 0.0)
         return replace(self, site=np.full(len(self), site), pose=pose)
 
     @classmethod
     def concatenate(cls, parts: Sequence[TrainingSamples]) -> TrainingSamples:
-        """Join the graphs of several sets of samples."""
+        """Join samples."""
         joined = {}
         for f in fields(cls):
             axis = 1 if f.name == "edge_index" else 0
@@ -86,8 +74,15 @@ class TrainingSamples:
         return cls(**joined)
 
 
+def save_samples(file: Path, samples: TrainingSamples | None) -> None:
+    """Write samples for `load_samples`."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **({} if samples is None else vars(samples)))
+
+
 def load_samples(file: Path) -> TrainingSamples | None:
-    """Read samples that were written with `numpy.savez`; None for an empty, missing or damaged file."""
+    """Read samples; None for an empty, missing or damaged file."""
     try:
         with file.open("rb") as stream, np.load(stream) as data:
             columns: dict[str, Any] = {name: data[name] for name in data.files}
@@ -108,18 +103,16 @@ def scene_samples(
 ) -> TrainingSamples | None:
     """Make samples of a scene, one graph for each of C children.
 
-    The target is what the recorded vehicles did from the same time on; a vehicle elsewhere comes back
-    smoothly. All vehicles are nodes; those with a whole recorded past second and 3 s of recorded future are
-    learned from.
+    The target is the recorded motion from the same time on; a vehicle elsewhere comes back smoothly. All
+    vehicles are nodes; `learnable` ones are learned from.
 
     Args:
         states: (C, V, 11) what the vehicles did, oldest first.
-        seen: (C, V, 11) what the drivers see of it; by default the same.
-        blocked: vehicles with an obstacle on their way, the only ones to be learned from: they stop behind
-            it.
+        seen: (C, V, 11) what the drivers see of it; None for the same.
+        blocked: the only vehicles to be learned from, which stop behind an obstacle on their way.
 
     Returns:
-        C graphs, or None where no vehicle can be learned from.
+        C graphs, or None if no vehicle can be learned from.
     """
     usable = learnable(scene, step) if blocked is None else blocked
     children = states.shape[0]
@@ -167,7 +160,7 @@ def scene_samples(
 
 
 def learnable(scene: SeedScene, step: int = 0) -> IntArray:
-    """Return vehicles with a whole recorded past second and 3 s of recorded future from a step on."""
+    """Return vehicles with a whole recorded second before and 3 s after a step."""
     if scene.future_valid is None or scene.future_valid.shape[1] < step + PLAN_STEPS:
         return np.zeros(0, dtype=np.int64)
     whole = scene.future_valid[:, : step + PLAN_STEPS].all(axis=1)
@@ -175,7 +168,7 @@ def learnable(scene: SeedScene, step: int = 0) -> IntArray:
 
 
 def recorded_from(scene: SeedScene, step: int) -> tuple[States, States, BoolArray]:
-    """(V,) recorded states after some steps, (V, F) states after these, (V, F) whether recorded."""
+    """Return (V,) recorded states after some steps, (V, F) states after these, (V, F) whether recorded."""
     assert scene.future is not None and scene.future_valid is not None
     now = scene.now if step == 0 else scene.future[:, step - 1]
     return now, scene.future[:, step:], scene.future_valid[:, step:]
@@ -200,13 +193,13 @@ def _goals(
     future: States,
     gap: FloatArray | None,
 ) -> _Goals:
-    """Targets of each vehicle along each of its paths, from where it is in its child.
+    """Return targets of each vehicle along each of its paths.
 
     Args:
         actual: (P,) where it is; `history` has where it is seen.
         recorded: (P,) where the recorded one was.
-        future: (P, H) what the recorded one did.
-        gap: (P,) m to a standing vehicle behind which it shall stop, or None.
+        future: (P, H) of the recorded one.
+        gap: (P,) m to a standing vehicle behind which it stops, or None.
     """
     present = history.now[who.child, who.vehicle]
     way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
@@ -240,13 +233,11 @@ def _goals(
 
 
 def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
-    """(n, H) m that a driver stays ahead of the recorded one, which is ``ahead`` and ``faster`` now."""
     keep, lean = fading(STEP_S * np.arange(1.0, steps + 1) / CATCH_UP_S)
     still: FloatArray = ahead[:, None] * keep + faster[:, None] * CATCH_UP_S * lean
     return still
 
 
 def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
-    """(6, n, H) path properties at (n, H) arc lengths."""
     n, steps = s.shape
     return sample_paths(paths, np.repeat(row, steps), s.ravel()).reshape(6, n, steps)

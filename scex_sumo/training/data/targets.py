@@ -1,4 +1,4 @@
-"""Targets: a vehicle's recorded future along its path and in its own frame."""
+"""Targets: a vehicle's recorded future along its path."""
 
 from __future__ import annotations
 
@@ -9,24 +9,21 @@ from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.scene import States
 
-AMBIGUOUS_M = 0.3  # two paths this alike over the recorded future are both right
-RETURN_S = 2.5  # how long a driver takes to come back to where the recorded one drove
-RETURN_M = 12.0  # and the shortest way for it: who stands does not move sideways
+AMBIGUOUS_M = 0.3  # two paths this near over the recorded future are both right
+RETURN_S = 2.5  # for the way back to where the recorded driver drove
+RETURN_M = 12.0  # shortest way for it: a standing vehicle does not move sideways
 
 
 def along_paths(
     paths: SeedPaths, row: IntArray, start: States, future: States, *, start_way: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Arc length and offset of states in the coordinates of paths.
+    """Return arc lengths and offsets of states from paths: (n,), (n,) now; (n, F), (n, F) later.
 
     Args:
         row: (n,) path of each vehicle.
         start: (n,) present states.
         future: (n, F).
-        start_way: (n,) rough arc length at present, m; by default the table's beginning.
-
-    Returns:
-        (n,) arc length now, (n,) offset now, (n, F) arc length, (n, F) offset.
+        start_way: (n,) rough arc length at present, m; None is the table's beginning.
     """
     n, steps = future.x.shape
     way = np.full(n, BEHIND_M) if start_way is None else start_way
@@ -41,13 +38,11 @@ def along_paths(
 def right_paths(
     paths: SeedPaths, vehicle: IntArray, now: States, future: States, valid: BoolArray
 ) -> tuple[IntArray, IntArray, BoolArray]:
-    """Find the candidate paths that vehicles really took.
+    """Find the candidate paths that vehicles took.
 
     Args:
         vehicle: (k,) vehicles with a recorded future.
-        now: (k,) their present states.
-        future: (k, F), as long as recorded: what comes after the plan decides between forks.
-        valid: (k, F).
+        future: (k, F), as long as recorded, because the time after the plan decides between forks.
 
     Returns:
         (r,) rows of all their candidate paths, (r,) index into `vehicle` of each, and (r,) True for the one
@@ -67,10 +62,9 @@ def right_paths(
 
 
 def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray) -> FloatArray:
-    """(n, H) m that a displaced vehicle is still off the recorded one on its way back.
+    """Return (n, H) m that a displaced vehicle is still off the recorded one on its way back.
 
-    A quintic in the distance travelled, from the displacement and its slope to zero with zero slope and
-    curvature. It ends after the way of `RETURN_S`, at least `RETURN_M`.
+    A quintic in the distance travelled, to zero without slope and curvature.
 
     Args:
         displaced: (n,) m, left positive.
@@ -85,5 +79,5 @@ def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, w
 
 
 def fading(u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Quintics on [0, 1] that end at 0 without slope and curvature: from 1, and from 0 with unit slope."""
+    """Return quintics on [0, 1] to a flat 0: from 1, and from 0 with unit slope."""
     return 1 - u**3 * (10 - 15 * u + 6 * u**2), u - u**3 * (6 - 8 * u + 3 * u**2)

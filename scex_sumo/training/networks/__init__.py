@@ -1,1 +1,1 @@
-"""Networks of the learned drivers as they are trained, in torch; `behaviors.learned.networks` runs them."""
+"""Networks of the learned drivers in torch; `behaviors.learned.networks` runs them."""

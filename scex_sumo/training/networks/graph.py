@@ -1,8 +1,10 @@
-"""Networks of the learned drivers in training: graph branch, head, and the Graph Predictor."""
+"""Networks in training: graph branch, head, and the Graph Predictor."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import torch
@@ -13,6 +15,8 @@ from scex_sumo.behaviors.learned.architecture import (
     KNOTS,
     OFFSET,
     PRESENT,
+    SCALED_LIMIT,
+    SLOPE,
     SPEED,
     STRONGEST_ACCELERATION,
     STRONGEST_BRAKING,
@@ -21,18 +25,10 @@ from scex_sumo.behaviors.learned.architecture import (
 )
 from scex_sumo.behaviors.learned.networks import interpolation
 from scex_sumo.scene import STEP_S
-from scex_sumo.training.networks.layers import EdgeAttentionModule, ScalerModule, mlp
 
 
 class SceneBatch(NamedTuple):
-    """Scene graphs of a batch as tensors, see `SceneGraph`.
-
-    Attributes:
-        node: (N, F).
-        history: (N, 11, 5).
-        edge_index: (2, E) source, target.
-        edge: (E, G).
-    """
+    """Scene graphs of a batch as tensors, see `SceneGraph`."""
 
     node: Tensor
     history: Tensor
@@ -41,29 +37,105 @@ class SceneBatch(NamedTuple):
 
 
 class PathBatch(NamedTuple):
-    """Pairs of a vehicle and a path, see `PathInputs`.
-
-    Attributes:
-        node: (n,) row of the scene batch.
-        features: (n, P) raw.
-    """
+    """Pairs of a vehicle and a path as tensors, see `PathInputs`."""
 
     node: Tensor
     features: Tensor
 
 
 class ModeTensors(NamedTuple):
-    """Modes of n pairs as tensors, see `scex_sumo.behaviors.learned.networks.head.Modes`."""
+    """Modes of n pairs as tensors, see `scex_sumo.behaviors.learned.networks.Modes`."""
 
     logits: Tensor
     acceleration: Tensor
-    offset: Tensor | None
+    offset: Tensor
     path_logit: Tensor
     free: Tensor | None
 
 
+class ScalerModule(nn.Module):
+    """Scales raw inputs to about zero mean and unit spread, bounded."""
+
+    mean: Tensor
+    spread: Tensor
+
+    def __init__(self, columns: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(columns))
+        self.register_buffer("spread", torch.ones(columns))
+
+    def fit(self, values: Tensor) -> None:
+        """Take mean and standard deviation from (n, columns) values; constant columns keep their scale."""
+        spread, mean = torch.std_mean(values.double(), dim=0)
+        self.mean.copy_(mean)
+        self.spread.copy_(torch.where(spread > 1e-6, spread, torch.ones_like(spread)))
+
+    def forward(self, values: Tensor) -> Tensor:
+        """Return (n, columns) scaled."""
+        return ((values - self.mean) / self.spread).clamp(-SCALED_LIMIT, SCALED_LIMIT)
+
+
+def mlp(*sizes: int) -> nn.Sequential:
+    """Return linear layers with ReLU between them."""
+    layers: list[nn.Module] = []
+    for index, (inner, outer) in enumerate(pairwise(sizes)):
+        layers += [nn.ReLU()] if index else []
+        layers.append(nn.Linear(inner, outer))
+    return nn.Sequential(*layers)
+
+
+class EdgeAttentionModule(nn.Module):
+    """Attention of several heads over the edges to a node (GATv2), with the numbers of PyTorch Geometric."""
+
+    def __init__(self, inner: int, each: int, *, heads: int, edge_columns: int) -> None:
+        super().__init__()
+        self.lin_l = nn.Linear(inner, heads * each)
+        self.lin_r = nn.Linear(inner, heads * each)
+        self.lin_edge = nn.Linear(edge_columns, heads * each, bias=False)
+        self.att = nn.Parameter(torch.empty(1, heads, each))
+        self.bias = nn.Parameter(torch.zeros(heads * each))
+        for layer in (self.lin_l, self.lin_r, self.lin_edge):
+            _draw(layer.weight)
+            if layer.bias is not None:
+                nn.init.uniform_(layer.bias, -1 / math.sqrt(inner), 1 / math.sqrt(inner))
+        _draw(self.att)
+
+    def forward(self, node: Tensor, edge_index: Tensor, edge: Tensor, asking: Tensor) -> Tensor:
+        """Return (K, heads * each) of ``asking`` (K, inner), among which the targets of the edges are."""
+        heads, each = self.att.shape[1:]
+        source, target = edge_index
+        given = self.lin_l(node).view(-1, heads, each).index_select(0, source)
+        asked = self.lin_r(asking).view(-1, heads, each).index_select(0, target)
+        mixed = asked + given + self.lin_edge(edge).view(-1, heads, each)
+        score = (nn.functional.leaky_relu(mixed, SLOPE) * self.att).sum(dim=-1)
+        weight = _softmax(score, target, len(asking))
+        taken = _sum(given * weight.unsqueeze(-1), target, len(asking))
+        out: Tensor = taken.view(-1, heads * each) + self.bias
+        return out
+
+
+def _draw(weight: Tensor) -> None:
+    """Draw uniform numbers of Glorot, Bengio 2010."""
+    bound = math.sqrt(6.0 / (weight.size(-2) + weight.size(-1)))
+    nn.init.uniform_(weight, -bound, bound)
+
+
+def _softmax(score: Tensor, target: Tensor, nodes: int) -> Tensor:
+    at = target.view(-1, 1).expand_as(score)
+    largest = score.new_zeros(nodes, score.shape[1])
+    largest = largest.scatter_reduce(0, at, score.detach(), "amax", include_self=False)
+    raised = (score - largest.index_select(0, target)).exp()
+    total = _sum(raised, target, nodes) + 1e-16
+    return raised / total.index_select(0, target)
+
+
+def _sum(values: Tensor, target: Tensor, nodes: int) -> Tensor:
+    at = target.view(-1, *[1] * (values.dim() - 1)).expand_as(values)
+    return values.new_zeros(nodes, *values.shape[1:]).scatter_add(0, at, values)
+
+
 class SceneModule(nn.Module):
-    """Vectors of vehicles: history and properties of each, then attention along the scene graph."""
+    """Vectors of vehicles, as `SceneEncoder`."""
 
     def __init__(self, sizes: Architecture) -> None:
         super().__init__()
@@ -79,7 +151,7 @@ class SceneModule(nn.Module):
         self.norm = nn.ModuleList(nn.LayerNorm(sizes.hidden) for _ in range(layers + 1))
 
     def forward(self, scene: SceneBatch, wanted: Tensor) -> Tensor:
-        """(n, hidden) of (n,) wanted nodes; nodes that do not reach them through the layers are left out."""
+        """Return (n, hidden) of (n,) wanted nodes; nodes that do not reach them are left out."""
         needed = torch.zeros(len(scene.node), dtype=torch.bool, device=wanted.device)
         needed[wanted] = True
         reach = [needed]
@@ -102,32 +174,30 @@ class SceneModule(nn.Module):
 
 
 def _numbers(some: Tensor) -> Tensor:
-    """(N,) number of each node among those for which (N,) ``some`` is true."""
     return torch.cumsum(some, 0) - 1
 
 
 class PlanHeadModule(nn.Module):
-    """Modes from one vector per pair: knots every 0.5 s, linear between."""
+    """Modes from one vector per pair, as `PlanHead`."""
 
     between: Tensor
 
-    def __init__(self, sizes: Architecture, inner: int, *, steers: bool) -> None:
+    def __init__(self, sizes: Architecture) -> None:
         super().__init__()
-        self.modes, self.steers, self.free = sizes.modes, steers, steers and sizes.free
-        per_mode = KNOTS + (KNOTS - 1 if steers else 0) + (2 * KNOTS if self.free else 0)
-        self.body = mlp(inner, 2 * sizes.hidden, 2 * sizes.hidden)
+        self.modes, self.free = sizes.modes, sizes.free
+        per_mode = 2 * KNOTS - 1 + (2 * KNOTS if self.free else 0)
+        self.body = mlp(2 * sizes.hidden, 2 * sizes.hidden, 2 * sizes.hidden)
         self.knots = nn.Linear(2 * sizes.hidden, sizes.modes * per_mode)
         self.choice = nn.Linear(2 * sizes.hidden, sizes.modes + 1 + len(PRESENT))
         self.register_buffer("between", torch.from_numpy(interpolation()), persistent=False)
 
     def forward(self, h: Tensor, features: Tensor) -> ModeTensors:
-        """Modes of (n, inner) vectors; `features` are the raw ones of the pairs."""
+        """Return modes of (n, inner) vectors and the raw `features` of the pairs."""
         h = torch.relu(self.body(h))
         choice = self.choice(h)
         knots = self.knots(h).unflatten(1, (self.modes, -1))
-        offset = free = None
-        if self.steers:
-            offset = self._offset(knots[..., KNOTS : 2 * KNOTS - 1], features[:, OFFSET])
+        offset = self._offset(knots[..., KNOTS : 2 * KNOTS - 1], features[:, OFFSET])
+        free = None
         if self.free:
             free = self._free(knots[..., 2 * KNOTS - 1 :].unflatten(2, (KNOTS, 2)), features[:, SPEED])
         logits, path, trust = choice.split([self.modes, 1, len(PRESENT)], 1)
@@ -136,8 +206,6 @@ class PlanHeadModule(nn.Module):
         return ModeTensors(logits, acceleration, offset, path[:, 0], free)
 
     def _acceleration(self, knots: Tensor, present: Tensor) -> Tensor:
-        # What the vehicle does now fades within half a second, so that it need not be learned; but how far
-        # its speeds can be trusted is.
         fading = torch.exp(-torch.arange(KNOTS, dtype=knots.dtype, device=knots.device))
         wanted = knots + present[:, None, None] * fading
         bounded = torch.where(
@@ -159,7 +227,7 @@ class PlanHeadModule(nn.Module):
 
 
 class GraphPredictorNet(nn.Module):
-    """Plans along a path from the scene graph, the vehicle's history and the path ahead."""
+    """Network of the Graph Predictor, as `GraphNet`."""
 
     kind = "graph"
 
@@ -169,11 +237,10 @@ class GraphPredictorNet(nn.Module):
         self.scene = SceneModule(sizes)
         self.path_scale = ScalerModule(sizes.path_columns)
         self.path = mlp(sizes.path_columns, 2 * sizes.hidden, sizes.hidden)
-        # Drivers keep their place in the lane: returned to the centreline they would be 0.4 m off after 3 s.
-        self.head = PlanHeadModule(replace(sizes, free=False), 2 * sizes.hidden, steers=True)
+        self.head = PlanHeadModule(replace(sizes, free=False))
 
     def forward(self, scene: SceneBatch, path: PathBatch) -> ModeTensors:
-        """Modes of n pairs."""
+        """Return modes of n pairs."""
         way = torch.relu(self.path(self.path_scale(path.features)))
         h = torch.cat([self.scene(scene, path.node), way], 1)
         modes: ModeTensors = self.head(h, path.features)

@@ -28,41 +28,31 @@ from scex_sumo.training.networks.graph import (
     ModeTensors,
     PathBatch,
     PlanHeadModule,
+    ScalerModule,
     SceneBatch,
     SceneModule,
+    mlp,
 )
-from scex_sumo.training.networks.layers import ScalerModule, mlp
 
 
 class MapTensors(NamedTuple):
-    """One map.
-
-    Attributes:
-        raster: (7, R, C), see `Raster`.
-        corner: (2,) m, of the raster's first pixel.
-    """
+    """One map: (7, R, C) raster and (2,) corner, see `Raster`."""
 
     raster: Tensor
     corner: Tensor
 
 
 class ImageBatch(NamedTuple):
-    """K places from which vehicles see the road.
-
-    Attributes:
-        site: (K,) index into ``maps``.
-        pose: (K, 3) x, y, heading in the map's coordinates; float64, since maps may lie far from the origin.
-        place: (n,) row of ``pose`` for each pair of a vehicle and a path.
-    """
+    """K places from which vehicles see the road."""
 
     maps: tuple[MapTensors, ...]
-    site: Tensor
-    pose: Tensor
-    place: Tensor
+    site: Tensor  # (K,) index into ``maps``
+    pose: Tensor  # (K, 3) x, y, heading on the map; float64, because maps may lie far from the origin
+    place: Tensor  # (n,) row of ``pose`` for each pair of a vehicle and a path
 
 
 class ImageModule(nn.Module):
-    """Vectors of the road around vehicles: convolutions of each map once, then samples per vehicle."""
+    """Vectors of the road around vehicles, as `ImageEncoder`."""
 
     ahead: Tensor
     aside: Tensor
@@ -81,7 +71,7 @@ class ImageModule(nn.Module):
         self.register_buffer("aside", grid[:, 1].contiguous(), persistent=False)
 
     def forward(self, image: ImageBatch) -> Tensor:
-        """(K, hidden) of the places."""
+        """Return (K, hidden) of the places."""
         dtype = self.ahead.dtype
         x, y, heading = image.pose.unbind(1)
         cos, sin = torch.cos(heading), torch.sin(heading)
@@ -97,7 +87,7 @@ class ImageModule(nn.Module):
         return read
 
     def _sample(self, where: MapTensors, px: Tensor, py: Tensor) -> Tensor:
-        """(k, channels, points) of raster and features, bilinear; 0 beyond the map."""
+        """Return (k, channels, points) of raster and features, bilinear; 0 beyond the map."""
         features = self.convolve(where.raster[None])[0]
         u, v = (px - where.corner[0]) / PIXEL_M, (py - where.corner[1]) / PIXEL_M
         parts = []
@@ -111,7 +101,6 @@ class ImageModule(nn.Module):
         return torch.cat(parts).transpose(0, 1)
 
     def _turned(self, seen: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
-        """Directions of lanes relative to the vehicle's."""
         turned = seen.clone()
         turned[:, COS] = cos[:, None] * seen[:, COS] + sin[:, None] * seen[:, SIN]
         turned[:, SIN] = cos[:, None] * seen[:, SIN] - sin[:, None] * seen[:, COS]
@@ -119,11 +108,7 @@ class ImageModule(nn.Module):
 
 
 class GraphImagePredictorNet(nn.Module):
-    """Plans from the scene graph and the road seen from above, weighed by the user: [w·g ; (1-w)·m].
-
-    g knows the scene graph, the path ahead and its vehicles; m knows the road seen from above, the path ahead
-    and the own motion, but no other vehicle.
-    """
+    """Network of the Graph Image Predictor, as `GraphImageNet`."""
 
     kind = "hybrid"
 
@@ -137,12 +122,12 @@ class GraphImagePredictorNet(nn.Module):
         self.own = mlp(alone, 2 * hidden, hidden)
         self.graph_branch = mlp(2 * hidden, 2 * hidden, hidden)
         self.image_branch = mlp(2 * hidden, 2 * hidden, hidden)
-        self.head = PlanHeadModule(sizes, 2 * hidden, steers=True)
+        self.head = PlanHeadModule(sizes)
 
     def forward(
         self, scene: SceneBatch, path: PathBatch, image: ImageBatch, attention: Tensor
     ) -> ModeTensors:
-        """Modes of n pairs; `attention` is w, (n,) in [0, 1]: 1 looks at the graph alone."""
+        """Return modes of n pairs; `attention` is w, (n,) in [0, 1]: 1 uses the graph alone."""
         features = self.path_scale(path.features)
         alone = features[:, : -len(LEADER_COLUMNS)]
         way, own = torch.relu(self.path(features)), torch.relu(self.own(alone))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from scex_sumo.converters.net.allowed import allowed_content, allowed_copy, refu
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.sumo_net import open_net
 from scex_sumo.world.tiles import TileTemplate
+from tests.command import scex
 
 LANE = 'lane="A0B0_0"'
 KINDS = {
@@ -69,11 +69,6 @@ def hostile(folder: Path, grid: str, kind: str) -> tuple[Path, Path]:
 def simulate(net: Path) -> None:
     command = [program("sumo"), "-n", str(net), "--end", "3", "--xml-validation", "never"]
     subprocess.run(command, capture_output=True, env=environment(), check=False)
-
-
-def scex(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 @pytest.mark.parametrize("kind", KINDS)

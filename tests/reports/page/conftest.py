@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import pytest
 from scex_sumo import example_path
 from scex_sumo.reports.page.report import write_report
 from scex_sumo.results.run import Run, open_run
+from tests.command import scex
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 
@@ -22,10 +21,8 @@ CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found :=
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Sixty children of the roundabout, with their report."""
     folder = tmp_path_factory.mktemp("report") / "out"
-    command = [sys.executable, "-m", "scex_sumo", "run", str(example_path("roundabout")), "--children", "60"]
-    subprocess.run(
-        [*command, "--reference", "none", "--no-report", "-o", str(folder)], check=True, capture_output=True
-    )
+    words = ("--children", 60, "--reference", "none", "--no-report", "-o", folder)
+    scex("run", example_path("roundabout"), *words).check_returncode()
     run = open_run(folder)
     write_report(run)
     return run

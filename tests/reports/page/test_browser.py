@@ -52,9 +52,26 @@ def test_an_encounter_leads_to_its_pair_child_and_step(page: Any) -> None:
     pair = row.locator("td").first.inner_text().split(" → ")
     row.click()
     page.wait_for_selector("#pair-title:has-text('Gap of')")
-    assert text(page, "#pair-title").startswith(f"Gap of {pair[0]} and {pair[1]}, child ")
+    assert text(page, "#pair-title").startswith(f"Gap of {pair[0]} and {pair[1]}, future ")
     assert page.input_value("#child") != ""
     assert text(page, "#clock") == row.locator("td").last.inner_text()
+
+
+def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
+    assert run.exact is not None and run.exact.p_collision() is not None
+    shown = text(page, "#any-collision")
+    assert shown == f"{100 * run.p_collision():.2f} %"
+    first = "#exact-table tbody tr:first-child td:nth-child(2)"
+    own = text(page, first)
+    page.locator("#weights input").nth(2).fill("0.7")  # constant_velocity; the others share the rest
+    rest = {name: 0.1 for name in run.exact.models} | {"constant_velocity": 0.7}
+    assert text(page, "#any-collision") == f"{100 * run.p_collision(rest):.2f} %"
+    one, other = text(page, "#exact-table tbody tr:first-child td").split(" → ")
+    pair = run.encounter(int(one), int(other)).probability(weights=rest)
+    assert text(page, first) == f"{100 * pair:.2f} %" != own
+    assert "keeps its speed (constant_velocity)" in text(page, "#exact-table")
+    page.click("#own-weights")
+    assert (text(page, "#any-collision"), text(page, first)) == (shown, own)
 
 
 def test_a_brushed_metric_selects_the_children_everywhere(page: Any, run: Run) -> None:

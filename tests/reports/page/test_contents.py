@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import shutil
 from base64 import b64encode
@@ -12,13 +13,13 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 
-from scex_sumo.evaluation.encounters import in_words
 from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.packing import second_sums
 from scex_sumo.reports.page.report import report_html, write_report
 from scex_sumo.reports.page.scene import road_paths
+from scex_sumo.reports.run_table import encounter_in_words
 from scex_sumo.results.run import Run, open_run
-from scex_sumo.statistics.intervals import wilson_of
+from scex_sumo.statistics.density import wilson_of
 from scex_sumo.views.road_lines import SURFACE, road_lines
 from tests.reports.page.packed import unpack
 
@@ -101,7 +102,7 @@ def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
     assert [(ids[a], ids[b]) for a, b in (row["pair"] for row in info["encounters"]["rows"])] == [
         (row["track_id"], row["other_id"]) for row in encounters
     ]
-    assert info["encounters"]["rows"][0]["words"] == in_words(encounters[0])
+    assert info["encounters"]["rows"][0]["words"] == encounter_in_words(run, encounters[0])
 
 
 def test_metrics_of_the_likely_children_are_taken_where_they_are(run: Run, tmp_path: Path) -> None:
@@ -168,3 +169,17 @@ def test_likely_children_that_collide_are_counted(run: Run, tmp_path: Path) -> N
     shutil.copytree(run.folder, copy)
     shutil.copytree(run.folder, copy / "reference")
     assert report_contents(open_run(copy))[0]["likely_collisions"]["value"] == run.p_collision.value
+
+
+def test_notes_that_warn_stand_above_the_answer_and_the_others_below(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    info = json.loads((copy / "run.json").read_text())
+    info["net_notes"] = ["2 lights without a lane", "warning: 9 of 90 lanelets (10%) not driven"]
+    (copy / "run.json").write_text(json.dumps(info))
+    text = report_html(open_run(copy))
+    parts = ("9 of 90 lanelets (10%) not driven", 'id="verdict"', "2 lights without a lane")
+    places = [text.index(part) for part in parts]
+    assert places == sorted(places)
+    assert "<h2>Warnings</h2>" in text and "warning: 9" not in text[: text.index('id="data"')]
+    assert "<h2>Warnings</h2>" not in report_html(run)

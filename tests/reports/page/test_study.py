@@ -41,7 +41,7 @@ def test_a_range_leaves_far_values_out_and_takes_near_marks_in() -> None:
 
 
 def test_a_metric_that_is_defined_nowhere_says_so() -> None:
-    assert "defined in no child" in density_plot("ttc", [("drawn", None)], (0.0, 1.0))
+    assert "defined in no future" in density_plot("ttc", [("drawn", None)], (0.0, 1.0))
 
 
 def test_the_picture_of_a_scene_has_its_vehicles_and_where_they_go(run: Run) -> None:

@@ -179,7 +179,7 @@ def test_runs_that_measure_something_else_are_refused(changed: dict[str, object]
         ({"models": [{"model": "risky_driver", "weight": 1.0}]}, "behaviour models of b"),
         ({"assign": {"3": "risky_driver"}}, "fixed models of b"),
         ({"replan": 10}, "replan of b"),
-        ({"children": 10}, "fewer than 30 children in b"),
+        ({"children": 10}, "fewer than 30 futures in b"),
     ],
 )
 def test_other_differences_are_said(changed: dict[str, object], words: str) -> None:

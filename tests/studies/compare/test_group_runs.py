@@ -16,9 +16,8 @@ def line(*places: float) -> np.ndarray:
     return np.abs(at[:, None] - at)
 
 
-@pytest.mark.parametrize("method", ["ward", "average"])
-def test_two_clumps_are_two_groups(method: str) -> None:
-    grouping = group_runs(line(0.0, 10.0, 0.1, 10.1, 0.2), list("abcde"), method=method)
+def test_two_clumps_are_two_groups() -> None:
+    grouping = group_runs(line(0.0, 10.0, 0.1, 10.1, 0.2), list("abcde"))
     assert grouping.groups == 2
     assert grouping.group[0] == grouping.group[2] == grouping.group[4]
     assert grouping.group[1] == grouping.group[3] != grouping.group[0]
@@ -26,12 +25,11 @@ def test_two_clumps_are_two_groups(method: str) -> None:
     assert grouping.group[grouping.order].tolist() in ([1, 1, 1, 2, 2], [1, 1, 2, 2, 2])
 
 
-@pytest.mark.parametrize(("method", "top"), [("average", 3.5), ("ward", 4 / 3 * (3.5 - 0.25))])
-def test_heights_are_in_units_of_the_distance(method: str, top: float) -> None:
-    # 0 and 1 join at their distance of 1. Then 4, on average (4 + 3) / 2 away. Where distances are squared
-    # lengths, the middle of 0 and 1 is (4 + 3) / 2 - 1 / 4 away from 4, and Ward's factor is 2 * 2 * 1 / 3.
-    grouping = group_runs(line(0.0, 1.0, 4.0), list("abc"), method=method)
-    np.testing.assert_allclose(grouping.linkage[:, 2], [1.0, top], rtol=1e-12)
+def test_heights_are_in_units_of_the_distance() -> None:
+    # 0 and 1 join at their distance of 1. Then 4: distances are squared lengths, the middle of 0 and 1 is
+    # (4 + 3) / 2 - 1 / 4 away from 4, and Ward's factor is 2 * 2 * 1 / 3.
+    grouping = group_runs(line(0.0, 1.0, 4.0), list("abc"))
+    np.testing.assert_allclose(grouping.linkage[:, 2], [1.0, 4 / 3 * (3.5 - 0.25)], rtol=1e-12)
     assert sorted(grouping.linkage[0, :2]) == [0, 1]
 
 
@@ -53,8 +51,6 @@ def test_the_number_of_groups_is_the_users_where_given() -> None:
     for groups in (0, 5):
         with pytest.raises(UsageError, match=f"--groups: got {groups}, needs 1 to 4"):
             group_runs(distance, list("abcd"), groups=groups)
-    with pytest.raises(UsageError, match="unknown linkage 'single'"):
-        group_runs(distance, list("abcd"), method="single")
 
 
 def test_two_runs_and_equal_runs_make_groups_too() -> None:

@@ -92,7 +92,7 @@ def test_the_command_prints_and_writes_it(folder: Path, capsys: pytest.CaptureFi
     explain_command(folder, metric="distance", worst=1, plots=True)
     said = capsys.readouterr().out
     assert "50.0%" in said
-    assert "distance critical (<= 5): 11.1% of 27 children" in said
+    assert "distance <= 5: 11.1% of 27 futures" in said
     assert "child 2: 3, 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races" in said
     effects = pq.read_table(folder / "explain_effects.parquet").to_pylist()
     pair = next(r for r in effects if r["metric"] == "distance" and r["kind"] == "pair" and r["share"] > 0.4)
@@ -100,7 +100,7 @@ def test_the_command_prints_and_writes_it(folder: Path, capsys: pytest.CaptureFi
     worst = pq.read_table(folder / "explain_worst.parquet").to_pylist()
     assert worst[0]["assignment"] == "7=brakes 8=brakes 11=races"
     page = (folder / "explain.html").read_text()
-    assert "11.1% of the children have distance [m] ≤ 5." in page
+    assert "11.1% of the futures have distance [m] ≤ 5." in page
     assert page.count("<figure>") == 1  # nothing else varies
 
 
@@ -111,7 +111,7 @@ def test_two_that_collide_are_explained_with_the_children_in_which_they_do(
     pq.write_table(pa.table(hits), folder / "collisions.parquet")
     explain_command(folder, encounter="7,11", worst=5, plots=False)
     said = capsys.readouterr().out
-    assert "collision of 7 and 11: 3.7% of 27 children" in said
+    assert "collision of 7 and 11: 3.7% of 27 futures" in said
     assert [line for line in said.splitlines() if "child " in line] == [
         "  child 2: 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races"
     ]
@@ -122,8 +122,8 @@ def test_all_metrics_are_printed_where_none_is_named(
 ) -> None:
     explain_command(folder, metric=None, worst=5, plots=False)
     said = capsys.readouterr().out
-    assert "ttc: defined in no child" in said
-    assert "wttc worst tenth (<= 5)" in said
+    assert "ttc: defined in no future" in said
+    assert "wttc <= 5, the worst tenth" in said
 
 
 def test_what_cannot_be_explained_is_refused(folder: Path, tmp_path: Path) -> None:

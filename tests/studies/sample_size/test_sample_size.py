@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +16,7 @@ from scex_sumo.extrapolation.assignments import all_assignments
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.sample_size.reduction import choose_vehicles, reduced
 from scex_sumo.studies.sample_size.sample_size import designed, subsets
+from tests.command import scex
 from tests.seeds import straight_seed
 
 ROUNDABOUT = scex_sumo.example_path("roundabout")
@@ -81,11 +80,6 @@ def test_a_reduced_scene_keeps_its_vehicles_as_they_were() -> None:
     assert less.now.y.tolist() == [0, 90]
     assert less.name == "straight_2v"
     assert reduced(seed, [0, 1, 2]) is seed
-
-
-def scex(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "scex_sumo", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_the_command_runs_all_assignments_once_and_compares_samples(tmp_path: Path) -> None:

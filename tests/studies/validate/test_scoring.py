@@ -51,12 +51,12 @@ def ref(number: int) -> MomentRef:
     )
 
 
-def forecast(distance: list[float], recorded: float, error: float = 0.0) -> Forecast:
+def forecast(distance: list[float], recorded: float, error: float = 0.0, name: str = "distance") -> Forecast:
     child = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY, SEED_MOMENT]
     values = [*distance, recorded, 20.0, 20.0]
     table = {"child": pa.array(child, pa.int32())}
     for column in COLUMNS:
-        table[column] = pa.array(values if column == "distance" else [None] * len(child), pa.float64())
+        table[column] = pa.array(values if column == name else [None] * len(child), pa.float64())
     table["collision"] = pa.array([False] * len(child))
     seen = {name: values[: len(distance)] for name, values in table.items()}
     vehicles = pa.Table.from_pylist(
@@ -71,7 +71,7 @@ def forecast(distance: list[float], recorded: float, error: float = 0.0) -> Fore
     )  # fmt: skip
     return Forecast(
         children=pa.table(table),
-        seen=pa.table({**seen, "distance": pa.array([d + error for d in distance])}),
+        seen=pa.table({**seen, name: pa.array([d + error for d in distance])}),
         vehicles=vehicles,
         encounters=ENCOUNTERS.empty_table(),
         realism=pa.table({name: [0.7] for name in ("realism", *FEATURES)}),
@@ -108,6 +108,16 @@ def test_children_as_they_would_have_been_recorded_are_scored_beside_those_drive
     assert row["crps_skill_seen"] > row["crps_skill"]
     p, seen, _ = probability(found, EVENTS[0])
     assert (p.tolist(), seen.tolist()) == ([1.0], [1.0])
+
+
+@pytest.mark.parametrize("late", [11.0, 1e15, np.inf])
+def test_a_time_beyond_the_horizon_is_scored_as_the_horizon(late: float) -> None:
+    # 2, 10, 10 and 10 s against 4 s: mean distance 5, half the mean difference of pairs 6 * 8 / 16 / 2.
+    (row,) = value_scores(gathered([(ref(0), forecast([2.0, late, late, late], 4.0, name="pttc"))]))
+    assert row["column"] == "pttc"
+    assert row["crps"] == pytest.approx(5.0 - 1.5)
+    (row,) = value_scores(gathered([(ref(0), forecast([12.0, late, 1e4, late], late, name="pttc"))]))
+    assert row["crps"] == 0.0
 
 
 def test_positions_are_averaged_over_vehicles() -> None:

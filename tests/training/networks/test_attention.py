@@ -6,7 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.training.networks.layers import EdgeAttentionModule  # noqa: E402
+from scex_sumo.training.networks.graph import EdgeAttentionModule  # noqa: E402
 
 EDGES = torch.tensor([[0, 1, 2, 3, 1, 1], [1, 2, 1, 1, 0, 3]])
 
@@ -15,7 +15,8 @@ def test_a_node_without_edges_gets_the_bias() -> None:
     layer = EdgeAttentionModule(3, 2, heads=2, edge_columns=1)
     with torch.no_grad():
         layer.bias.copy_(torch.arange(4.0))
-        made = layer(torch.randn(5, 3), EDGES, torch.randn(6, 1))
+        node = torch.randn(5, 3)
+        made = layer(node, EDGES, torch.randn(6, 1), node)
     assert made[4].tolist() == [0.0, 1.0, 2.0, 3.0]
 
 
@@ -23,7 +24,7 @@ def test_a_node_with_one_edge_gets_all_of_its_source() -> None:
     layer = EdgeAttentionModule(3, 2, heads=2, edge_columns=1)
     node = torch.randn(5, 3)
     with torch.no_grad():
-        made = layer(node, EDGES, torch.randn(6, 1))
+        made = layer(node, EDGES, torch.randn(6, 1), node)
         torch.testing.assert_close(made[2], layer.lin_l(node[1]))
 
 
@@ -42,4 +43,4 @@ def test_numbers_are_those_of_pytorch_geometric(kind: torch.dtype) -> None:
     node, edge = torch.randn(40, 8, dtype=kind), torch.randn(300, 5, dtype=kind)
     edges = torch.randint(0, 39, (2, 300))
     ours.to(kind), theirs.to(kind)
-    assert torch.equal(ours(node, edges, edge), theirs(node, edges, edge))
+    assert torch.equal(ours(node, edges, edge, node), theirs(node, edges, edge))

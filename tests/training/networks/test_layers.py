@@ -6,7 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.training.networks.layers import ScalerModule  # noqa: E402
+from scex_sumo.training.networks.graph import ScalerModule  # noqa: E402
 
 
 def test_scaling_has_mean_zero_spread_one_and_bounds() -> None:

@@ -15,7 +15,7 @@ function modelTable(run, state) {
   return () => { // draws it anew
     const { test, words } = criticalBy(run, state), hits = Array.from(state.mask, (_, c) => Number(test(c)));
     mean = sum(hits) / run.children;
-    byId("models-about").textContent = `Share of children with ${words}, given who drives a vehicle; overall ${percent(mean)}. A click selects those children.`;
+    byId("models-about").textContent = `Share of futures with ${words}, by the model of a vehicle; overall ${percent(mean)}. A click selects those futures.`;
     const rows = ids.map((id, v) => {
       const given = models.map((_, model) => hits.filter((_hit, c) => run.model(c, v) === model)).map((of) => ({ count: of.length, hits: sum(of), share: sum(of) / of.length }));
       const shares = given.map(({ share }) => share), known = shares.filter(Number.isFinite);

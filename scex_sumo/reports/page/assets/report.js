@@ -17,15 +17,15 @@ function runReport(run) {
   const letGo = (key) => key instanceof Function ? key() : state.filter(key); // a chart has its brush as well
 
   function drawChips() {
-    const chips = [...state.filters].map(([key, { words }]) => make("button.chip", { textContent: `${words} ×`, title: "Let go", onclick: () => letGo(key) }));
-    byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.children} children`)] : []), ...chips);
+    const chips = [...state.filters].map(([key, { words }]) => make("button.chip", { textContent: `${words} ×`, title: "Clear", onclick: () => letGo(key) }));
+    byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.children} futures`)] : []), ...chips);
   }
 
   function drawPair() {
     const { pair, child } = state;
     byId("pairbox").hidden = !pair;
     if (!pair) return;
-    const now = drawGaps(), of = child < 0 ? "all children" : `child ${child} (${pair.map((v) => info.models[run.model(child, v)]).join(", ")})`;
+    const now = drawGaps(), of = child < 0 ? "all futures" : `future ${child} (${pair.map((v) => info.models[run.model(child, v)]).join(", ")})`;
     byId("pair-title").textContent = `Gap of ${pair.map(id).join(" and ")}, ${of}${now === null ? "" : `: ${now.toFixed(1)} m at ${seconds(state.step)}`}`;
   }
 
@@ -51,6 +51,7 @@ function runReport(run) {
   };
 
   showTables(info.tables);
+  if (byId("exact")) exactCard(info.exact);
   const redraw = () => state.change({}, "size");
   for (const button of all("[data-encounter]")) button.onclick = () => jump(info.encounters.rows[button.dataset.encounter]);
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });

@@ -44,7 +44,7 @@ function makeState(run) {
       const { p, threshold, numbers } = run.info.metrics[m], critical = column.filter((value) => state.isCritical(m, value)).length;
       const value = critical / column.length, isOwn = p && column === run.columns[m] && state.thresholds[m] === threshold;
       const found = isOwn ? p : interval(value, numbers.find(([share]) => share >= value)[1]);
-      return { ...found, words: `${critical} of ${column.length} children; 95 %: ${range(found)}` };
+      return { ...found, words: `${critical} of ${column.length} futures; 95 %: ${range(found)}` };
     },
   };
   return state;

@@ -1,7 +1,7 @@
 // Tables: sorted by a click on a head, rows that lead somewhere.
 
 const FORMATS = {
-  text: String, percent, seconds: (s) => `${short(s, 1)} s`, metres: (m) => `${short(m, 1)} m`,
+  text: String, percent, percent2: (share) => `${(100 * share).toFixed(2)} %`, seconds: (s) => `${short(s, 1)} s`, metres: (m) => `${short(m, 1)} m`,
   real: (value) => short(value, 3), times: (value) => `× ${value}`,
 };
 

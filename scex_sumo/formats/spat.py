@@ -1,7 +1,7 @@
 """Recorded signal phases (SPaT) as a SUMO traffic light that replays them.
 
-The format is that of the TAF-BW recordings: a CSV ``signal_group_id, timestamp_ms, movement_state``, and
-beside it a KML of the intersection whose lanes name their sinks and signal groups (SAE J2735 MAP data).
+The format of TAF-BW: a CSV ``signal_group_id, timestamp_ms, movement_state``, and beside it a KML whose lanes
+name their sinks and signal groups (SAE J2735 MAP data).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.net.elements import Connection, NetLayout
 from scex_sumo.converters.net.traffic_lights import Programme, state
+from scex_sumo.converters.registries import SignalFormat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 
 # SAE J2735 movement states in SUMO's letters.
@@ -43,11 +44,7 @@ AHEAD_M = 90.0  # how far beyond the light the exit lane of the KML is looked fo
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Movement:
-    """A connection of the intersection's KML: approach and exit lane (P, 2) from the intersection outwards,
-    m.
-    """
-
+class _Movement:
     source: FloatArray
     sink: FloatArray
     group: int
@@ -58,13 +55,13 @@ def recorded_programme(
 ) -> tuple[Programme | None, list[str]]:
     """Return the traffic light that replays a recording (None if it controls no link of the net), and notes.
 
-    Simulation time 0 is the recording's time 0. The recording repeats when it ends.
+    The recording begins at simulation time 0 and repeats.
 
     Raises:
         MapError: the CSV does not hold signal phases, or no KML lies beside it.
     """
-    runs = read_phases(signals)
-    moves = read_movements(_kml_beside(signals), origin)
+    runs = _read_phases(signals)
+    moves = _read_movements(_kml_beside(signals), origin)
     groups: dict[str, int] = {}
     controlled: list[Connection] = []
     ways = _Ways(layout)
@@ -82,8 +79,10 @@ def recorded_programme(
     return programme, []
 
 
-def read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:
-    """Return (seconds, letter) at each change of each signal group; group -1 holds the recording's end."""
+SPAT = SignalFormat(is_mine=lambda path: path.suffix == ".csv", read=recorded_programme)
+
+
+def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:
     groups: dict[int, list[tuple[int, str]]] = {}
     try:
         with signals.open(encoding="utf-8", newline="") as file:
@@ -118,8 +117,7 @@ def _kml_beside(signals: Path) -> Path:
     return candidates[0]
 
 
-def read_movements(kml: Path, origin: tuple[float, float]) -> list[Movement]:
-    """Return the movements of an intersection's KML, in the map's coordinates."""
+def _read_movements(kml: Path, origin: tuple[float, float]) -> list[_Movement]:
     try:
         root = ET.parse(kml).getroot()
     except (OSError, ET.ParseError) as error:
@@ -142,15 +140,13 @@ def read_movements(kml: Path, origin: tuple[float, float]) -> list[Movement]:
             if sink.strip() and group.strip()
         ]
     return [
-        Movement(source=lanes[a], sink=lanes[b], group=group)
+        _Movement(source=lanes[a], sink=lanes[b], group=group)
         for a, b, group in ways
         if a in lanes and b in lanes and len(lanes[a]) > 1 and len(lanes[b]) > 1
     ]
 
 
 class _Ways:
-    """Lane shapes of a net by edge and index, and what lies ahead of a connection."""
-
     def __init__(self, layout: NetLayout) -> None:
         self.shapes = {
             (edge.name, k): lane.shape for edge in layout.edges for k, lane in enumerate(edge.lanes)
@@ -160,7 +156,6 @@ class _Ways:
             self._leaving.setdefault((c.from_edge, c.from_lane), []).append(c)
 
     def ahead(self, connection: Connection, reach_m: float) -> list[FloatArray]:
-        """Return the shapes of edge lanes ahead of a connection, within a distance."""
         shapes, stack, seen = [], [(connection, reach_m)], {connection.internal.name}
         while stack:
             c, left = stack.pop()
@@ -174,7 +169,7 @@ class _Ways:
         return shapes
 
 
-def _belongs(ways: _Ways, c: Connection, move: Movement) -> bool:
+def _belongs(ways: _Ways, c: Connection, move: _Movement) -> bool:
     stop, leaving = move.source[0], turn(math.pi, heading(move.source, end=False, reach=10.0))
     before = ways.shapes[c.from_edge, c.from_lane]
     end = before[-1]

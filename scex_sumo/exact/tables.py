@@ -1,0 +1,247 @@
+"""Influence tables: an event's outcome for every assignment of the vehicles that decide it.
+
+P is the sum of the cells in which the event happens, each weighted by the product of its vehicles' shares: a
+polynomial of the shares, so that other weights need no new futures.
+
+Source: minimal cut sets as in fault trees (Vesely et al. 1981).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from itertools import combinations, product
+from typing import TypeAlias
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import UsageError
+
+Cube: TypeAlias = frozenset[tuple[int, int]]
+"""Partial assignment: track ids and the indices of their models."""
+Weights: TypeAlias = Mapping[str, float] | Mapping[int, Mapping[str, float]]
+"""Weights by model, for all vehicles; or by track id and model, for some of them."""
+
+MAX_SPLITS = 200_000  # of the recursion over the union of events
+
+WORDS: Mapping[str, str] = {
+    "constant_velocity": "keeps its speed",
+    "emergency_brake": "brakes hard",
+    "standard_driver": "drives calmly",
+    "risky_driver": "drives riskily",
+    "replay": "drives as recorded",
+}
+"""What a vehicle does under a model, for cut sets in words."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InfluenceTable:
+    """Outcome of one event for every assignment of its influence set.
+
+    Attributes:
+        track_ids: the k vehicles of the influence set, ascending.
+        models: the M models that they draw from.
+        outcomes: (M, ..., M) with k axes: whether the event happens.
+        shares: (M,) share of each model in the run.
+        checked: number of independently drawn futures that the table predicted without a difference.
+    """
+
+    track_ids: tuple[int, ...]
+    models: tuple[str, ...]
+    outcomes: BoolArray
+    shares: FloatArray
+    checked: int
+
+    @property
+    def remainder(self) -> float:
+        """Share of assignments that the table may get wrong, at most, with 95 % (rule of three)."""
+        return min(1.0, 3.0 / self.checked) if self.checked else 1.0
+
+    def probability(self, weights: Weights | None = None) -> float:
+        """Return the exact probability of the event.
+
+        Args:
+            weights: as of `shares_of`; None for the run's.
+        """
+        return self._sum(shares_of(self, weights))
+
+    def leverage(self, weights: Weights | None = None) -> dict[int, dict[str, float]]:
+        """Return the derivative of P with respect to each vehicle's share of each model.
+
+        The vehicle's other models give way in proportion; 0 for the only model of a vehicle.
+        """
+        shares = shares_of(self, weights)
+        whole, found = self._sum(shares), dict[int, dict[str, float]]()
+        for track in self.track_ids:
+            found[track] = {}
+            for index, model in enumerate(self.models):
+                rest = 1.0 - float(shares[track][index])
+                only = {**shares, track: np.eye(len(self.models))[index]}
+                found[track][model] = (self._sum(only) - whole) / rest if rest > 1e-12 else 0.0
+        return found
+
+    def _sum(self, shares: Mapping[int, FloatArray]) -> float:
+        value = self.outcomes.astype(np.float64)
+        for track in reversed(self.track_ids):
+            value = value @ shares[track]
+        return float(value)
+
+    @cached_property
+    def cut_sets(self) -> tuple[Cube, ...]:
+        """Minimal partial assignments under which the event happens whatever the others do."""
+        found: list[Cube] = []
+        axes = range(len(self.track_ids))
+        for size in range(len(self.track_ids) + 1):
+            for kept in combinations(axes, size):
+                always = self.outcomes.all(axis=tuple(a for a in axes if a not in kept))
+                for cell in product(range(len(self.models)), repeat=size):
+                    cube = frozenset((self.track_ids[a], level) for a, level in zip(kept, cell, strict=True))
+                    if always[cell] and not any(one <= cube for one in found):
+                        found.append(cube)
+        return tuple(found)
+
+    def in_words(self) -> list[str]:
+        """Return the cut sets in words; those that differ in one vehicle's model are one phrase."""
+        sets = [{track: {level} for track, level in cube} for cube in self.cut_sets]
+        joined = True
+        while joined:
+            joined = False
+            for one, two in combinations(range(len(sets)), 2):
+                differ = [track for track in sets[one] if sets[one][track] != sets[two].get(track)]
+                if sets[one].keys() == sets[two].keys() and len(differ) == 1:
+                    sets[one][differ[0]] |= sets[two][differ[0]]
+                    del sets[two]
+                    joined = True
+                    break
+        return [self._phrase(one) for one in sets]
+
+    def _phrase(self, cube: Mapping[int, Iterable[int]]) -> str:
+        parts = []
+        for track in self.track_ids:
+            if track in cube:
+                names = [self.models[level] for level in sorted(cube[track])]
+                does = " or ".join(f"{WORDS[n]} ({n})" if n in WORDS else f"drives as {n}" for n in names)
+                parts.append(f"{track} {does}")
+        return " and ".join(parts) or "whatever its drivers do"
+
+
+def reduced(table: InfluenceTable) -> InfluenceTable:
+    """Return a table without the vehicles whose model changes nothing."""
+    keep, outcomes = list(table.track_ids), table.outcomes
+    for axis in reversed(range(len(keep))):
+        first = np.take(outcomes, [0], axis=axis)
+        if (outcomes == first).all():
+            outcomes = first.squeeze(axis=axis)
+            del keep[axis]
+    return InfluenceTable(
+        track_ids=tuple(keep),
+        models=table.models,
+        outcomes=np.asarray(outcomes, dtype=np.bool_),
+        shares=table.shares,
+        checked=table.checked,
+    )
+
+
+def shares_of(table: InfluenceTable, weights: Weights | None) -> dict[int, FloatArray]:
+    """Return the share of each model by vehicle of a table.
+
+    Args:
+        weights: by model, for all vehicles; or by track id, then model. Models that are not named share what
+            is left to 1, in proportion to the run's; they get none if the named ones sum to 1 or more.
+
+    Raises:
+        UsageError: an unknown model, a weight below 0, or nothing above 0.
+    """
+    given = dict(weights or {})
+    each = {int(key): value for key, value in given.items() if isinstance(value, Mapping)}
+    common = {str(key): float(value) for key, value in given.items() if not isinstance(value, Mapping)}
+    every = _normed(common, table.models, table.shares)
+    return {
+        track: _normed(each[track], table.models, table.shares) if track in each else every
+        for track in table.track_ids
+    }
+
+
+def _normed(weights: Mapping[str, float], models: Sequence[str], shares: FloatArray) -> FloatArray:
+    if not weights:
+        return np.asarray(shares, dtype=np.float64)
+    unknown = [name for name in weights if name not in models]
+    if unknown:
+        raise UsageError(f"weights: unknown model {unknown[0]!r}; the run draws {', '.join(models)}")
+    bad = [name for name, weight in weights.items() if not (math.isfinite(weight) and weight >= 0)]
+    if bad:
+        raise UsageError(f"weights: {bad[0]}={weights[bad[0]]}: needs 0 or more")
+    given = np.array([weights.get(name, 0.0) for name in models], dtype=np.float64)
+    rest = np.array([0.0 if name in weights else s for name, s in zip(models, shares, strict=True)])
+    if rest.sum() > 0 and given.sum() < 1:
+        given += rest * (1 - given.sum()) / rest.sum()
+    if given.sum() <= 0:
+        raise UsageError("weights: all are 0; give at least one model a positive weight")
+    return np.asarray(given / given.sum())
+
+
+def union_probability(tables: Sequence[InfluenceTable], weights: Weights | None = None) -> float | None:
+    """Return the exact probability that any of several events happens; None if it takes too long.
+
+    Events without common vehicles are independent: 1 - prod(1 - P). Connected ones are split by the vehicle
+    that most cut sets name.
+    """
+    shares: dict[int, FloatArray] = {}
+    for table in tables:
+        shares |= shares_of(table, weights)
+    cubes = frozenset(cube for table in tables for cube in table.cut_sets)
+    splits = 0
+
+    @cache
+    def any_of(cubes: frozenset[Cube]) -> float:
+        nonlocal splits
+        if not cubes:
+            return 0.0
+        if frozenset() in cubes:
+            return 1.0
+        parts = _connected(cubes)
+        if len(parts) > 1:
+            return 1.0 - math.prod(1.0 - any_of(part) for part in parts)
+        splits += 1
+        if splits > MAX_SPLITS:
+            raise RecursionError
+        count: dict[int, int] = {}
+        for cube in cubes:
+            for track, _ in cube:
+                count[track] = count.get(track, 0) + 1
+        track = max(sorted(count), key=count.__getitem__)
+        total = 0.0
+        for level, share in enumerate(shares[track].tolist()):
+            if share > 0:
+                total += share * any_of(_given(cubes, track, level))
+        return total
+
+    try:
+        return any_of(cubes)
+    except RecursionError:
+        return None
+
+
+def _given(cubes: frozenset[Cube], track: int, level: int) -> frozenset[Cube]:
+    """Return what is left of cubes if a vehicle has a model."""
+    mine = {(track, level)}
+    return frozenset(c - mine for c in cubes if all(t != track or k == level for t, k in c))
+
+
+def _connected(cubes: frozenset[Cube]) -> list[frozenset[Cube]]:
+    """Return groups of cubes that share no vehicle."""
+    groups: list[tuple[set[int], list[Cube]]] = []
+    for cube in cubes:
+        tracks, members = {track for track, _ in cube}, [cube]
+        apart = []
+        for others, theirs in groups:
+            if others & tracks:
+                tracks |= others
+                members += theirs
+            else:
+                apart.append((others, theirs))
+        groups = [*apart, (tracks, members)]
+    return [frozenset(members) for _, members in groups]

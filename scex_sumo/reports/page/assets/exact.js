@@ -1,0 +1,69 @@
+// Exact probabilities: P of every pair and of any collision, with the weights of the sliders.
+
+// Probability that some of the cubes holds; a cube is a list of [vehicle, model].
+function unionOf(cubes, shares, known = new Map()) {
+  if (!cubes.length) return 0;
+  if (cubes.some((cube) => !cube.length)) return 1;
+  const key = JSON.stringify(cubes);
+  if (!known.has(key)) known.set(key, splitUnion(cubes, shares, known));
+  return known.get(key);
+}
+
+function splitUnion(cubes, shares, known) {
+  const parts = connected(cubes);
+  if (parts.length > 1) return 1 - parts.reduce((none, part) => none * (1 - unionOf(part, shares, known)), 1);
+  const count = new Map();
+  for (const [vehicle] of cubes.flat()) count.set(vehicle, (count.get(vehicle) ?? 0) + 1);
+  const chosen = [...count].sort((a, b) => b[1] - a[1] || a[0] - b[0])[0][0];
+  return sum(shares.map((share, level) => share && share * unionOf(given(cubes, chosen, level), shares, known)));
+}
+
+// What is left of cubes if a vehicle has a model.
+function given(cubes, vehicle, level) {
+  const left = cubes.filter((cube) => cube.every(([v, m]) => v !== vehicle || m === level));
+  return left.map((cube) => cube.filter(([v]) => v !== vehicle));
+}
+
+// Groups of cubes without a common vehicle.
+function connected(cubes) {
+  let groups = [];
+  for (const cube of cubes) {
+    const mine = { vehicles: new Set(cube.map(([v]) => v)), cubes: [cube] }, apart = [];
+    for (const group of groups) {
+      if (![...group.vehicles].some((v) => mine.vehicles.has(v))) apart.push(group);
+      else {
+        group.vehicles.forEach((v) => mine.vehicles.add(v));
+        mine.cubes.push(...group.cubes);
+      }
+    }
+    groups = [...apart, mine];
+  }
+  return groups.map((group) => group.cubes);
+}
+
+function exactCard({ models, shares: own, pairs }) {
+  const sliders = all("#weights input"), figures = all("#weights output");
+  let shares = own;
+  const columns = [{ title: "pair" }, { title: "P", as: "percent2", down: true }, { title: "collides exactly if", kind: "words" }];
+  const rows = () => pairs.map(({ name, cubes, words, sampled }) => (
+    { cells: [name, cubes ? unionOf(cubes, shares) : sampled, cubes ? words : "sampled: too many vehicles decide it"] }));
+  const table = makeTable(byId("exact-table"), { columns, rows: rows() });
+
+  function draw() {
+    sliders.forEach((slider, m) => { slider.value = shares[m]; figures[m].textContent = percent(shares[m]); });
+    const isWhole = pairs.every(({ cubes }) => cubes);
+    byId("any-collision").textContent = isWhole ? FORMATS.percent2(unionOf(pairs.flatMap(({ cubes }) => cubes), shares)) : "sampled only";
+    table.show(rows());
+  }
+
+  // The other models share the rest as they did before.
+  function weigh(m, value) {
+    const rest = 1 - shares[m];
+    shares = shares.map((share, k) => (k === m ? value : rest > 1e-9 ? share * (1 - value) / rest : (1 - value) / (models.length - 1)));
+    draw();
+  }
+
+  sliders.forEach((slider, m) => { slider.oninput = () => weigh(m, Number(slider.value)); });
+  byId("own-weights").onclick = () => { shares = own; draw(); };
+  draw();
+}

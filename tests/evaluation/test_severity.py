@@ -1,0 +1,109 @@
+"""Severity and fault of collisions, by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.evaluation.severity import Severity, injury_probability, masses, severity_of
+from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
+from scex_sumo.road import Lane, Regulation, Road
+from tests.metrics.straight import straight
+
+NORTH = math.pi / 2
+
+
+def severity(*vehicles: dict[str, float], types: tuple[str, str] = ("car", "car"), road: Road | None = None):  # type: ignore[no-untyped-def]
+    tracks = straight(*vehicles)
+    hits = find_collisions(tracks, limit_m2=CONTACT_M2)
+    found = severity_of(tracks, hits, types, road)
+    assert len(hits) == 1
+    return hits, found
+
+
+def test_the_published_oracle_is_met() -> None:
+    """Two equal cars head-on, closing at 99 km/h: each changes by 49.5 km/h, P(MAIS 3+) 12.8 %."""
+    speed = 99 / 3.6 / 2
+    _, found = severity({"speed": speed}, {"x": 40, "heading": math.pi, "speed": speed})
+    assert found.delta_v * 3.6 == pytest.approx([49.5])
+    assert found.p_mais3 == pytest.approx([0.128], abs=5e-4)
+    assert found.p_mais3_other == pytest.approx(found.p_mais3)
+    assert (
+        injury_probability(found.delta_v, "fatal")
+        < found.p_mais3
+        < injury_probability(found.delta_v, "mais2")
+    )
+
+
+def test_equal_cars_at_equal_speed_and_heading_have_no_speed_change() -> None:
+    """They drift into each other sideways, which headings and speeds do not show."""
+    tracks = straight({"speed": 20}, {"y": 2.5, "speed": 20})
+    tracks.states.y[0, :, 1] -= np.linspace(0, 1, 60)
+    hits = find_collisions(tracks, limit_m2=CONTACT_M2)
+    found = severity_of(tracks, hits, ("car", "car"))
+    assert (found.delta_v.tolist(), found.delta_v_other.tolist()) == ([0.0], [0.0])
+    assert found.p_mais3 == pytest.approx([1 / (1 + math.exp(6.954))])
+
+
+def test_a_truck_changes_less_than_the_car_that_it_hits() -> None:
+    """4 500 kg at 20 m/s hit 1 500 kg at 8 m/s from behind: 12 m/s in the ratio 3 to 1."""
+    hits, found = severity({"speed": 20, "length": 8}, {"x": 30, "speed": 8}, types=("truck", "car"))
+    assert (found.delta_v, found.delta_v_other) == (pytest.approx([3.0]), pytest.approx([9.0]))
+    assert np.isnan(found.p_mais3).all() and found.p_mais3_other > 0  # no curve for occupants of trucks
+    assert found.faults() == ["hits from behind"] and hits.first.tolist() == [0]
+
+
+def test_a_crossing_impact_has_the_speed_of_both_directions() -> None:
+    _, found = severity({"x": -30, "speed": 10}, {"y": -28, "heading": NORTH, "speed": 10})
+    assert found.delta_v == pytest.approx([math.sqrt(2) * 10 / 2])
+    assert found.faults() == [None]  # without a road nobody knows
+
+
+def test_the_one_that_stands_is_struck() -> None:
+    assert severity({"speed": 10}, {"x": 30})[1].faults() == ["hits standing"]
+    assert severity({"speed": 0}, {"y": -20, "heading": NORTH, "speed": 10})[1].faults() == ["stands"]
+
+
+def test_masses_go_by_type_and_length() -> None:
+    kinds = ("car", "car", "truck", "truck", "coach", "motorcycle")
+    length = np.array([4.5, 7.0, 8.0, 16.5, 14.0, 2.2])
+    assert masses(kinds, length).tolist() == [1500, 5000, 4500, 13000, 25000, 200]
+
+
+def crossroads() -> Road:
+    """A road to the east with priority over one to the north."""
+
+    def lane(lane_id: int, line: FloatArray) -> Lane:
+        side = np.array([[0.0, 1.75]]) if line[0, 1] == line[1, 1] else np.array([[-1.75, 0.0]])
+        return Lane(
+            lane_id=lane_id,
+            centreline=line,
+            left_bound=line + side,
+            right_bound=line - side,
+            width_m=3.5,
+            speed_limit_mps=14.0,
+        )
+
+    east, north = np.array([[-100.0, 0.0], [100.0, 0.0]]), np.array([[0.0, -100.0], [0.0, 100.0]])
+    rule = Regulation(element_id=9, kind="right_of_way", lanes=(1, 2), yielding=(2,), priority=(1,))
+    return Road(name="crossroads", lanes={1: lane(1, east), 2: lane(2, north)}, regulations=(rule,))
+
+
+def faults(*vehicles: dict[str, float]) -> list[str | None]:
+    found: Severity = severity(*vehicles, road=crossroads())[1]
+    return found.faults()
+
+
+def test_who_crosses_against_priority_has_the_fault() -> None:
+    east, north = {"x": -30.0, "speed": 10.0}, {"y": -28.0, "heading": NORTH, "speed": 10.0}
+    assert faults(east, north) == ["other against priority"]
+    assert faults(north, east) == ["against priority"]
+
+
+def test_who_leaves_its_lane_has_the_fault() -> None:
+    """One of two oncoming cars, 1 m to the left of its lane's middle, scrapes one in its own lane."""
+    north, gone = {"y": -30.0, "heading": NORTH, "speed": 10.0}, {"y": 30.0, "x": -4.0, "speed": 10.0}
+    assert faults(north, gone | {"heading": -NORTH + 0.1}) == ["other leaves lane"]

@@ -1,0 +1,108 @@
+"""Exact probabilities of runs: against all assignments, by hand, and with the drawn futures unchanged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import scex_sumo
+from scex_sumo.base.errors import UsageError
+from scex_sumo.results.run import Run
+from scex_sumo.scene import SeedScene
+from scex_sumo.studies.sample_size.reduction import choose_vehicles, reduced
+from tests.exact.queues import queues
+
+RULES = "standard_driver,risky_driver,constant_velocity,emergency_brake"
+
+
+def run_of(scene: SeedScene, out: Path, children: int | str = 385, **options: Any) -> Run:
+    return scex_sumo.extrapolate(scene, children=children, world="plain", metrics=["gap"], out=out, **options)
+
+
+@pytest.fixture(scope="module")
+def roundabout(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    out = tmp_path_factory.mktemp("exact") / "out"
+    return run_of(scex_sumo.read_seed(scex_sumo.example_path("roundabout")), out)
+
+
+def test_the_example_has_the_probabilities_worked_out_by_hand(roundabout: Run) -> None:
+    rear = roundabout.encounter(16, 15)
+    assert rear.probability() == 1 / 16
+    assert rear.table is not None and rear.table.in_words() == [
+        "15 brakes hard (emergency_brake) and 16 keeps its speed (constant_velocity)"
+    ]
+    assert roundabout.encounter(7, 11).probability() == 9 / 64
+    assert roundabout.encounter(4, 6).probability() == 1 / 16
+    # No pair shares a vehicle with another one.
+    assert roundabout.p_collision() == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2, abs=1e-15)
+    assert roundabout.exact is not None and roundabout.exact.extra <= 385
+    assert not roundabout.exact.sampled
+
+
+def test_other_weights_follow_from_the_tables(roundabout: Run) -> None:
+    assert roundabout.p_collision(weights={"standard_driver": 1.0}) == 0.0
+    quarter = roundabout.p_collision(weights=dict.fromkeys(RULES.split(","), 1.0))
+    assert quarter == roundabout.p_collision()
+    alone = roundabout.encounter(16, 15).probability(weights={15: {"emergency_brake": 1.0}})
+    assert alone == 1 / 4
+    with pytest.raises(UsageError, match="unknown event"):
+        roundabout.encounter(16, 15).probability("hit")
+
+
+def test_a_whole_queue_counts(tmp_path: Path) -> None:
+    """Whether the last car's time to collision with the first is critical hangs on both between them."""
+    run = run_of(queues(4), tmp_path / "out", 200)
+    table = run.encounter(1, 4).table_of("ttc")
+    assert table is not None and table.track_ids == (1, 2, 3, 4)
+
+
+def test_two_pairs_apart_do_not_count_for_each_other(tmp_path: Path) -> None:
+    run = run_of(queues(2, 2), tmp_path / "out", 100)
+    tables = [run.encounter(a, b).table for a, b in ((1, 2), (3, 4))]
+    assert [t.track_ids for t in tables if t is not None] == [(1, 2), (3, 4)]
+    assert run.p_collision() == 1 - (15 / 16) ** 2
+
+
+@pytest.mark.parametrize("name", ["roundabout", "urban_intersection"])
+def test_five_vehicles_equal_the_enumeration_of_all_assignments(name: str, tmp_path: Path) -> None:
+    whole = scex_sumo.synthetic_seed(scex_sumo.example_path(name), vehicles=12, seed=3)
+    scene = reduced(whole, choose_vehicles(whole, 5))
+    every, drawn = run_of(scene, tmp_path / "all", "all"), run_of(scene, tmp_path / "drawn", 200)
+    assert every.exact is None and drawn.exact is not None
+    assert drawn.encounters.num_rows > 0
+    for row in every.encounters.to_pylist():
+        for event in ("collision", "ttc", "pet", "drac"):
+            table = drawn.exact.table(row["track_id"], row["other_id"], event)
+            if table is not None:
+                assert table.probability() == row[event], (row["track_id"], row["other_id"], event)
+    assert drawn.p_collision() == every.p_collision.value
+    assert not drawn.exact.sampled
+
+
+def test_the_drawn_futures_stay_the_same_and_do_not_depend_on_the_workers(tmp_path: Path) -> None:
+    scene = queues(4)
+    runs = [
+        run_of(scene, tmp_path / name, 100, exact=exact, workers=workers)
+        for name, exact, workers in (("with", True, 1), ("two", True, 2), ("without", False, 1))
+    ]
+    assert runs[2].exact is None and runs[0].exact is not None
+    for table in ("tracks", "metrics", "assignments", "encounters", "collisions"):
+        one, *others = (run.folder / f"{table}.parquet" for run in runs)
+        assert all(other.read_bytes() == one.read_bytes() for other in others), table
+    assert runs[0].folder.joinpath("exact.json").read_bytes() == (
+        runs[1].folder.joinpath("exact.json").read_bytes()
+    )
+    extra = runs[0].table("exact/assignments.parquet")
+    assert np.asarray(extra["child"]).min() == 100 and extra.num_rows == 4 * runs[0].exact.extra
+
+
+def test_random_models_and_few_futures_keep_sampled_values(tmp_path: Path) -> None:
+    scene = queues(2)
+    assert run_of(scene, tmp_path / "likely", 100, models="likely").exact is None
+    few = run_of(scene, tmp_path / "few", 20)
+    assert few.exact is None and few.p_collision() == few.p_collision.value
+    with pytest.raises(UsageError, match="exact table"):
+        few.p_collision(weights={"risky_driver": 1.0})
