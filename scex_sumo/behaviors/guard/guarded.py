@@ -33,13 +33,13 @@ speed (P,), m/s, of each line's vehicle.
 def safe_speed(
     gap_m: FloatArray, leader_speed_mps: FloatArray, *, deceleration: float, reaction_time: float
 ) -> FloatArray:
-    """(n,) highest speed from which a vehicle still stops behind its leader, m/s, at least 0.
+    """Return (n,) speeds from which vehicles stop behind leaders that brake with b, m/s.
 
-    v_safe = -bτ + √((bτ)² + v_leader² + 2·b·gap); the leader may brake with b at any moment.
+    v_safe = -bτ + √((bτ)² + v_leader² + 2·b·gap).
 
     Args:
-        gap_m: (n,) free way to the leader; may be negative.
-        deceleration: b, m/s², of both.
+        gap_m: (n,) free way; may be negative.
+        deceleration: b, m/s².
         reaction_time: τ, s.
 
     Source: Krauss 1998.
@@ -62,9 +62,9 @@ class Steers(Protocol):
 class Guarded:
     """A model whose vehicles drive slowly enough to stop for others.
 
-    The way of the plan stays. The speed stays below `safe_speed` for every leader in the swept corridor and
-    every crossing that another vehicle reaches first. A model that `Steers` also keeps clear of vehicles
-    beside it. The motion of others is predicted from the history alone, so plans do not depend on each other.
+    The way of the plan stays. Speeds stay below `safe_speed` for leaders in the swept corridor and for
+    crossings that others reach first; braking is as hard as needed, and gentle for others that are missed with
+    constant velocity and heading. A model that `Steers` also keeps clear of vehicles beside it.
     """
 
     def __init__(self, model: Behavior, profile: GuardProfile | None = None) -> None:
@@ -74,20 +74,20 @@ class Guarded:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Return the model's plan, slowed down where necessary; see `Behavior.plan`."""
+        """Return the model's plan, slowed down where necessary."""
         made = self.model.plan(history, road, who, rng)
         return slowed(made, history, road, who, self.profile) if len(who) else made
 
 
 def slowed(plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile) -> Plan:
-    """Re-time a plan (n, H) along its way so that vehicles can always stop; other rows stay the same."""
+    """Re-time a plan (n, H) along its way so that vehicles can always stop."""
     return retimed(plan, history, road, who, profile, partial(_bounds, profile=profile))
 
 
 def retimed(
     plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile, bounds: Bounds
 ) -> Plan:
-    """Re-time a plan (n, H) along its way under the bounds of its stop lines; other rows stay the same."""
+    """Re-time a plan (n, H) along its way under the bounds of its stop lines."""
     paths = planned_paths(plan, history, who, profile)
     holds = find_stop_lines(paths, history, road, who, profile).joined_by(_leaping(paths))
     if not len(holds.row):
@@ -102,10 +102,7 @@ def retimed(
 
 
 def _leaping(paths: PlannedWays) -> IntArray:
-    """Return vehicles whose plan does not start at their present state.
-
-    Such a model ignores that it was slowed down, e.g. a replay.
-    """
+    """Return vehicles whose plan leaps, as a replay does that was slowed down."""
     v = paths.start_speed
     fast = paths.speed[:, 0] > v + LEAP_MPS2 * STEP_S
     far = paths.arc[:, 1] > (v + LEAP_MPS2 * STEP_S / 2) * STEP_S + LEAP_M
@@ -115,7 +112,7 @@ def _leaping(paths: PlannedWays) -> IntArray:
 def _timed(
     paths: PlannedWays, holds: StopLines, profile: GuardProfile, bounds: Bounds
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(n, H) speeds and arc lengths under all bounds, and (n,) which vehicles are slowed."""
+    """Return speeds and arc lengths (n, H), and (n,) which vehicles are slowed."""
     speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
     changed = np.zeros(len(speed), dtype=np.bool_)
     rows, first = np.unique(holds.row, return_index=True)  # rows are sorted
@@ -144,7 +141,7 @@ def _timed(
 def _bounds(
     holds: StopLines, first: IntArray, step: int, s: FloatArray, v: FloatArray, *, profile: GuardProfile
 ) -> FloatArray:
-    """Return the highest speed after a step of each vehicle with a stop line, m/s; see `Bounds`."""
+    """Return the guard's `Bounds`."""
     t = step * STEP_S
     position, leader = _lines(holds, t)
     gap = position - s
@@ -152,7 +149,7 @@ def _bounds(
     bound = np.where(gap < 0, 0.0, safe(gap - profile.minimum_gap, leader))
     early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
     if len(early):
-        # A vehicle that will follow one that is not there yet must not reach the place before it.
+        # It must not reach the place before the vehicle that it will follow.
         ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early]
         wait = safe(ahead - profile.minimum_gap, np.zeros_like(ahead))
         wait = np.maximum(wait, np.maximum(ahead, 0.0) / np.maximum(holds.enter[early] - t, STEP_S))
@@ -170,13 +167,13 @@ def _bounds(
 def needed_braking(
     holds: StopLines, t: float, s: FloatArray, v: FloatArray, entry_gap_m: float = LAST_GAP_M
 ) -> FloatArray:
-    """(P,) constant deceleration with which vehicles just stay behind their stop lines, m/s².
+    """Return (P,) constant decelerations with which vehicles just stay behind their stop lines, m/s².
 
     Args:
-        t: time since the plan began, s.
-        s: (P,) place of the vehicle, m along its plan.
-        v: (P,) its speed, m/s.
-        entry_gap_m: kept to a vehicle that is not there yet when it arrives.
+        t: s since the plan began.
+        s: (P,) places of vehicles, m along their plans.
+        v: (P,) m/s.
+        entry_gap_m: to a vehicle that enters later.
     """
     position, leader = _lines(holds, t)
     room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)

@@ -35,12 +35,12 @@ REACTION_S, REACTION_SPREAD = 0.9, 0.3
 ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond; our choice
 # From the corner of the eye, drivers notice a leader that looms, but late (Lamble, Laakso, Summala 1999).
 LOOMING_MPS2 = 3.0
-SAFE_ONSET = 2.0  # factor on that for vehicles that are missed if both keep velocity and heading
+SAFE_ONSET = 2.0  # factor on the onset for vehicles that are missed with constant velocity and heading
 MORE_THAN_NEEDED = 1.2
 BESIDE_M = 0.3  # between boxes beside each other
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
-GENTLE_MPS2, DEEP_M = 2.0, 2.0  # for vehicles with their rear so far behind the driver's front
+GENTLE_MPS2 = 2.0  # for vehicles beside that are missed with constant velocity and heading
 # A driver whose leader asks for more looks ahead (Tijerina et al. 2004); the figure is our choice.
 CALM_MPS2 = 0.3
 MIN_GAP_M = 0.5
@@ -129,10 +129,7 @@ def _bounds(
     t = step * STEP_S
     needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
-    later = np.maximum(holds.enter - t, 0.0)
-    beside = holds.position + holds.speed * (t + later) < s + v * later - DEEP_M
-    # One that comes beside or behind gets no room by braking.
-    most = np.where(beside, np.where(later > 0, 0.0, GENTLE_MPS2), most)
+    most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
     braking = np.minimum(MORE_THAN_NEEDED * needed, most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
     onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
