@@ -52,8 +52,8 @@ def estimated_scene(scene: SeedScene) -> SeedScene:
     turned = wrap(heading[:, None] + turned)
     corrected = replace(scene, history=replace(past, heading=turned, speed=speed))
     # A correction shall not make long vehicles touch that were recorded apart.
-    touch = ((box_distances(corrected) <= 0) & (box_distances(scene) > 0)).any(axis=1)
-    turned = np.where(touch[:, None], past.heading, turned)
+    touch = ((box_distances(corrected) <= 0) & (box_distances(scene) > 0)).any(axis=1, keepdims=True)
+    turned = np.where(touch, past.heading, turned)
     return replace(scene, history=replace(past, heading=turned, speed=speed))
 
 
@@ -93,7 +93,8 @@ def _present_speed(speed: FloatArray) -> FloatArray:
     line = mean - slope * _TIME.mean()
     noise = np.median(np.abs(np.diff(speed, n=2, axis=1)), axis=1) / (0.6745 * np.sqrt(6.0))
     off = np.clip(speed[:, -1] - line, -OUTLIER_MPS, OUTLIER_MPS)
-    return np.maximum(line + off / (1 + (noise / PEDAL_MPS) ** 2), 0.0)
+    present: FloatArray = np.maximum(line + off / (1 + (noise / PEDAL_MPS) ** 2), 0.0)
+    return present
 
 
 def _line(values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -23,7 +23,7 @@ LEAP_M = 0.1
 MIN_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
 
 Bounds: TypeAlias = Callable[[StopLines, IntArray, int, FloatArray, FloatArray], FloatArray]
-"""Return the highest speed (n,) after a step of each vehicle with stop lines, m/s, which braking can reach.
+"""Return the highest speed (n,) of vehicles with stop lines after a step, m/s, which braking can reach.
 
 Arguments: the stop lines; the first line (n,) of each vehicle; the step; place (P,), m along its plan, and
 speed (P,), m/s, of each line's vehicle.
@@ -63,8 +63,8 @@ class Guarded:
     """A model whose vehicles drive slowly enough to stop for others.
 
     The way of the plan stays. Speeds stay below `safe_speed` for leaders in the swept corridor and for
-    crossings that others reach first; braking is as hard as needed, and gentle for others that are missed with
-    constant velocity and heading. A model that `Steers` also keeps clear of vehicles beside it.
+    crossings that others reach first. Braking is as hard as needed, and gentle for others that are missed
+    with constant velocity and heading. A model that `Steers` also keeps clear of vehicles beside it.
     """
 
     def __init__(self, model: Behavior, profile: GuardProfile | None = None) -> None:
@@ -177,7 +177,7 @@ def needed_braking(
     """
     position, leader = _lines(holds, t)
     room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)
-    needed = np.maximum(v - leader, 0.0) ** 2 / room
+    needed: FloatArray = np.maximum(v - leader, 0.0) ** 2 / room
     brakes = np.flatnonzero((holds.deceleration > 0) & (leader > 0))
     to_stop = leader[brakes] ** 2 / holds.deceleration[brakes]
     needed[brakes] = np.maximum(needed[brakes], v[brakes] ** 2 / (room[brakes] + to_stop))

@@ -1,10 +1,8 @@
-"""Likely driver: a driver per vehicle and child, drawn from a population that was fitted to recordings.
+"""Likely driver: a driver per vehicle and child, drawn from a population fitted to recordings.
 
-A drawn driver follows the Intelligent Driver Model like ``calibrated_driver``, with its own time headway and
-an additional acceleration. A standing one starts at a random time. It keeps its lateral place, or changes
-lanes, and takes one of its paths. The acceleration shown in the seed scene beyond that of the model goes on
-for a while. All draws follow from `SceneHistory.route_draw`, so all plans of a child have the same driver.
-They are conditioned on the last second before the seed scene.
+It follows the Intelligent Driver Model with its own headway, additional acceleration, place in the lane,
+path, start from standing and attention. All draws follow from `SceneHistory.route_draw` and the last second
+before the seed moment, so all plans of a child have the same driver.
 """
 
 from __future__ import annotations
@@ -104,18 +102,18 @@ class Drivers:
 
     headway: FloatArray  # (n,) s
     braking: FloatArray  # (n,) comfortable deceleration behind a leader, m/s²
-    additional: FloatArray  # (n, 3) acceleration added in each second after the seed scene, m/s²
-    aside: FloatArray  # (n, 31) wanted offset from the path now and after each step, m, left positive
+    additional: FloatArray  # (n, 3) m/s²
+    aside: FloatArray  # (n, 31) wanted offset from the path, m, left positive
     crawl: FloatArray  # (n,) factor on the speed of a standing vehicle
     leader: IntArray  # (n,) column of the leader in the seed scene
     gap: FloatArray  # (n,) to that leader in the seed scene, m
     opening: FloatArray  # (n,) its speed in the seed scene beyond that of the vehicle, m/s
-    slack: FloatArray  # (n,) addition to the gap to that leader, m, see `PathObservations`
-    habit: FloatArray  # (n,) acceleration shown in the seed scene beyond that of the model, m/s²
+    slack: FloatArray  # (n,) as in `PathObservations`
+    habit: FloatArray  # (n,) shown acceleration beyond that of the model, m/s²
 
 
 class LikelyDriver:
-    """A random driver for every vehicle of every child, as people drive."""
+    """A random driver for every vehicle of every child."""
 
     def __init__(self, profile: LikelyProfile) -> None:
         self.profile = profile
@@ -124,7 +122,7 @@ class LikelyDriver:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`. All draws follow from `SceneHistory.route_draw`."""
+        """Plan 3 s; see `Behavior.plan`."""
         history = estimated_history(history)
         paths, row = self._paths(history, road, who)
         drivers = self._drivers(history, road, who, paths, row)
@@ -193,11 +191,11 @@ class LikelyDriver:
         off: FloatArray,
         wills: FloatArray,
     ) -> FloatArray:
-        """(n,) wanted offset from the path after 3 s, in the same lane or the next one, m.
+        """Return (n,) wanted offsets from the path after 3 s, m.
 
         Args:
-            off: (n,) Student's draws for the deviation from the expected place.
-            wills: (n,) in (0, 1): low values change to the left, high values to the right.
+            off: (n,) Student's draws.
+            wills: (n,) in (0, 1): low ones change to the left, high ones to the right.
         """
         people, across = self.population, observations_of(scene, paths).across[row]
         wide = people.side_m * spread_of(side_shown(scene), people.side_noise, people.side_unsure)[vehicle, 0]
@@ -212,7 +210,7 @@ class LikelyDriver:
     def _waits(
         self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, leaders: Leaders
     ) -> FloatArray:
-        """(n,) time for which each vehicle stands from now on, s; 0 for moving vehicles."""
+        """Return (n,) s for which vehicles stand from now on."""
         speed = history.states.speed[who.child, who.vehicle]
         before = speed[:, -2] if history.step else speed[:, -1]
         stands = (speed[:, -1] < STANDING_MPS) & (speed[:, -1] - before < STARTING_MPS)
@@ -234,7 +232,6 @@ def _habit(
     headway: FloatArray,
     braking: FloatArray,
 ) -> FloatArray:
-    """(n,) acceleration shown in the seed scene beyond that of the model, without noise, m/s²."""
     shown = last_second(history.scene)
     speed, acceleration = shown.speed[who.vehicle], shown.acceleration[who.vehicle]
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=braking)
@@ -256,7 +253,7 @@ def _leader_acceleration(history: SceneHistory, who: VehicleIndex, leaders: Lead
 
 
 def effective_headway(speed: FloatArray, leaders: Leaders, drivers: Drivers) -> FloatArray:
-    """(n,) drawn time headway, s; behind a new leader at most the present one."""
+    """Return (n,) headways, s; behind a new leader at most the present one."""
     there = (leaders.gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0)
     limit = np.where(leaders.index == drivers.leader, np.inf, np.maximum(KEPT_SHARE * there, HEADWAY_S[0]))
     return np.minimum(drivers.headway, limit)
