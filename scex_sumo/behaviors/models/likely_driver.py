@@ -243,6 +243,14 @@ def _habit(
     return np.where(speed < STANDING_MPS, 0.0, habit)
 
 
+def _rows_of(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> IntArray:
+    """Return (n,) rows of leaders in `who`; -1 for others."""
+    rows = np.full(history.now.shape, -1)
+    rows[who.child, who.vehicle] = np.arange(len(who))
+    vehicle = (leaders.index >= 0) & (leaders.index < history.scene.vehicles)
+    return np.where(vehicle, rows[who.child, np.where(vehicle, leaders.index, 0)], -1)
+
+
 def _leader_acceleration(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> FloatArray:
     """(n,) present acceleration of leaders, m/s²; 0 for pedestrians and cyclists."""
     result, steps = np.zeros(len(who)), 3 if history.step else HABIT_STEPS
@@ -288,6 +296,9 @@ def _acceleration(
     towed = (leaders.index == drivers.leader) & (tow < TOWED_S * motion[0]) & (motion[0] > TOWED_MPS)
     towed &= np.abs(drivers.opening) < TOWED_OPENING_MPS
     pulled = _leader_acceleration(history, who, leaders)
+    pullers = _rows_of(history, who, leaders)
+    follower = np.flatnonzero(towed & (pullers >= 0))
+    puller = pullers[follower]
 
     def at(s: FloatArray) -> IntArray:
         return first + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
@@ -315,6 +326,8 @@ def _acceleration(
             np.where(sees | (v < leaders.speed) | (gap > FAR_M), STRONGEST_MPS2, 0.0),
         )
         a = np.where(towed, pulled + 2 * (leaders.speed + pulled * step * STEP_S - v) + gap_to_tow - tow, a)
+        apart = (there - tow - travelled)[follower] + travelled[puller]
+        a[follower] = a[puller] + 2 * (v[puller] - v[follower]) + apart
         return np.where(waits > step * STEP_S, still, a)
 
     return accelerate
