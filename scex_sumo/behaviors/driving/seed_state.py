@@ -25,6 +25,7 @@ MAX_OFF_RAD = np.deg2rad(
 STEADY_RAD = np.deg2rad(0.7)  # noise of headings at which their change counts by half
 SHARP_RAD = np.deg2rad(1.0)  # noise of the course at which it counts by half against the box
 COURSE_SHARE = 0.4  # weight of a noisy course against the box
+NEAR_M = 0.15  # distance of two boxes
 PEDAL_MPS = 0.3  # error of a straight line through the speeds of a second, without noise
 OUTLIER_MPS = 2.0  # from that line
 _HALF = HISTORY_STEPS // 2
@@ -51,8 +52,9 @@ def estimated_scene(scene: SeedScene) -> SeedScene:
     speed[:, -1] = np.where(stands, speed[:, -1], _present_speed(speed))
     turned = wrap(heading[:, None] + turned)
     corrected = replace(scene, history=replace(past, heading=turned, speed=speed))
-    # A correction shall not make long vehicles touch that were recorded apart.
-    touch = ((box_distances(corrected) <= 0) & (box_distances(scene) > 0)).any(axis=1, keepdims=True)
+    # A correction shall not bring long vehicles nearer that almost touch.
+    after, before = box_distances(corrected), box_distances(scene)
+    touch = ((after < NEAR_M) & (after < before)).any(axis=1, keepdims=True)
     turned = np.where(touch, past.heading, turned)
     return replace(scene, history=replace(past, heading=turned, speed=speed))
 
