@@ -49,16 +49,19 @@ def main() -> None:
     parser.add_argument("data", type=Path, nargs="?", default=default)
     parser.add_argument("--fresh", type=int, default=2000)
     options = parser.parse_args()
-    print("| scene | vehicles | colliding pairs | exact | vehicles that decide | extra futures |", end="")
-    print(" P(any) sampled | exact | fresh | wrong pairs, worst share | remainder | cost |")
+    print("|scene|vehicles|colliding pairs|exact|vehicles that decide|extra futures", end="")
+    print("|P(any) sampled|exact|fresh|wrong pairs, worst share|remainder|cost|")
     print("|---" * 12 + "|")
-    pairs = exact = wrong = 0
+    total = np.zeros(5)
     for name, scene in scenes(options.data):
         row, counts = measured(name, scene, options.fresh)
-        pairs, exact, wrong = (a + b for a, b in zip((pairs, exact, wrong), counts, strict=True))
+        total += counts
         print(row, flush=True)
+    pairs, exact, wrong = total[:3].astype(int).tolist()
     print(f"\n{exact} of {pairs} colliding pairs are exact ({exact / pairs:.0%}); ", end="")
-    print(f"{wrong} of the exact ones are wrong in a larger share of the fresh futures than the remainder")
+    print(f"{wrong} of the exact ones are wrong in a larger share of the fresh futures than the remainder;")
+    share = total[3] / total[4]
+    print(f"extra futures: {total[3]:.1f} s of processor time, the runs: {total[4]:.1f} s ({share:.2f})")
 
 
 def scenes(data: Path) -> Iterator[tuple[str, SeedScene]]:
@@ -70,8 +73,8 @@ def scenes(data: Path) -> Iterator[tuple[str, SeedScene]]:
         yield part, scex_sumo.seed_at(loaded, times[int(share * len(times))])
 
 
-def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[int, int, int]]:
-    """A row of the table, and the numbers of pairs that collide, are exact, and are wrong too often."""
+def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float, ...]]:
+    """A row of the table; numbers of pairs that collide, are exact, are wrong too often; seconds."""
     with tempfile.TemporaryDirectory() as folder:
         scex_sumo.extrapolate(scene, children=2, out=Path(folder) / "warm")
         spent = {}
@@ -105,6 +108,7 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[int, i
         sizes = np.bincount([len(table.track_ids) for table in tables.values()], minlength=6)[1:]
         limit = max((table.remainder for table in tables.values()), default=found.remainder)
         any_exact = found.p_collision()
+        extra, whole = spent[True] - spent[False], spent[False] + rest
         cells = (
             name,
             scene.vehicles,
@@ -117,11 +121,11 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[int, i
             f"{fresh.p_collision.value:.2%}",
             f"{sum(share > 0 for share in shares)}, {max(shares, default=0):.2%}",
             f"{limit:.2%}",
-            f"{(spent[True] - spent[False]) / (spent[False] + rest):.2f}",
+            f"{extra / whole:.2f}",
         )
         too_often = sum(share > limit for share in shares)
-    row = f"| {' | '.join(str(cell) for cell in cells)} |"
-    return row, (len(tables) + len(sampled), len(tables), too_often)
+    row = f"|{'|'.join(str(cell) for cell in cells)}|"
+    return row, (len(tables) + len(sampled), len(tables), too_often, extra, whole)
 
 
 def collided(run: Run, one: int, other: int) -> BoolArray:

@@ -13,6 +13,7 @@ from scex_sumo.base.version import __version__
 
 if TYPE_CHECKING:
     from scex_sumo.base.errors import ScexError as ScexError
+    from scex_sumo.base.errors import ScexWarning as ScexWarning
     from scex_sumo.behaviors.base import Behavior as Behavior
     from scex_sumo.behaviors.plug_in.inputs import Surroundings as Surroundings
     from scex_sumo.behaviors.plug_in.predictor import Predictor as Predictor
@@ -37,7 +38,10 @@ if TYPE_CHECKING:
     from scex_sumo.exporters.scene_graph import to_networkx as to_networkx
     from scex_sumo.exporters.scene_graph_picture import plot_scene_graph as plot_scene_graph
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
+    from scex_sumo.metrics.pairs.scenes import Samples as Samples
+    from scex_sumo.metrics.pairs.scenes import Scenes as Scenes
     from scex_sumo.metrics.registry import metric as metric
+    from scex_sumo.results.region import Region as Region
     from scex_sumo.results.run import Run as Run
     from scex_sumo.results.run import open_run as open_run
     from scex_sumo.results.under_test import UnderTest as UnderTest
@@ -66,11 +70,15 @@ _HOMES = {
     "Predictor": "scex_sumo.behaviors.plug_in.predictor",
     "Ranking": "scex_sumo.studies.rank.rank",
     "Recording": "scex_sumo.converters.registries",
+    "Region": "scex_sumo.results.region",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.results.run",
+    "Samples": "scex_sumo.metrics.pairs.scenes",
     "SceneGraph": "scex_sumo.behaviors.scene_graph.graph",
     "SceneHistory": "scex_sumo.scene",
+    "Scenes": "scex_sumo.metrics.pairs.scenes",
     "ScexError": "scex_sumo.base.errors",
+    "ScexWarning": "scex_sumo.base.errors",
     "SeedScene": "scex_sumo.scene",
     "States": "scex_sumo.scene",
     "Surroundings": "scex_sumo.behaviors.plug_in.inputs",

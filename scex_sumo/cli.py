@@ -6,15 +6,19 @@ import io
 import os
 import signal
 import sys
+import traceback
+import warnings
 from collections.abc import Sequence
 from types import FrameType
 from typing import Annotated
 
 import typer
 
-from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.base.errors import ScexError, ScexWarning, UsageError
 from scex_sumo.base.registry import Registry
+from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
+from scex_sumo.commands.shared import Command
 
 
 def _version(wanted: bool) -> None:
@@ -76,7 +80,7 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
 def _add(app: typer.Typer, name: str) -> None:
     command = COMMANDS.load(name)
     example = f"{name} {getattr(sys.modules[command.__module__], 'EXAMPLE', '')}".rstrip()
-    app.command(name, epilog=f"Example: scex-sumo {example}")(command)
+    app.command(name, cls=Command, epilog=f"Example: scex-sumo {example}")(command)
 
 
 def main() -> None:
@@ -94,9 +98,12 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # ? for – on some terminals
     print_safely()
+    warnings.simplefilter("ignore", ScexWarning)  # commands print the notes
     try:
         status = command_line(sys.argv[1:])(sys.argv[1:] or ["--help"], standalone_mode=False)
     except ScexError as error:
+        if console.level > 0:
+            traceback.print_exc()
         _fail(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except typer.Abort:
         _fail("interrupted", 130)
@@ -132,7 +139,6 @@ _stopped: list[int] = []
 
 
 def _is_out_of_memory(error: Exception) -> bool:
-    """Return whether memory ran out, in Python or in a library with its own words."""
     words = ("bad_alloc", "not enough memory", "Cannot allocate memory", "failed to map segment")
     return isinstance(error, MemoryError) or any(word in str(error) for word in words)
 

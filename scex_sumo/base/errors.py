@@ -2,6 +2,7 @@
 
 import difflib
 import re
+import warnings
 from collections.abc import Iterable
 
 
@@ -27,6 +28,15 @@ class MapError(InputError):
 
 class TrackError(InputError):
     """Recorded tracks that cannot be read."""
+
+
+class ScexWarning(UserWarning):
+    """A note on the input or the result, as the command line prints it to standard error.
+
+    Example:
+        >>> import warnings
+        >>> warnings.simplefilter("ignore", scex.ScexWarning)  # no notes
+    """
 
 
 class UsageError(ScexError):
@@ -70,3 +80,9 @@ def one_line(message: object) -> str:
         " ".join(re.sub(r"([^/]{60})[^/]{200,}", r"\1…", word) for word in str(message).split())
         or "no message"
     )
+
+
+def warn_notes(notes: Iterable[str]) -> None:
+    """Raise notes as warnings, in the line that called the caller."""
+    for note in notes:
+        warnings.warn(one_line(note.removeprefix("warning: ")), ScexWarning, stacklevel=3)

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import importlib
 import sys
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import ScexError, UsageError, reason_of
+
+MAX_REASON = 200  # characters
+_PACKAGE = Path(__file__).resolve().parents[1]
+_STANDARD = Path(traceback.__file__).resolve().parent  # the standard library
 
 
 def _raised(error: BaseException) -> str:
@@ -21,7 +26,6 @@ def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException]
     Args:
         path: ``package.module:name``, or ``package.module`` for the module itself.
         hint: added to the message if there is no such module.
-        reason: describes an error that the module raises.
 
     Raises:
         UsageError: the import fails, or the name is missing.
@@ -52,3 +56,27 @@ def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException]
         there = f"; it has {', '.join(sorted(own))}" if own else ""
         raise UsageError(f"{path}: {name} ({module.__file__}) has no {attribute}{there}")
     return getattr(module, attribute)
+
+
+def own_error_reason(error: BaseException) -> str:
+    """Describe an error of a user's model or metric, with the line of the user's own code."""
+    if isinstance(error, ScexError):
+        return _short(reason_of(error))
+    frame = _own_frame(error)
+    place = f" ({Path(frame.filename).name}, line {frame.lineno})" if frame is not None else ""
+    return _short(f"raised {reason_of(error)}") + place
+
+
+def _own_frame(error: BaseException) -> traceback.FrameSummary | None:
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
+    frames = [f for f in frames if _PACKAGE not in Path(f.filename).parents]
+    installed = [f for f in frames if "site-packages" in Path(f.filename).parts]
+    written = [f for f in frames if f not in installed and _STANDARD not in Path(f.filename).parents]
+    if written:
+        return written[-1]
+    # In code of an installed package, the package's file comes first, its libraries after it.
+    return next((f for f in reversed(installed) if f.filename == installed[0].filename), None)
+
+
+def _short(words: str) -> str:
+    return words if len(words) <= MAX_REASON else f"{words[: MAX_REASON - 3]}..."

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
+from scex_sumo.base.importing import own_error_reason
 from scex_sumo.base.registry import Registry
 from scex_sumo.base.sumo_models import SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior
@@ -26,7 +27,6 @@ from scex_sumo.behaviors.models.simple import (
     ReplayProfile,
 )
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.fallback import model_error_reason
 from scex_sumo.behaviors.plug_in.files import FILES
 from scex_sumo.behaviors.plug_in.process import NAME as PROCESS
 from scex_sumo.behaviors.plug_in.process import split_command
@@ -163,7 +163,7 @@ def behavior(name: str) -> Callable[[T], T]:
         if name in _BUILT_IN:
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
-            raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
+            raise UsageError(f"behavior {name!r}: a name must not contain , : @ = or spaces")
         if not callable(constructor):
             raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
         _registered[name] = user_model(constructor, name)
@@ -315,13 +315,7 @@ def _check(spec: ModelSpec) -> None:
 
 
 def build(spec: ModelSpec) -> Behavior:
-    """Make the model of a spec.
-
-    Raises:
-        UsageError: see `parse_models`.
-        MissingExtraError: the model needs a package that is not installed.
-        InputError: weights of a learned driver cannot be used.
-    """
+    """Make the model of a spec."""
     _check(spec)
     plain, guard = _without_guard(spec)
     return Guarded(_build(plain), _GUARDS.get(plain.name)) if guard else _build(plain)
@@ -350,7 +344,7 @@ def _build(spec: ModelSpec) -> Behavior:
     except ScexError:
         raise
     except Exception as error:  # whatever a user's constructor raises
-        raise UsageError(f"{spec.name}: making it {model_error_reason(error)}") from error
+        raise UsageError(f"{spec.name}: making it {own_error_reason(error)}") from error
     if isinstance(model, Behavior):
         return model
     if isinstance(model, SingleVehicleBehavior):

@@ -14,6 +14,9 @@ from scex_sumo.base.errors import one_line
 if TYPE_CHECKING:
     from rich.console import Console
 
+level = 0
+"""1 with ``--verbose``: notes in full; -1 with ``--quiet``: neither notes nor progress."""
+
 Tick = Callable[[int, int], None]
 
 # Control characters except tab and line feed, and those that turn the direction of text.
@@ -69,9 +72,10 @@ def output_console(*, width: int | None = None, error: bool = False) -> Console:
 
 
 def warn(notes: Iterable[str]) -> None:
-    """Print notes to standard error, one line each."""
+    """Print notes to standard error, one line each; with ``--quiet`` warnings only."""
     for note in notes:
-        tell(note if note.startswith("warning: ") else f"note: {note}")
+        if level >= 0 or note.startswith("warning: "):
+            tell(note if note.startswith("warning: ") else f"note: {note}")
 
 
 def tell(words: str) -> None:
@@ -88,8 +92,8 @@ def tell(words: str) -> None:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Tick | None]:
-    """Yield a function of (done, total) that moves a progress bar; None without a terminal."""
-    if not sys.stderr.isatty():
+    """Yield a function of (done, total) that moves a progress bar; None without a terminal or if quiet."""
+    if not sys.stderr.isatty() or level < 0:
         yield None
         return
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.options import Around, InRegion, Result
+from scex_sumo.commands.shared import Answer
+
+if TYPE_CHECKING:
+    from scex_sumo.reports.encounter_rows import Meeting
+    from scex_sumo.results.run import Run
 
 EXAMPLE = "out/k733 --pair 17,23"
 
@@ -20,22 +24,34 @@ def encounters_command(
     weights: Annotated[
         str | None, Option(metavar="MODEL=W,...", help="Exact P with other weights, without new futures.")
     ] = None,
-) -> None:
+    region: InRegion = None,
+    around: Around = None,
+) -> Answer:
     """List which vehicles meet in a run, the most critical first."""
+    from scex_sumo.commands.answers import meeting_rows
     from scex_sumo.commands.console import output_console
+    from scex_sumo.reports.encounter_rows import meetings
     from scex_sumo.reports.encounter_table import print_encounters, print_pair, print_weights
     from scex_sumo.results.info import as_written
+    from scex_sumo.results.region import parse_region
     from scex_sumo.results.run import open_run
 
     console = output_console(width=110)
     with as_written(folder):
         run = open_run(folder)
+        part = parse_region(region, around)
+        found = meetings(run, part)
         if weights is not None:
             print_weights(run, parse_weights(weights), console)
         elif pair is None:
-            print_encounters(run, console, most=most)
+            print_encounters(run, console, most=most, region=part)
         else:
-            print_pair(run, _row(run.encounters.to_pylist(), pair), console)
+            found = _meetings(run, pair)
+            for one in found:
+                print_pair(one, console)
+        name = run.info["seed_scene"]["name"]
+        rows = meeting_rows(found[:most], None if weights is None else parse_weights(weights))
+    return lambda: {"scene": name, "futures": run.children, "encounters": rows}
 
 
 def parse_weights(text: str) -> dict[str, float]:
@@ -56,14 +72,16 @@ def parse_weights(text: str) -> dict[str, float]:
     return found
 
 
-def _row(rows: list[dict[str, Any]], pair: str) -> Mapping[str, Any]:
+def _meetings(run: Run, pair: str) -> list[Meeting]:
+    from scex_sumo.reports.encounter_rows import meetings
+
     try:
         wanted = sorted(int(part) for part in pair.split(","))
     except ValueError:
         wanted = []
     if len(wanted) != 2:
         raise UsageError(f"--pair {pair}: needs two track ids, e.g. --pair 17,23")
-    for row in rows:
-        if sorted((row["track_id"], row["other_id"])) == wanted:
-            return row
-    raise UsageError(f"--pair {pair}: these two vehicles meet in no child of the run")
+    found = [one for one in meetings(run) if list(one.pair) == wanted]
+    if not found:
+        raise UsageError(f"--pair {pair}: these two vehicles meet in no child of the run")
+    return found

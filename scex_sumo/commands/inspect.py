@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import Case, MapPath, Origin, Time, Tracks
+from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -32,9 +35,11 @@ def inspect_command(
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
     ] = None,
-) -> None:
+) -> Answer:
     """List the moments of a recording, or the vehicles of one."""
+    from scex_sumo.commands.answers import inspect_answer
     from scex_sumo.commands.console import output_console
+    from scex_sumo.converters.datasets.moment import busiest
     from scex_sumo.converters.datasets.recordings import (
         load_recording,
         recording_moments,
@@ -43,6 +48,7 @@ def inspect_command(
     )
     from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.reports.run_table import print_line
+    from scex_sumo.scene import STEP_S
 
     if every <= 0:
         raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
@@ -51,27 +57,31 @@ def inspect_command(
     zero = parse_origin(origin) if origin is not None else None
     loaded = load_recording(recording_of(map_path, tracks), zero)
     console = output_console(width=110)
+    warn(loaded.notes)
     print(f"{loaded.recording.name}: {_size(loaded)}")
     for finding in loaded.findings:
         print_line(f"repaired: {finding}", console)
     words = ["scex-sumo", "run", str(map_path), *(["--tracks", str(tracks)] if tracks else [])]
     words += ["--origin", origin] if origin is not None else []
-    moments = recording_moments(loaded, every_s=every)
+    moments, each = (recording_moments(loaded, every_s=step) for step in (every, STEP_S))
+    best = busiest(each) if each else None  # the moment that run takes
+    if best is not None and best not in moments:
+        moments = sorted([*moments, best], key=lambda moment: moment.time_s)
     if out is not None:
         from scex_sumo.reports.inspection import write_inspection
 
         print(f"page: {write_inspection(out, loaded, moments, shlex.join(words))}")
     if time is None and case is None:
         console.print(_moments_table(moments))
-        best = max(moments, key=lambda moment: moment.complete, default=None)
         if best is not None:
             chosen = ["--case", best.case] if best.case else ["--time", f"{best.time_s:g}"]
             print(f"most vehicles: {shlex.join([*words, *chosen])}")
-        return
+        return partial(inspect_answer, loaded, moments, None, out)
     scene = seed_at(loaded, _time_of(loaded, case) if time is None else time, case=case)
     console.print(_vehicles_table(scene))
     chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]
     print(f"run it: {shlex.join([*words, *chosen])}")
+    return partial(inspect_answer, loaded, moments, scene, out)
 
 
 def _size(loaded: LoadedRecording) -> str:

@@ -76,6 +76,13 @@ Models = Annotated[
 Preset = Annotated[
     str, typer.Option(metavar="paper|path|both", help="Metrics: the paper's, those along paths, or both.")
 ]
+RunPreset = Annotated[
+    str | None,
+    typer.Option(
+        metavar="paper|path|both",
+        help="Metrics: the paper's, those along paths, or both (default: main ones are shown).",
+    ),
+]
 Metrics = Annotated[
     str | None, typer.Option(metavar="NAME,...", help="These metrics, also of your own; else the preset's.")
 ]
@@ -92,10 +99,19 @@ MinVehicles = Annotated[int, typer.Option(help="Fewer moving vehicles make no se
 Cluster = Annotated[
     str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler, for its workers instead.")
 ]
+Force = Annotated[
+    bool, typer.Option("--force", help="Run a moment with over half of its vehicles on no lane, too.")
+]
 Cache = Annotated[bool, typer.Option(help="Keep what is made of map and models for the next run.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[int, typer.Option(help="Processes.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
+InRegion = Annotated[
+    str | None, typer.Option("--region", metavar="X,Y,R", help="Only pairs with a vehicle in this circle, m.")
+]
+Around = Annotated[
+    int | None, typer.Option(metavar="TRACK", help="Only pairs with a vehicle within 30 m of this one.")
+]
 Result = Annotated[
     Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 import sys
 from collections.abc import Sequence
@@ -14,17 +15,20 @@ from typer import Option
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import progress_bar, resumable, warn
 from scex_sumo.commands.options import (
+    Around,
     Cache,
     Case,
     Fcd,
+    Force,
+    InRegion,
     MapPath,
     Metrics,
     Models,
     Origin,
     Overwrite,
-    Preset,
     Processes,
     ResultPath,
+    RunPreset,
     Seed,
     State,
     Synthetic,
@@ -34,6 +38,7 @@ from scex_sumo.commands.options import (
     parse_thresholds,
 )
 from scex_sumo.commands.seed import one_source, seed_scene
+from scex_sumo.commands.shared import Answer
 from scex_sumo.commands.view import view_command
 
 if TYPE_CHECKING:
@@ -79,7 +84,9 @@ def run_command(
     until_band: Annotated[
         float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")
     ] = None,
-    preset: Preset = "both",
+    region: InRegion = None,
+    around: Around = None,
+    preset: RunPreset = None,
     metrics: Metrics = None,
     threshold: Thresholds = None,
     reflect: Annotated[bool, Option(help="Separate shared values and reflect densities at 0.")] = True,
@@ -102,21 +109,26 @@ def run_command(
     cache: Cache = True,
     exact: Annotated[bool, Option(help="Some more futures, for exact probabilities.")] = True,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
+    force: Force = False,
     overwrite: Overwrite = False,
     out: ResultPath = None,
-) -> None:
+) -> Answer:
     """Simulate futures of one moment of traffic, and measure how critical they become."""
     from scex_sumo.behaviors.registry import parse_models
-    from scex_sumo.extrapolation.engine import RunOptions, run_scene
+    from scex_sumo.commands.answers import run_answer
+    from scex_sumo.extrapolation.engine import RunOptions, check_world, run_scene
+    from scex_sumo.extrapolation.models import ModelSet
     from scex_sumo.extrapolation.reference import add_reference, drop_reference
     from scex_sumo.extrapolation.settings import RunSettings
     from scex_sumo.extrapolation.workers import Workers, succeeded
+    from scex_sumo.results.region import parse_region
     from scex_sumo.statistics.bands import MAX_CHILDREN
     from scex_sumo.views.children import write_critical, write_critical_of
+    from scex_sumo.world.base import DEFAULT_WORLD
 
     if until_band is not None and children is None:
         children = str(MAX_CHILDREN)
-    given = {"models": models, "children": children, "design": design}
+    given = {"models": models, "children": children, "design": design, "preset": preset}
     settings = RunSettings(
         **{name: value for name, value in given.items() if value is not None},
         assign=parse_assign(assign or ()),
@@ -127,15 +139,21 @@ def run_command(
         replan=replan,
         seed=seed,
         world=world,
-        preset=preset,
         metrics=None if metrics is None else [name.strip() for name in metrics.split(",")],
         thresholds=parse_thresholds(threshold),
         reflect=reflect,
         keep_plans=keep_plans,
+        region=parse_region(region, around),
     )
     if reference != NO_REFERENCE:
         parse_models(reference)  # an error now, not after the run
+    if out is not None and out.is_file():
+        raise UsageError(f"-o {out}: is a file; name a folder")
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact)
+    if gui or world != DEFAULT_WORLD:
+        check_world(settings, ModelSet.of(settings), gui=gui)
     command = ["scex-sumo", *sys.argv[1:]]
+    page = None
     with Workers(1 if gui else min(workers, settings.count or workers)) as pool:  # start while we read
         scene = seed_scene(
             map_path,
@@ -146,19 +164,17 @@ def run_command(
             origin=origin,
             seed=seed,
             cache=cache,
+            force=force,
         )
         folder = out if out is not None else Path("out") / scene.name
         with progress_bar(scene.name) as tick, resumable("futures", folder):
-            options = RunOptions(
-                batch=batch, gui=gui, cache=cache, exact=exact, progress=tick, command=command
-            )
             result = run_scene(
                 scene,
                 settings,
                 out=folder,
                 workers=pool,
                 overwrite=overwrite,
-                options=options,
+                options=dataclasses.replace(options, progress=tick, command=command),
             )
         views = pool.submit(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:
@@ -167,7 +183,7 @@ def run_command(
             with progress_bar("reference") as tick, resumable("futures", folder):
                 options = RunOptions(cache=cache, exact=exact, progress=tick, command=command)
                 add_reference(result, scene, reference, settings, workers=pool, options=options)
-        _tell(result)
+        _tell(result, preset)
         print(f"result: {folder}")
         if plots:
             from scex_sumo.reports.page.report import write_report
@@ -176,34 +192,37 @@ def run_command(
             if views is None or not succeeded(views):
                 write_critical(result)
             print(f"report: {page}")
-    options_of_view = " ".join(f"--{name} {value}" for name, value in _worst_option(result).items())
-    print(f"look:   scex-sumo view {shlex.quote(str(folder))} {options_of_view}")
+    shown, option = _worst_option(result)
+    options_of_view = " ".join(f"--{name} {value}" for name, value in option.items())
+    print(f"look:   scex-sumo view {shlex.quote(str(shown))} {options_of_view}")
     if gui:
-        view_command(folder, **_worst_option(result))
+        view_command(shown, **option)
+    return partial(run_answer, result, page)
 
 
-def _tell(run: Run) -> None:
+def _tell(run: Run, preset: str | None) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.run_table import print_summary
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
-    print_summary(run, output_console(width=110))
-    if run.info["band"] is not None:
-        _print_band(run.info["band"])
     if run.baseline is not None:
         from scex_sumo.reports.under_test_table import print_under_test
 
-        print_under_test(run.under_test, output_console(width=110))
+        print_under_test(run, output_console(width=110), preset=preset)
+    print_summary(run, output_console(width=110), preset=preset)
+    if run.info["band"] is not None:
+        _print_band(run.info["band"])
 
 
-def _worst_option(run: Run) -> dict[str, Any]:
-    """Return the option of ``view`` for the worst encounter, else the most critical child, else any child."""
-    from scex_sumo.reports.run_table import worst_encounters
+def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
+    """Return folder and option of ``view``: the worst encounter, else the most critical, else any child."""
+    from scex_sumo.reports.encounter_rows import meetings, worst_of
 
-    if worst := worst_encounters(run):
-        return {"encounter": f"{worst[0]['track_id']},{worst[0]['other_id']}"}
+    if worst := worst_of(meetings(run), 1):
+        row = worst[0].row
+        return worst[0].run.folder, {"encounter": f"{row['track_id']},{row['other_id']}"}
     defined = [column for column in ("ttc", "wttc") if len(run.samples(column))]
-    return {"critical": defined[0]} if defined else {"child": 0}
+    return run.folder, {"critical": defined[0]} if defined else {"child": 0}
 
 
 def _print_band(band: dict[str, Any]) -> None:

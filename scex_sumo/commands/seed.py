@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scex_sumo.base.errors import TrackError, UsageError
+from scex_sumo.base.errors import UsageError
+from scex_sumo.commands import console
 from scex_sumo.commands.console import progress_bar, warn
 
 if TYPE_CHECKING:
@@ -25,21 +26,25 @@ def seed_scene(
     origin: str | None,
     seed: int,
     cache: bool = True,
+    force: bool = False,
 ) -> SeedScene:
     """Read or populate the seed scene; its notes go to standard error.
 
     Raises:
         UsageError: options exclude one another.
-        TrackError: no vehicle is on a mapped lane.
+        TrackError: over half of the vehicles are on no mapped lane, without ``force``.
         ScexError: map or tracks cannot be read.
     """
     from scex_sumo.converters.lanelet.origin import parse_origin
-    from scex_sumo.roads.matching import off_road
     from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 
+    if time is not None and not math.isfinite(time):
+        raise UsageError(f"--time {time}: needs a moment in seconds")
     zero = parse_origin(origin) if origin is not None else None
     if synthetic is None:
-        scene = read_seed(map_path, tracks=tracks, case=case, time=time, origin=zero, cache=cache)
+        scene = read_seed(
+            map_path, tracks=tracks, case=case, time=time, origin=zero, cache=cache, force=force
+        )
     else:
         options = {"--tracks": tracks, "--case": case, "--time": time}
         given = [name for name, value in options.items() if value is not None]
@@ -51,24 +56,12 @@ def seed_scene(
             )
     assert scene.road is not None
     warn(_brief(note) for note in (*scene.road.notes, *scene.notes))
-    off = off_road(scene.road, scene)
-    if len(off) == scene.vehicles and synthetic is None:
-        from scex_sumo.converters.datasets.recordings import beside_lanes
-
-        raise TrackError(
-            f"{scene.name}: none of its {scene.vehicles} vehicles is on a mapped lane; "
-            f"{beside_lanes(map_path, tracks, scene.road)}"
-        )
-    if not off:
-        return scene
-    note = _off_road_note(scene, off)
-    warn([note])
-    return replace(scene, notes=(*scene.notes, note))
+    return scene
 
 
 def _brief(note: str) -> str:
     """Return the first finding of a long note; ``run.json`` has the rest."""
-    first, *others = note.split("; ")
+    first, *others = note.split("; ") if console.level <= 0 else [note]
     return f"{first}; {len(others)} more in run.json" if others and len(note) > _LONG else note
 
 
@@ -79,10 +72,3 @@ def one_source(tracks: Path | None, fcd: Path | None, state: Path | None) -> Pat
     if len(named) > 1:
         raise UsageError(f"{' and '.join(named)} exclude one another; give one of them")
     return given[named[0]] if named else None
-
-
-def _off_road_note(scene: SeedScene, off: list[int]) -> str:
-    shown = ", ".join(str(scene.track_ids[v]) for v in off[:8]) + (", ..." if len(off) > 8 else "")
-    remedy = "; check the origin" if 2 * len(off) >= scene.vehicles else ""
-    count = f"{len(off)} of {scene.vehicles} vehicles"
-    return f"warning: {count} are on no mapped lane and will drive straight ({shown}){remedy}"

@@ -51,6 +51,9 @@ SCHEMA: Final = pa.schema(
         ("expected_mais3", pa.float64()),
         *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
         ("child", pa.int64()),
+        ("gap", pa.float64()),
+        ("model", pa.string()),
+        ("other_model", pa.string()),
         ("time_s", pa.float64()),
         ("x", pa.float64()),
         ("y", pa.float64()),
@@ -62,7 +65,6 @@ SCHEMA: Final = pa.schema(
 mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all children."""
 
 _GAPS = (0.05, 0.5, 0.95)
-_MOSTLY = 0.5
 _WAYS = 2  # cut sets that a line tells
 
 
@@ -85,8 +87,9 @@ def encounters_table(
 
     Returns:
         Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
-        ``track_id`` hits or follows ``other_id``. ``time_s``, ``x``, ``y`` belong to ``child``: the median in
-        time of those that collide (else are critical, else meet). Gaps above 10 m are null.
+        ``track_id`` hits or follows ``other_id``. ``gap``, ``model``, ``other_model``, ``time_s``, ``x``
+        and ``y`` belong to ``child``, the typical future: its least gap, then its time, is the median of
+        those that collide (else have the most frequent event, else meet). Gaps above 10 m are null.
     """
     vehicles = len(track_ids)
     pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
@@ -113,7 +116,7 @@ def encounters_table(
     points = np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2)
     places = places_of(road, points) if road is not None else [None] * len(rows)
     rows = [{**row, "place": place} for row, place in zip(rows, places, strict=True)]
-    rows.sort(key=_criticality)
+    rows.sort(key=criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
 
@@ -145,7 +148,8 @@ def _by_child(which: IntArray, child: IntArray, answer: BoolArray, pairs: int, c
     return full
 
 
-def _criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
+def criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return the key that sorts pairs, the most critical first."""
     gap = row["gap_p05"]
     return (-row["collision"], -row["critical"], np.inf if gap is None else gap)
 
@@ -163,9 +167,12 @@ def _row(
     )
     if encounters.towards[worst].sum() < 0:
         first, second = second, first
-    typical = worst[np.argsort(encounters.time_s[worst], kind="stable")[(len(worst) - 1) // 2]]
+    event, _ = event_of({name: answers[name][mine].sum() for name in QUESTIONS})
+    named = mine[answers[event][mine]] if event else mine
+    order = np.lexsort((encounters.time_s[named], encounters.gap[named]))
+    typical = named[order[(len(named) - 1) // 2]]
+    child = int(encounters.child[typical])
     hits = mine[encounters.collided[mine]]
-    kind = KINDS[int(np.bincount(encounters.kind[hits]).argmax())] if hits.size else None
     children = len(models)
     gaps = np.concatenate([encounters.gap[mine], np.full(children - len(mine), np.inf)])
     quantiles = np.quantile(gaps, _GAPS, method="inverted_cdf")
@@ -173,13 +180,13 @@ def _row(
         "track_id": int(track_ids[first]),
         "other_id": int(track_ids[second]),
         "met": len(mine) / children,
-        "kind": kind,
+        "kind": KINDS[int(encounters.kind[typical])] if hits.size else None,
         "relative_speed": float(np.median(encounters.relative_speed[hits])) if hits.size else None,
-        **{
-            f"gap_p{round(100 * level):02}": float(gap) if np.isfinite(gap) else None
-            for level, gap in zip(_GAPS, quantiles, strict=True)
-        },
-        "child": int(encounters.child[typical]),
+        **{f"gap_p{round(100 * level):02}": _near(gap) for level, gap in zip(_GAPS, quantiles, strict=True)},
+        "child": child,
+        "gap": _near(encounters.gap[typical]),
+        "model": str(models[child, first]),
+        "other_model": str(models[child, second]),
         "time_s": float(encounters.time_s[typical]),
         "x": float(encounters.x[typical]),
         "y": float(encounters.y[typical]),
@@ -187,6 +194,10 @@ def _row(
         if worst is not mine
         else [],
     }
+
+
+def _near(gap: float) -> float | None:
+    return float(gap) if np.isfinite(gap) else None
 
 
 def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
@@ -228,25 +239,27 @@ def in_words(row: Mapping[str, Any], table: InfluenceTable | None = None) -> str
         more = f", or in {len(ways) - _WAYS} more ways" if len(ways) > _WAYS else ""
         share = f"{100 * table.probability():.4g} %"
         return f"{head}collides in {share}, exactly if {'; or '.join(ways[:_WAYS])}{more}"
+    gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
+    name, event = event_of(row)
+    if not name:
+        return f"{head}{event}, typically {gap} m apart"
+    drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
+    apart = "" if name == "collision" else f"{gap} m apart, "
+    return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"
+
+
+def event_of(row: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the question that a row answers, and the event in words; the first is empty if none happens."""
     if row["collision"] > 0:
-        text = f"collides in {_percent(row, 'collision')}"
-    elif row["critical"] > 0:
+        return "collision", "collides"
+    if row["critical"] > 0:
         names = {"ttc": "TTC < 1.5 s", "pet": "PET < 1 s", "drac": "DRAC > 3.4 m/s²"}
         name = max(names, key=lambda n: float(row[n]))
-        text = f"{names[name]} in {_percent(row, name)}"
-    elif row["gap_p05"] is None:
-        return head + "never within 10 m in 95 % of the futures"
-    else:
-        usual = "more than 10" if row["gap_p50"] is None else f"{row['gap_p50']:.1f}"
-        return head + f"{row['gap_p05']:.1f} m apart or less in 5 % of the futures, {usual} m in half of them"
-    if not row["models"]:
-        return head + text
-    most = row["models"][0]
-    often = "mostly" if most["share"] >= _MOSTLY else "most often"
-    drivers = f"{row['track_id']} {most['model']}, {row['other_id']} {most['other_model']}"
-    return f"{head}{text}, {often} {drivers}"
+        return name, names[name]
+    return "", "never critical"
 
 
-def _percent(row: Mapping[str, Any], name: str) -> str:
+def percent_of(row: Mapping[str, Any], name: str) -> str:
+    """Return the share of a question with its interval, e.g. ``12 % [9–16]``."""
     share = {"value": row[name], "low": row[f"{name}_low"], "high": row[f"{name}_high"]}
     return Interval(**share, count=0).percent

@@ -28,6 +28,9 @@ BASE_ROWS: Final = 64
 ROUND_ROWS: Final = 24
 """Futures of a round before it takes up later events: few rounds cost less than few futures."""
 
+MAX_GUESSED: Final = 1000
+"""Drawn futures that guess the next vehicle of a search."""
+
 FREE: Final = -1  # a vehicle that a row leaves open
 _LIKELY = 0.5  # a likely vehicle is asked first if it tells this part of what the best one tells
 _STEPS = (1, 2, 4)  # vehicles changed at once between two futures that differ
@@ -142,13 +145,12 @@ class Search:
     def _parts(self) -> Iterator[list[int]]:
         """Yield open events in the order in which they are settled: by rank, those of few vehicles first.
 
-        Events of too many vehicles come last of all.
+        Events of too many vehicles come last, and only those of the first rank.
         """
         sizes = [min(len(self.influence(event)), MAX_VEHICLES + 1) for event in range(len(self.trees))]
-        for allowed in (range(MAX_VEHICLES + 1), [MAX_VEHICLES + 1]):
-            for part in self._by_rank:
-                for size in allowed:
-                    yield [event for event in part if sizes[event] == size and event not in self.failed]
+        few = [(part, size) for part in self._by_rank for size in range(MAX_VEHICLES + 1)]
+        for part, size in [*few, *((part, MAX_VEHICLES + 1) for part in self._by_rank[:1])]:
+            yield [event for event in part if sizes[event] == size and event not in self.failed]
 
     def is_settled(self, event: int) -> bool:
         """Return whether an event's tree is believed: certified, no open leaf, few enough vehicles."""
@@ -260,8 +262,9 @@ class Search:
 
     def _suspects(self, event: int, leaf: Node, without: IntArray, with_it: IntArray) -> list[int]:
         """Return the vehicles in which two futures of a leaf differ, most likely first."""
-        pool = np.concatenate([self.drawn, self.rows])
-        happens = np.concatenate([self.seen[:, event], self.outcomes[:, event]])
+        drawn, seen = self.drawn[:MAX_GUESSED], self.seen[:MAX_GUESSED, event]
+        pool = np.concatenate([drawn, self.rows])
+        happens = np.concatenate([seen, self.outcomes[:, event]])
         here = np.ones(len(pool), dtype=np.bool_)
         for vehicle, level in leaf.path:
             here &= pool[:, vehicle] == level

@@ -96,7 +96,7 @@ class InfluenceTable:
         axes = range(len(self.track_ids))
         for size in range(len(self.track_ids) + 1):
             for kept in combinations(axes, size):
-                always = self.outcomes.all(axis=tuple(a for a in axes if a not in kept))
+                always = np.asarray(self.outcomes.all(axis=tuple(a for a in axes if a not in kept)))
                 for cell in product(range(len(self.models)), repeat=size):
                     cube = frozenset((self.track_ids[a], level) for a, level in zip(kept, cell, strict=True))
                     if always[cell] and not any(one <= cube for one in found):

@@ -26,10 +26,11 @@ def _complete_formats(incomplete: str) -> list[str]:
 
 def export_command(
     folder: Result,
-    child: Annotated[int | None, Option(metavar="N", help="Number of a future.")] = None,
+    child: Annotated[int | None, Option(metavar="N", help="Number of the future.")] = None,
     critical: Annotated[str | None, metric_option("The futures most critical by this metric.")] = None,
     encounter: Annotated[
-        str | None, Option(metavar="A,B", help="The futures in which these two vehicles come closest.")
+        str | None,
+        Option(metavar="A,B", help="The typical future in which these two vehicles meet, then the closest."),
     ] = None,
     every: Annotated[bool, Option("--all", help="All futures.")] = False,
     top: Annotated[int, Option(metavar="K", help="Number of futures of --critical or --encounter.")] = 1,

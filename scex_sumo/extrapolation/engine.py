@@ -7,11 +7,12 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
+from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.net_cache import converted
@@ -35,8 +36,6 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.world.base import WORLDS
 
-Progress: TypeAlias = Callable[[int, int], None]
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunOptions:
@@ -44,9 +43,6 @@ class RunOptions:
 
     Attributes:
         compared: compare a checked world with SUMO's.
-
-    Raises:
-        UsageError: fewer than one child in a batch.
     """
 
     batch: int | None = None
@@ -78,6 +74,7 @@ def run_scene(
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     settings.check_size(settings.count or 1, scene.vehicles)
+    vehicles = settings.region.vehicles(scene)
     watch, models = _Stopwatch(), ModelSet.of(settings)
     if options.cache:
         models.keep_images()
@@ -90,7 +87,7 @@ def run_scene(
     )
     settings.check_size(len(assignment), scene.vehicles)
     models.try_on(scene, seed=settings.seed)
-    _check_world(settings, models, options.gui)
+    check_world(settings, models, gui=options.gui)
     temporary = TemporaryFolder() if out is None else None
     path = Path(temporary.name) / "run" if temporary else Path(str(out))
     folder = ResultFolder(path, _identity(scene, settings, models, assignment), overwrite=overwrite)
@@ -112,13 +109,23 @@ def run_scene(
         )
     watch.lap("simulate_and_measure")
     recorded = measure_recorded(
-        scene, settings.steps, replan=settings.replan, metrics=settings.measured, preset=settings.rule
+        scene,
+        settings.steps,
+        replan=settings.replan,
+        metrics=settings.measured,
+        preset=settings.rule,
+        vehicles=vehicles,
     )
     part = write_tables(folder, job, recorded, workers=workers)
     _write_exact(job, part, options, workers)
     watch.lap("exact")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
+    if vehicles is not None:
+        inside = [int(scene.track_ids[v]) for v in vehicles]
+        counted = f"only pairs with one of {len(inside)} of {scene.vehicles} vehicles count"
+        info["run_notes"].append(f"{counted}: those {settings.region.words()} at the seed moment")
+        info["region"] |= {"words": settings.region.words(), "vehicles": inside}
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
@@ -133,7 +140,7 @@ def _write_exact(job: Job, part: Part, options: RunOptions, workers: Workers) ->
         write_exact(find_exact(job, part.encounters, workers), job.folder / EXACT)
 
 
-def _check_world(settings: RunSettings, models: ModelSet, gui: bool) -> None:
+def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
     """Raise a `UsageError` if SUMO is needed and the world has none."""
     by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
@@ -184,7 +191,6 @@ class _Stopwatch:
 
 
 def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
-    """Run all children, or as many as the band needs."""
     settings = job.settings
     if settings.until_band is None or settings.count is None:
         run(job)
@@ -209,7 +215,6 @@ def _without_test(job: Job) -> RunSettings:
 
 
 def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
-    """Return the progress of one of several equal parts."""
     if progress is None:
         return None
     return lambda done, total: progress(part * total + done, parts * total)

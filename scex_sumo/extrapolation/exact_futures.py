@@ -137,7 +137,7 @@ class _Futures:
     def run(self, levels: IntArray, keys: Sequence[_Key]) -> BoolArray:
         """Return (R, E) whether events happen in assignments of levels (R, V); known ones are not run."""
         places = {row.tobytes(): number for number, row in enumerate(self._levels)}
-        new = []
+        new: list[IntArray] = []
         for row in levels:
             if row.tobytes() not in places:
                 places[row.tobytes()] = self.count + len(new)

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from scex_sumo.base.errors import warn_notes
+from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.extrapolation.engine import Progress, RunOptions, run_scene
+from scex_sumo.extrapolation.engine import RunOptions, run_scene
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.metric import Metric
+from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.designs import DEFAULT_DESIGN
@@ -35,6 +38,7 @@ def extrapolate(
     thresholds: Mapping[str, float] | None = None,
     reflect: bool = True,
     keep_plans: bool = False,
+    region: Region = EVERYWHERE,
     out: str | Path | None = None,
     overwrite: bool = False,
     workers: int = 1,
@@ -42,13 +46,13 @@ def extrapolate(
     gui: bool = False,
     cache: bool = True,
     exact: bool = True,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     command: Sequence[str] | None = None,
 ) -> Run:
     """Simulate many child scenarios of a seed scene with different drivers, and measure each.
 
-    `scex_sumo.extrapolation.settings.RunSettings` describes the arguments up to ``keep_plans``; the others
-    change no value.
+    `scex_sumo.extrapolation.settings.RunSettings` describes the arguments up to ``region``; the others
+    change no value. Notes on net and run are `ScexWarning`.
 
     Args:
         scene: the seed scene, with its road.
@@ -59,7 +63,7 @@ def extrapolate(
         gui: show the run live in sumo-gui.
         cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
         exact: run more futures for exact probabilities if all models are deterministic, see `Run.exact`.
-        progress: called with (steps done, steps in all).
+        progress: True for a bar on a terminal or in a notebook; or called with (steps done, steps in all).
         command: the command line, for ``run.json``.
 
     Raises:
@@ -89,7 +93,13 @@ def extrapolate(
         thresholds=thresholds or {},
         reflect=reflect,
         keep_plans=keep_plans,
+        region=region,
     )
-    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, progress=progress, command=command)
-    with Workers(1 if gui else min(workers, settings.count or workers)) as pool:
-        return run_scene(scene, settings, out=out, overwrite=overwrite, workers=pool, options=options)
+    with (
+        progress_of(progress, scene.name) as tick,
+        Workers(1 if gui else min(workers, settings.count or workers)) as pool,
+    ):
+        options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, progress=tick, command=command)
+        run = run_scene(scene, settings, out=out, overwrite=overwrite, workers=pool, options=options)
+    warn_notes([*run.info["net_notes"], *run.info["run_notes"]])
+    return run

@@ -9,14 +9,15 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import InputError
+from scex_sumo.base.errors import InputError, ScexError
+from scex_sumo.base.importing import own_error_reason
 from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, Rows, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.batches import scene_batches
 from scex_sumo.metrics.pairs.leaders import preset_named
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
-from scex_sumo.metrics.registry import columns_of, metrics_named
+from scex_sumo.metrics.registry import METRICS, columns_of, metrics_named
 
 PAPER_PRESET: Final = "paper"
 
@@ -114,9 +115,14 @@ def evaluate_pairs(
 
 
 def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
-    """Evaluate a metric; ``quick`` may leave out pairs that are no extremum."""
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
-    samples = function(scenes if metric.preset is None else scenes.under(preset_named(metric.preset)))
+    seen = scenes if metric.preset is None else scenes.under(preset_named(metric.preset))
+    try:
+        samples = function(seen)
+    except Exception as error:
+        if metric.name in METRICS or isinstance(error, ScexError):
+            raise
+        raise InputError(f"metric {metric.name}: {own_error_reason(error)}") from error
     if isinstance(samples, Entries):
         return samples
     if not isinstance(samples, Samples):
@@ -150,7 +156,6 @@ def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: 
 
 
 def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:
-    """Convert defined values to sorted rows; symmetric pairs give two."""
     entry, child, step = np.nonzero(samples.defined)
     value = samples.value[entry, child, step]
     vehicle = samples.row[entry]

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.evaluation.outcomes import collided
 from scex_sumo.exact.tables import InfluenceTable
-from scex_sumo.reports.run_table import counted, encounter_in_words, print_line, print_table
+from scex_sumo.reports.encounter_rows import Meeting, meetings
+from scex_sumo.reports.run_table import counted, print_line, print_table
 from scex_sumo.results.exact import EVENTS, Encounter, Exact
+from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 
 QUESTIONS = {
@@ -26,43 +30,61 @@ QUESTIONS = {
 """Questions about a pair, by column."""
 
 
-def print_encounters(run: Run, console: Console, *, most: int) -> None:
-    """Print at most ``most`` pairs, the most critical first."""
-    scene = run.info["seed_scene"]["name"]
-    pairs, children = counted(run.encounters.num_rows, "pair"), counted(run.children, "future")
+def print_encounters(run: Run, console: Console, *, most: int, region: Region = EVERYWHERE) -> None:
+    """Print at most ``most`` lines of both sets of futures, the most critical pair first."""
+    scene, found = run.info["seed_scene"]["name"], meetings(run, region)
+    indices = None if region == EVERYWHERE else region.vehicles(run.scene)
+    if indices is not None:
+        inside = run.scene.track_ids[list(indices)].tolist()
+        line = (
+            f"{len(inside)} of {run.scene.vehicles} vehicles are {region.words()}; one of them collides in "
+        )
+        likely = run.reference
+        human = "" if likely is None else f", {_share(likely, inside)} of the human-like ones"
+        print_line(f"{line}{_share(run, inside)} of the futures{human}", console)
+    pairs = counted(len({one.pair for one in found}), "pair")
+    human = f" and {run.reference.children} human-like ones" if run.reference is not None else ""
     table = Table(
-        title=f"{scene}: {pairs} of vehicles meet in {children}",
+        title=f"{scene}: {pairs} of vehicles meet in {counted(run.children, 'future')}{human}",
         title_justify="left",
-        caption="→: hits or follows; shares of all futures; gap: least distance in the nearest 5 % of them",
+        caption="→: hits or follows; shares: of the line's futures; no human-like line: critical in none\n"
+        "gap, after, driven by: of the typical future, as view --encounter shows it",
         caption_justify="left",
     )
-    for name in ("pair", "place"):
+    for name in ("pair", "place", "futures"):
         table.add_column(name, no_wrap=True)
-    for name in ("collides", "95 %", "TTC", "PET", "DRAC", "any", "gap [m]"):
+    for name in ("collides", "95 %", "TTC", "PET", "DRAC", "any", "gap [m]", "after"):
         table.add_column(Text(name), justify="right", no_wrap=True)
-    table.add_column("mostly driven by", overflow="fold")
-    for row in run.encounters.slice(0, most).to_pylist():
-        low, high = row["collision_low"], row["collision_high"]
-        found = Encounter(row=row, exact=run.exact)
-        is_exact = found.table is not None
-        models = row["models"][0] if row["models"] else None
-        gap = row["gap_p05"]
+    table.add_column("driven by", overflow="fold")
+    for one in found[:most]:
+        row, encounter = one.row, Encounter(row=one.row, exact=one.run.exact)
+        is_exact = encounter.table is not None
         table.add_row(
             f"{row['track_id']} → {row['other_id']}",
             row["place"] or "–",
-            f"{found.probability():.1%}",
-            "exact" if is_exact else f"{100 * low:.0f}–{100 * high:.0f}",
-            *(f"{found.probability(name):.0%}" for name in ("ttc", "pet", "drac", "critical")),
-            "–" if gap is None else f"{gap:.1f}",
-            "–" if models is None else f"{models['model']}, {models['other_model']}",
+            one.futures,
+            f"{encounter.probability():.1%}",
+            "exact" if is_exact else f"{100 * row['collision_low']:.0f}–{100 * row['collision_high']:.0f}",
+            *(f"{encounter.probability(name):.0%}" for name in ("ttc", "pet", "drac", "critical")),
+            "> 10" if row["gap"] is None else f"{row['gap']:.1f}",
+            f"{row['time_s']:.1f} s",
+            f"{row['model']}, {row['other_model']}",
         )
     print_table(table, console)
 
 
-def print_pair(run: Run, row: Mapping[str, Any], console: Console) -> None:
-    """Print shares, gaps, models and colliding futures of a pair."""
-    print_line(encounter_in_words(run, row), console)
-    table = Table(title="share of all futures, 95 % confidence interval", title_justify="left")
+def _share(run: Run, vehicles: Sequence[int]) -> str:
+    """Return the share of the futures in which one of these vehicles collides."""
+    hits = run.collisions
+    own = np.isin([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], vehicles).any(axis=0)
+    return run.intervals.share(collided(hits.filter(pa.array(own)), np.arange(run.children))).percent
+
+
+def print_pair(one: Meeting, console: Console) -> None:
+    """Print shares, gaps, models and colliding futures of a pair in one set of futures."""
+    run, row = one.run, one.row
+    print_line(one.words(), console)
+    table = Table(title=f"share of {run.children} {one.futures} futures, 95 % interval", title_justify="left")
     table.add_column("question")
     table.add_column("share", justify="right")
     table.add_column("interval", justify="right")
@@ -101,7 +123,8 @@ def print_pair(run: Run, row: Mapping[str, Any], console: Console) -> None:
     if hits := _colliding_children(run, row):
         shown = ", ".join(str(child) for child in hits[:12]) + (", ..." if len(hits) > 12 else "")
         print_line(f"collides in futures {shown}", console)
-        console.print(f"look: scex-sumo view {run.folder} --child {hits[0]}", soft_wrap=True, highlight=False)
+    look = f"look: scex-sumo view {run.folder} --encounter {row['track_id']},{row['other_id']}"
+    console.print(look, soft_wrap=True, highlight=False)
 
 
 def _print_exact(exact: Exact, table: InfluenceTable, console: Console) -> None:

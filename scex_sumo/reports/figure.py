@@ -2,102 +2,125 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import writing
-from scex_sumo.metrics.registry import COLLISION, metric_of, side_of
-from scex_sumo.reports.drawing import sheet
+from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of, side_of
+from scex_sumo.reports.drawing import STYLE
 from scex_sumo.reports.page.charts import value_range
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density
 
-_CURVE, _CRITICAL, _RECORDED, _LIKELY = "#1f4e79", "#c0392b", "#222222", "#2e8b57"
-_PANEL_IN = (2.9, 2.3)
-_ACROSS = 4
-_LABEL_SHARE = 0.11  # width of a label, in panel widths
+_CURVE, _CRITICAL, _RECORDED, _LIKELY = "#0072b2", "#c44e00", "#1b222b", "#9a4d86"  # as on the page
+_COLUMN_IN = 85 / 25.4  # width of a column of a paper
+_ONE_IN, _PANEL_IN, _HEAD_IN = 55 / 25.4, 35 / 25.4, 12 / 25.4  # heights
+_ACROSS = 2
+_LABEL_SHARE, _LABELS = 0.14, 4  # width of a label, in panel widths; labels of a panel
+_SMALL: dict[Any, Any] = {"font.size": 6, "axes.titlesize": 6.5, "axes.linewidth": 0.6}
 
 
-def draw_figure(run: Run, curve: str, path: Path, *, metric: str | None = None) -> Path:
-    """Draw a figure and return its path.
+def draw_figure(
+    run: Run, curve: str, path: str | Path | None, *, metric: str | None = None, ax: Axes | None = None
+) -> list[Axes]:
+    """Draw a figure of a paper's column width (85 mm) and return its panels.
 
     Args:
         curve: ``density`` or ``cumulative``.
-        path: SVG, PNG or PDF file.
-        metric: one column; None draws all, with a headline and a legend.
+        path: SVG, PNG or PDF file; None writes none.
+        metric: one column; None draws the most critical values of all metrics that are defined.
+        ax: draw one metric here.
+
+    Raises:
+        UsageError: the metric has no density, or is defined in no future.
     """
-    columns = run.columns if metric is None else [run.column(metric)]
+    columns = critical_columns(run.columns) if metric is None else [run.column(metric)]
     if columns == [COLLISION]:
         raise UsageError(
             "--metric collision: is 0 or 1 in each future and has no density; give another metric"
         )
-    samples = [run.samples(column) for column in columns]
-    across = min(_ACROSS, len(columns))
-    panel = _density_panel if curve == "density" else _cumulative_panel
-    with sheet(_PANEL_IN[0] * across, _PANEL_IN[1] * -(-len(columns) // across)) as figure:
-        panels = _metric_panels(figure, columns, across)
-        for (axes, column), values in zip(panels, samples, strict=True):
-            if not np.isfinite(values).any():
-                axes.text(
-                    0.5, 0.5, "defined in no future", ha="center", va="center", transform=axes.transAxes
-                )
-                axes.set_yticks([])
-                continue
-            panel(run, column, axes)
-            if len(values) < run.children:
-                axes.set_xlabel(f"{axes.get_xlabel()}; defined in {len(values)}/{run.children}")
-        if len(columns) > 1:
-            _explain_lines(run, figure)
-        for axes in figure.axes:
-            spec = axes.get_subplotspec()
-            if spec is not None and spec.is_first_col():
-                axes.set_ylabel("density" if curve == "density" else "cumulative density")
-        # A file without a date: the same run gives the same bytes.
-        metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(path.suffix)
-        with writing(path):
-            figure.savefig(path, dpi=200, metadata=metadata)
-    return path
-
-
-def _metric_panels(figure: Figure, columns: Sequence[str], across: int) -> list[tuple[Axes, str]]:
-    grid = figure.subplots(max(-(-len(columns) // across), 1), across, squeeze=False)
-    for axes in grid.flat[len(columns) :]:
-        axes.set_axis_off()
-    panels = list(zip(grid.flat, columns, strict=False))
-    for axes, column in panels:
-        metric = metric_of(column)
-        what = "mean of scenes" if column.endswith("_mean") else metric.critical
-        axes.set_title(f"{metric.words}: {what}", loc="left")
-        axes.set_xlabel(metric.titled("–"))
+    columns = [column for column in columns if np.isfinite(run.samples(column)).any()]
+    if not columns:
+        raise UsageError(f"{metric or 'metrics'}: defined in no future, so nothing can be drawn")
+    if ax is not None:
+        if len(columns) != 1:
+            raise UsageError("plot: axes hold one metric; name it with metric=")
+        _draw_panel(run, curve, columns[0], ax)
+        return [ax]
+    one, rows = len(columns) == 1, -(-len(columns) // _ACROSS)
+    with mpl.rc_context(STYLE | _SMALL):
+        size = _COLUMN_IN, _ONE_IN if one else _HEAD_IN + _PANEL_IN * rows
+        figure = _figure(size, on_screen=path is None)
+        grid = figure.subplots(rows, 1 if one else _ACROSS, squeeze=False)
+        for axes in grid.flat[len(columns) :]:
+            axes.remove()
+        panels = list(grid.flat[: len(columns)])
+        for axes, column in zip(panels, columns, strict=True):
+            _draw_panel(run, curve, column, axes)
+        _explain_lines(run, figure, headline=not one)
+        if path is not None:
+            # A file without a date: the same run gives the same bytes.
+            metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(Path(path).suffix)
+            with writing(Path(path)):
+                figure.savefig(path, dpi=300, metadata=metadata)
     return panels
 
 
-def _explain_lines(run: Run, figure: Figure) -> None:
+def _figure(size: tuple[float, float], *, on_screen: bool) -> Figure:
+    if not on_screen:
+        return Figure(figsize=size, layout="constrained")
+    from matplotlib import pyplot
+
+    return pyplot.figure(figsize=size, layout="constrained", dpi=200)
+
+
+def _draw_panel(run: Run, curve: str, column: str, axes: Axes) -> None:
+    metric, defined = metric_of(column), len(run.samples(column))
+    mean = ", mean of scenes" if column.endswith("_mean") else ""
+    axes.set_title(metric.words + mean, loc="left")
+    part = f", in {defined} of {run.children}" if defined < run.children else ""
+    unit = f"[{metric.column_unit}]" if metric.column_unit else "[–]"
+    axes.set_xlabel(unit + part)
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    (_density_panel if curve == "density" else _cumulative_panel)(run, column, axes)
+    spec = axes.get_subplotspec()
+    if spec is None or spec.is_first_col():
+        axes.set_ylabel("density" if curve == "density" else "cumulative density")
+
+
+def _explain_lines(run: Run, figure: Figure, *, headline: bool) -> None:
     scene = run.info["seed_scene"]
-    counts = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
-    figure.suptitle(f"{scene['name']}   {counts}", x=0.01, ha="left", fontsize=10)
-    lines = [Line2D([], [], color=_CRITICAL, linewidth=1.0, label="threshold, critical side shaded")]
+    if headline:
+        counts = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
+        figure.suptitle(f"{scene['name']}   {counts}", x=0.01, ha="left", fontsize=7)
+    lines = [Line2D([], [], color=_CURVE, linewidth=1.2, label="stress test")]
+    if run.reference is not None:
+        lines.append(Line2D([], [], color=_LIKELY, linewidth=1.2, label="human-like"))
+    lines.append(Line2D([], [], color=_CRITICAL, linewidth=1.0, label="threshold"))
     if run.recorded is not None:
-        lines.append(Line2D([], [], color=_RECORDED, linewidth=1.2, linestyle="--", label="recorded future"))
-    figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), frameon=False)
+        lines.append(Line2D([], [], color=_RECORDED, linewidth=1.2, linestyle="--", label="recorded"))
+    style: dict[str, Any] = {"columnspacing": 1.0, "handlelength": 1.4, "frameon": False}
+    figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), **style)
 
 
 def _density_panel(run: Run, column: str, axes: Axes) -> None:
     curve = run.density(column)
-    _fill(axes, curve.x, np.zeros_like(curve.x), curve.pdf, curve.pdf)
+    curve.plot(axes, color=_CURVE)
     if run.reference is not None and len(run.reference.samples(column)):
         likely = run.reference.density(column)
         axes.plot(likely.x, likely.pdf, color=_LIKELY, linewidth=1.2)
-        _write(axes, 0.95, "likely", _LIKELY)
     axes.set_ylim(0, 1.05 * max((float(np.max(line.get_ydata())) for line in axes.lines), default=0) or 1)
     _mark(run, column, axes, curve.x)
     _draw_atoms(curve, axes)
@@ -105,20 +128,17 @@ def _density_panel(run: Run, column: str, axes: Axes) -> None:
 
 def _cumulative_panel(run: Run, column: str, axes: Axes) -> None:
     curve = run.density(column)
-    _fill(axes, curve.x, *curve.band, curve.cdf)
-    axes.set_ylim(0, 1)
+    curve.plot(axes, curve="cumulative", color=_CURVE)
+    if run.reference is not None and len(run.reference.samples(column)):
+        likely = run.reference.density(column)
+        axes.plot(likely.x, likely.cdf, color=_LIKELY, linewidth=1.2)
     _mark(run, column, axes, curve.x)
-
-
-def _fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: FloatArray) -> None:
-    axes.fill_between(x, low, high, color=_CURVE, alpha=0.18, linewidth=0)
-    axes.plot(x, line, color=_CURVE, linewidth=1.2)
 
 
 def _write(axes: Axes, height: float, words: str, color: str = "#666666") -> None:
     place = "top" if height > 0.5 else "baseline"
     ground: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1}
-    style: dict[str, Any] = {"ha": "right", "va": place, "bbox": ground, "zorder": 5, "fontsize": 7}
+    style: dict[str, Any] = {"ha": "right", "va": place, "bbox": ground, "zorder": 5, "fontsize": 5.5}
     axes.text(0.98, height, words, transform=axes.transAxes, color=color, **style)
 
 
@@ -126,14 +146,20 @@ def _draw_atoms(curve: Density, axes: Axes) -> None:
     """Draw values that many futures share as stems; label the largest where there is room."""
     (left, right), most = axes.get_xlim(), max((atom.share for atom in curve.atoms), default=1.0)
     transform = axes.get_xaxis_transform()  # heights in shares of the panel
-    labelled: list[float] = []
+    drawn = [np.asarray(line.get_xdata()) for line in axes.lines]
+    labelled = [float(x[0]) for x in drawn if len(x) == 2]
+    lines = len(labelled)  # threshold and recorded value
     inside = [atom for atom in curve.atoms if left <= atom.value <= right]
     for atom in sorted(inside, key=lambda atom: -atom.share):
         height = 0.85 * atom.share / most
         axes.plot([atom.value] * 2, [0, height], color=_CURVE, linewidth=2, transform=transform)
-        if all(abs(atom.value - x) > _LABEL_SHARE * (right - left) for x in labelled):
+        apart = (abs(atom.value - x) / (right - left) for x in labelled)
+        if len(labelled) < lines + _LABELS and all(share > _LABEL_SHARE for share in apart):
             labelled.append(atom.value)
-            style: dict[str, Any] = {"size": 6, "color": _CURVE, "ha": "center", "transform": transform}
+            style: dict[str, Any] = {"size": 5, "color": _CURVE, "ha": "center", "transform": transform}
+            style |= {"path_effects": [withStroke(linewidth=1.2, foreground="white")], "zorder": 6}
+            if atom.value - left < _LABEL_SHARE / 2 * (right - left):
+                style["ha"] = "left"  # not over the axis
             axes.text(atom.value, height + 0.01, f"{atom.share:.0%}", **style)
 
 

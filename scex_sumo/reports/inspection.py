@@ -19,7 +19,7 @@ from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, reco
 from scex_sumo.converters.datasets.recordings import LoadedRecording
 from scex_sumo.reports.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.reports.page.packing import quantized
-from scex_sumo.reports.page.scene import HEADING_RAD, POSITION_M, road_paths
+from scex_sumo.reports.page.scene import HEADING_RAD, POSITION_M, SPEED_MPS, road_paths
 from scex_sumo.road import Road
 from scex_sumo.views.road_lines import AREA, MARKING, RoadLine
 
@@ -34,7 +34,7 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
     """Write the page of a recording and return its path.
 
     Args:
-        moments: at most 400 are shown, evenly chosen.
+        moments: at most 400 and the busiest are shown, evenly chosen.
         command: that runs a moment, without its time.
 
     Raises:
@@ -43,6 +43,7 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
     if not moments:
         raise TrackError(f"{loaded.recording.name}: no moment with a vehicle; give another recording")
     numbers = np.linspace(0, len(moments) - 1, _MAX_MOMENTS).round().astype(int)
+    numbers = np.append(numbers, moments.index(busiest(list(moments))))
     kept = [moments[k] for k in np.unique(numbers)]
     arrays = _arrays(loaded, kept)
     info = {
@@ -62,7 +63,7 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
 
 
 def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, IntArray]:
-    """Return (V, M, ...) arrays of vehicles by moment, by id: cm, mrad, cm/s, 0.1 s.
+    """Return (V, M, ...) arrays of vehicles by moment, by id: cm, mrad, 2 cm/s, 0.1 s.
 
     The id of a missing vehicle is -1.
     """
@@ -72,19 +73,19 @@ def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, Int
     types = {kind: k for k, kind in enumerate(dict.fromkeys(rows.types))}
     columns = {
         "ids": rows.track_id,
-        "speeds": quantized(rows.speed, 0.01),
         "kinds": kinds,
         "types": np.array([types[kind] for kind in rows.types], np.int64)[rows.track],
         "before": quantized(rows.timestamp_ms - rows.timestamp_ms[begin][rows.piece], 100.0),
         "after": quantized(rows.timestamp_ms[end][rows.piece] - rows.timestamp_ms, 100.0),
     }
     sizes = np.stack([quantized(rows.length, POSITION_M), quantized(rows.width, POSITION_M)], axis=1)
-    units = ((rows.x, POSITION_M), (rows.y, POSITION_M), (rows.psi_rad, HEADING_RAD))
+    places = ((rows.x, POSITION_M), (rows.y, POSITION_M))
+    units = (*places, (rows.psi_rad, HEADING_RAD), (rows.speed, SPEED_MPS))
     poses = np.stack([quantized(values, unit) for values, unit in units], axis=1)
     here = [_rows_of(loaded, moment) for moment in moments]
     shape = max(map(len, here)), len(moments)
     arrays = {name: np.full(shape, -1) for name in columns}
-    arrays |= {"sizes": np.zeros((*shape, 2), np.int64), "poses": np.full((*shape, 3), _AWAY_CM)}
+    arrays |= {"sizes": np.zeros((*shape, 2), np.int64), "poses": np.full((*shape, 4), _AWAY_CM)}
     for m, chosen in enumerate(here):
         for name, values in (columns | {"sizes": sizes, "poses": poses}).items():
             arrays[name][: len(chosen), m] = values[chosen]

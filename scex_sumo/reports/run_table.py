@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from rich.cells import cell_len
@@ -12,39 +12,57 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.evaluation.encounters import ENCOUNTERS, in_words
+from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.extrapolation.fallbacks import fallback_lines
-from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of, side_of
+from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of, side_of
+from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
+from scex_sumo.results.design import is_critical
 from scex_sumo.results.exact import CollisionShare
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
+SEVERITY: Final = "severe injuries [‰]"
+MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
+"""Metrics of the table in its default form."""
+
 _WORST = 3  # encounters in words
+_ALWAYS = 0.95  # share from which a metric tells no futures apart
 _MIN_FOLDED = 12  # characters of a folded column
 
 
-def print_summary(run: Run, console: Console) -> None:
-    """Print the table, the answer, and how often a fallback planned."""
-    print_table(summary_table(run), console, breaks=(" if", "-like", " test"))
+def print_summary(run: Run, console: Console, *, preset: str | None = None) -> None:
+    """Print the table, the answer, and how often a fallback planned.
+
+    Args:
+        preset: metrics of the table, ``paper``, ``path`` or ``both``; None: the main ones.
+    """
+    print_table(summary_table(run, preset), console, breaks=(" if", "-like", " test"))
     for line in [*answer_lines(run), *fallback_lines(run.info.get("fallbacks", []))]:
         print_line(line, console)
 
 
 def answer_lines(run: Run) -> list[str]:
-    """Return collision shares, always critical metrics and the worst encounters in words."""
+    """Return collision shares, contradictions, always critical metrics and the worst encounters in words."""
     both = (("stress test", run, "any of the models"), ("human-like", run.reference, "people were recorded"))
     lines = [
         f"{name}: a collision in {one.p_collision.percent} of futures, driven as {how}{_sure(one)}"
         for name, one, how in both
         if one is not None and one.outcomes
     ]
+    if above := human_above(run):
+        lines.append(above)
     if always := always_critical(run):
-        lines.append(f"critical in every future, with any driver: {', '.join(always)}")
-    if worst := worst_encounters(run):
-        lines.append("worst encounters, a vehicle hits or follows → another (how, where, after what time):")
+        lines.append(f"always so in this traffic: {', '.join(always)}")
+    tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
+    if worst := worst_of(meetings(run), _WORST, without=tested):
+        which = "other" if tested else "worst"
+        lines.append(
+            f"{which} encounters, a vehicle hits or follows → another (how, where, after what time):"
+        )
     elif (run.folder / ENCOUNTERS).is_file():
-        lines.append("no encounter of two vehicles is critical in any future")
-    return lines + [f"  {encounter_in_words(run, row)}" for row in worst]
+        which = "other encounter" if tested else "encounter"
+        lines.append(f"no {which} of two vehicles is critical in any future")
+    return lines + [f"  {one.words()}" for one in worst]
 
 
 def _sure(run: Run) -> str:
@@ -52,22 +70,34 @@ def _sure(run: Run) -> str:
     return f"; {share.tables.told()}" if share.tables is not None and share.exact is not None else ""
 
 
-def encounter_in_words(run: Run, row: Mapping[str, Any]) -> str:
-    """Return an encounter in words, with its cut sets where the run has an exact table."""
-    exact = run.exact
-    return in_words(row, None if exact is None else exact.table(row["track_id"], row["other_id"]))
+def human_above(run: Run) -> str:
+    """Return which human-like shares are above the intervals of the stress test, and why; else nothing."""
+    human = run.reference
+    if human is None:
+        return ""
+    pairs: list[tuple[str, Interval, Interval]] = []
+    if run.outcomes and human.outcomes:
+        pairs.append(("collision", run.p_collision, human.p_collision))
+    columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in _always(run)]
+    pairs += [(metric_of(c).words, run.p_critical(c), human.p_critical(c)) for c in columns]
+    above: dict[bool, list[str]] = {True: [], False: []}
+    for name, possible, likely in pairs:
+        if likely.value > possible.value:
+            surely = surely_above(likely.value, likely.low, possible.value, possible.high)
+            above[surely].append(f"{name} in {likely.value:.1%}, {possible.value:.1%}")
+    above[True] += [words for one in meetings(run) if (words := one.above())][:_WORST]
+    never = all(words.endswith(", 0.0%") for words in above[True])
+    few = "no model of the mix drives" if never else "few models of the mix drive"
+    whys = {True: f"{few} like this", False: "no more than by chance"}
+    parts = [f"{'; '.join(above[surely])} ({why})" for surely, why in whys.items() if above[surely]]
+    shares = f"in shares of {human.children} and {run.children} futures"
+    return f"human-like exceeds the stress test, {shares}: {'; '.join(parts)}" if parts else ""
 
 
 def expected_injuries(run: Run) -> float | None:
     """Return the expected number of severe injuries (MAIS 3+) in a future; None in older results."""
     there = (run.folder / ENCOUNTERS).is_file() and "expected_mais3" in run.encounters.column_names
     return float(np.sum(np.asarray(run.encounters["expected_mais3"]))) if there else None
-
-
-def worst_encounters(run: Run) -> list[dict[str, Any]]:
-    """Return the most critical pairs that are critical in some child."""
-    rows = run.encounters.slice(0, _WORST).to_pylist() if (run.folder / ENCOUNTERS).is_file() else []
-    return [row for row in rows if row["critical"] > 0]
 
 
 def print_line(text: str, console: Console) -> None:
@@ -79,10 +109,19 @@ def print_line(text: str, console: Console) -> None:
 
 
 def always_critical(run: Run) -> list[str]:
-    """Return names of metrics that are critical in every child, also in the human-like ones."""
-    columns = [c for c in critical_columns(run.columns) if c in run.thresholds]
+    """Return names of metrics that are critical in nearly all futures of both sets and in the recording."""
+    return [metric_of(column).words for column in _always(run)]
+
+
+def _always(run: Run) -> list[str]:
     both = [one for one in (run, run.reference) if one is not None]
-    return [metric_of(c).words for c in columns if all(one.p_critical(c).value == 1.0 for one in both)]
+    found = []
+    for column, limit in run.thresholds.items():
+        recorded = run.recorded_value(column) if column in run.columns else None
+        is_so = recorded is None or bool(is_critical(np.array([recorded]), column, limit)[0])
+        if column in run.columns and is_so and all(one.p_critical(column).value >= _ALWAYS for one in both):
+            found.append(column)
+    return found
 
 
 def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
@@ -106,53 +145,57 @@ def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -
     console.print(table)
 
 
-def summary_table(run: Run) -> Table:
+def summary_table(run: Run, preset: str | None = None) -> Table:
     """Return recorded value, median, critical share and number of defined futures by metric."""
-    scene = run.info["seed_scene"]
+    scene, likely = run.info["seed_scene"], run.reference
     table = Table(
         title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}",
         title_justify="left",
         caption=f"median: of each future's worst value; {_interval_of(run)}",
         caption_justify="left",
     )
+    if likely is not None:
+        table.title = f"{table.title}, {likely.children} human-like ones"
+    if region := run.info.get("region"):
+        inside = counted(len(region["vehicles"]), "vehicle")
+        table.title = f"{table.title}\nonly pairs with one of {inside} {region['words']}"
     table.add_column("metric")
-    likely = run.reference
     possible = "P(critical)" if likely is None else "stress test"
     likely_head = () if likely is None else ("human-like",)
     for name in ("recorded", "median", "critical if", *likely_head, possible, "95 %", "defined"):
         table.add_column(name, justify="right", no_wrap=True)
     if COLLISION in run.metrics.column_names:
-        table.add_row(
-            "collision",
-            _recorded_overlaps(run),
-            "–",
-            "any",
-            *(() if likely is None else (f"{likely.p_collision.value:.1%}",)),
-            *_collision_shares(run.p_collision),
-            f"{run.children}/{run.children}",
-        )
+        human = () if likely is None else (f"{likely.p_collision.value:.1%}",)
+        shares = _collision_shares(run.p_collision)
+        table.add_row("collision", _recorded_overlaps(run), "–", "any", *human, *shares, "all")
     if (injuries := expected_injuries(run)) is not None:
-        human = None if likely is None else expected_injuries(likely)
-        table.add_row(
-            "severe injuries per 1000",
-            *("–",) * 3,
-            *(() if likely is None else ("–" if human is None else f"{1000 * human:.2f}",)),
-            f"{1000 * injuries:.2f}",
-            "–",
-            f"{run.children}/{run.children}",
-        )
-    for column in critical_columns(run.columns):
-        samples = run.samples(column)
-        recorded = run.recorded_value(column)
-        threshold = run.thresholds.get(column)
-        table.add_row(
-            Text(metric_of(column).titled()),  # not markup: the unit is in brackets
-            _number(recorded),
-            _number(float(np.median(samples)) if len(samples) else None),
-            *_critical(run, column, threshold, likely),
-            f"{len(samples)}/{run.children}",
-        )
+        expected = None if likely is None else expected_injuries(likely)
+        human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)
+        table.add_row(Text(SEVERITY), *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all")
+    main, folded = shown_columns(run, preset)
+    for part in (main, folded):
+        table.add_section()
+        for column in part:
+            recorded, samples = run.recorded_value(column), run.samples(column)
+            table.add_row(
+                Text(metric_of(column).titled()),  # not markup: the unit is in brackets
+                _number(recorded if recorded is None or np.isfinite(recorded) else None),
+                _number(float(np.median(samples)) if len(samples) else None),
+                *_critical(run, column, likely),
+                _defined(run, column, likely),
+            )
     return table
+
+
+def shown_columns(run: Run, preset: str | None) -> tuple[list[str], list[str]]:
+    """Return the metrics of the table, and the paper's six below them, without those that are always so."""
+    always = _always(run)
+    columns = [column for column in critical_columns(run.columns) if column not in always]
+    if preset is None and set(MAIN) <= set(run.columns) and not run.info.get("metrics"):
+        return [column for column in MAIN if column in columns], []
+    main = [column for column in MAIN if column in columns]
+    main += [column for column in columns if column not in (*main, *PAPER_METRICS)]
+    return main, [column for column in columns if column in PAPER_METRICS]
 
 
 def _interval_of(run: Run) -> str:
@@ -161,12 +204,23 @@ def _interval_of(run: Run) -> str:
     return "95 %: confidence interval of the stress test"
 
 
-def _critical(run: Run, column: str, threshold: float | None, likely: Run | None) -> tuple[str, ...]:
+def _critical(run: Run, column: str, likely: Run | None) -> tuple[str, ...]:
+    """Return threshold, human-like share, share and interval; dashes where nothing is defined."""
+    threshold = run.thresholds.get(column)
     if threshold is None:
         return ("–",) * (3 if likely is None else 4)
     sign = "≤" if side_of(column) == "left" else "≥"
-    share = () if likely is None else (f"{likely.p_critical(column).value:.1%}",)
-    return f"{sign} {threshold:.3g}", *share, *_shares(run.p_critical(column))
+    human = (
+        "–" if likely is None or not len(likely.samples(column)) else f"{likely.p_critical(column).value:.1%}"
+    )
+    shares = _shares(run.p_critical(column)) if len(run.samples(column)) else ("–", "–")
+    return f"{sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
+
+
+def _defined(run: Run, column: str, likely: Run | None) -> str:
+    """Return in how many futures of each set a metric is defined."""
+    counts = [(len(one.samples(column)), one.children) for one in (run, likely) if one is not None]
+    return "all" if all(n == of for n, of in counts) else "\n".join(f"{n}/{of}" for n, of in counts)
 
 
 def _shares(share: Interval) -> tuple[str, str]:
@@ -183,7 +237,10 @@ def _recorded_overlaps(run: Run) -> str:
     recorded = run.info.get("recorded")
     if recorded is None:
         return "–"
-    return counted(len(recorded["overlaps"]), "overlap") if recorded["overlaps"] else "none"
+    if recorded["overlaps"]:
+        return counted(len(recorded["overlaps"]), "overlap")
+    touch = "drac" in run.columns and np.isinf(run.recorded_value("drac") or 0.0)
+    return "contact" if touch else "none"
 
 
 def counted(count: int, noun: str) -> str:
@@ -192,4 +249,4 @@ def counted(count: int, noun: str) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
+    return "–" if value is None else "∞" if np.isinf(value) else f"{value:.2f}"

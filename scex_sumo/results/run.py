@@ -22,6 +22,7 @@ from scex_sumo.results.info import read_info
 from scex_sumo.results.tables import (
     StateBlocks,
     as_pandas,
+    own_injuries,
     read_assignments,
     read_metrics,
     read_scene,
@@ -29,12 +30,14 @@ from scex_sumo.results.tables import (
     read_table,
     with_own_collisions,
 )
-from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
+from scex_sumo.results.under_test import BASELINE, UNDER_TEST, Driven, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
@@ -66,12 +69,22 @@ class Run:
         name = self.info["seed_scene"]["name"]
         return f"Run({str(self.folder)!r}: {self.info['children']} children of {name})"
 
-    def plot(self, path: str | Path, *, metric: str | None = None, curve: str = "density") -> Path:
-        """Draw the densities of one metric or all into an SVG, PNG or PDF file; return the file.
+    def plot(
+        self,
+        path: str | Path | None = None,
+        *,
+        metric: str | None = None,
+        curve: str = "density",
+        ax: Axes | None = None,
+    ) -> list[Axes]:
+        """Draw the densities of one metric or of all that are defined; return the matplotlib axes.
 
-        ``curve`` is ``density`` or ``cumulative``.
+        Args:
+            path: SVG, PNG or PDF file to write.
+            curve: ``density`` or ``cumulative``.
+            ax: draw one metric in these axes; None makes a figure, of pyplot without a ``path``.
         """
-        return Path(DRAWINGS.load("densities")(self, curve, Path(path), metric=metric))
+        return list(DRAWINGS.load("densities")(self, curve, path, metric=metric, ax=ax))
 
     def to_pandas(self, table: str = "metrics") -> Any:
         """Return one of `TABLES` as a pandas data frame."""
@@ -179,7 +192,22 @@ class Run:
         vehicles = {int(track): model for track, model in known.items()}
         limits, plain = self.thresholds | {COLLISION: 1.0}, self.baseline.intervals
         folded = bool(self.info.get("reflect", True))
-        return UnderTest(vehicles, tested, without, limits, self.intervals, without=plain, reflect=folded)
+        injuries = None
+        if "p_mais3" in self.collisions.column_names:
+            driven: dict[Driven, Run] = {"under_test": self, "baseline": self.baseline}
+            injuries = {
+                name: own_injuries(run.collisions, known, run.children) for name, run in driven.items()
+            }
+        return UnderTest(
+            vehicles,
+            tested,
+            without,
+            limits,
+            self.intervals,
+            without=plain,
+            reflect=folded,
+            injuries=injuries,
+        )
 
     @cached_property
     def scene(self) -> SeedScene:

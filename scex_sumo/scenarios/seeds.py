@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 
 from scex_sumo.base.cache import cached_object
-from scex_sumo.base.errors import TrackError
+from scex_sumo.base.errors import TrackError, warn_notes
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import version_of
 from scex_sumo.scene import Obstacles, SeedScene, States
 
@@ -22,9 +22,10 @@ def read_seed(
     time: float | None = None,
     origin: tuple[float, float] | None = None,
     align: bool = True,
+    force: bool = False,
     cache: bool = True,
 ) -> SeedScene:
-    """Read one moment of a recording, with its map.
+    """Read one moment of a recording, with its map; notes on both are `ScexWarning`.
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
@@ -35,11 +36,12 @@ def read_seed(
             recorded from 1 s before to 3 s after.
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
         align: move tracks beside the lanes onto them, see `align_tracks`.
+        force: accept a moment with over half of its vehicles on no lane, as a wrong origin makes them.
         cache: keep the road in ``~/.cache/scex-sumo``.
 
     Raises:
         MapError: the map cannot be read.
-        TrackError: the tracks cannot be read, or hold no such moment.
+        TrackError: the tracks cannot be read, hold no such moment, or lie beside the lanes.
 
     Example:
         >>> scex.read_seed(scex.example_path("roundabout"), time=4.0).vehicles
@@ -56,7 +58,10 @@ def read_seed(
         read_map(map_path)  # no map is the likelier reason
         raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False, keep=cache)
-    scene = recorded_scene(map_path, tracks=track_path, case=case, time_s=time, road=road, align=align)
+    scene = recorded_scene(
+        map_path, tracks=track_path, case=case, time_s=time, road=road, align=align, force=force
+    )
+    warn_notes([*road.notes, *scene.notes])
     return dataclasses.replace(scene, road=road)
 
 
@@ -67,7 +72,7 @@ def synthetic_seed(
     seed: int = 0,
     origin: tuple[float, float] | None = None,
     cache: bool = True,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | bool | None = None,
 ) -> SeedScene:
     """Populate a map by SUMO's demand and car-following, and return one moment with history and future.
 
@@ -77,7 +82,7 @@ def synthetic_seed(
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
         cache: keep road, net and scene in ``~/.cache/scex-sumo``.
-        progress: called with the seconds spent and their limit.
+        progress: True for a bar; or called with the seconds spent and their limit.
 
     Raises:
         MapError: the map cannot be read.
@@ -96,13 +101,14 @@ def synthetic_seed(
     name = f"{road.name}_synthetic{vehicles}_s{seed}"
 
     def populated() -> SeedScene:
-        with TemporaryFolder() as folder:
+        with TemporaryFolder() as folder, progress_of(progress, name) as tick:
             net = converted(road, Path(folder) / f"{road.name}.net.xml", keep=cache)
-            return synthetic_scene(road, net.path, vehicles=vehicles, seed=seed, name=name, progress=progress)
+            return synthetic_scene(road, net.path, vehicles=vehicles, seed=seed, name=name, progress=tick)
 
     if cache:
         made_of = pickle.dumps((version_of("eclipse-sumo"), vehicles, seed, road))
         scene = cached_object("populated", made_of, populated, (SeedScene, States, Obstacles))
     else:
         scene = populated()
+    warn_notes(road.notes)
     return dataclasses.replace(scene, road=road)

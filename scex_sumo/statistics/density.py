@@ -6,7 +6,7 @@ Infinite samples count in every denominator: a density integrates to the share o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,9 @@ from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BANDWIDTH: Final = 0.1
 CONFIDENCE: Final = 0.95
@@ -37,10 +40,9 @@ class Density:
 
     Attributes:
         x: (G,) ascending, in the metric's unit.
-        pdf: (G,) density, 1 / unit.
-        cdf: (G,) cumulative distribution with the same kernel.
+        pdf: (G,) density, 1 / unit; it integrates to the share of samples outside ``atoms``.
+        cdf: (G,) cumulative distribution with the same kernel, and a step at each atom.
         band: (G,) lower and (G,) upper limit of ``cdf``.
-        atoms: ascending; ``pdf`` integrates to the share of the other samples, ``cdf`` has a step at each.
     """
 
     x: FloatArray
@@ -48,6 +50,24 @@ class Density:
     cdf: FloatArray
     band: tuple[FloatArray, FloatArray]
     atoms: tuple[Atom, ...] = ()
+
+    def plot(self, ax: Axes | None = None, *, curve: str = "density", color: str = "#0072b2") -> Axes:
+        """Draw the density, or the cumulative density with its band, with matplotlib; return the axes.
+
+        Args:
+            ax: None draws in pyplot's current axes.
+            curve: ``density`` or ``cumulative``.
+        """
+        if ax is None:
+            from matplotlib import pyplot
+
+            ax = pyplot.gca()
+        pdf = curve == "density"
+        line, band = (self.pdf, (0.0 * self.pdf, self.pdf)) if pdf else (self.cdf, self.band)
+        ax.fill_between(self.x, *band, color=color, alpha=0.18, linewidth=0)
+        ax.plot(self.x, line, color=color, linewidth=1.2)
+        ax.set_ylim(0.0, None if pdf else 1.0)
+        return ax
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +99,7 @@ def density(
     """Return the Gaussian kernel density with an absolute bandwidth.
 
     f(x) = sum of phi((x - x_i) / h) / (n h), F(x) = mean of Phi((x - x_i) / h). The band is F +- the
-    Dvoretzky-Kiefer-Wolfowitz half-width. It holds for the smoothed truth, too: smoothing does not increase
-    the distance of two distributions.
+    Dvoretzky-Kiefer-Wolfowitz half-width, which holds for the smoothed truth, too.
 
     Args:
         samples: (n,) values; inf allowed.
@@ -93,7 +112,7 @@ def density(
     if not (np.isfinite(bandwidth) and bandwidth > 0):
         raise InputError(f"density: bandwidth {bandwidth}; choose one above 0, in the metric's unit")
     if values.size == 0:
-        raise InputError("density: no samples; the metric is defined in no child")
+        raise InputError("density: no samples; the metric is defined in no future")
     if reflect and values.min() < 0:
         raise InputError(f"density: reflection at 0 of a negative sample, {values.min()}; turn it off")
     finite = values[np.isfinite(values)]
@@ -175,7 +194,6 @@ def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
 
 
 def _kernel_sums(finite: FloatArray, grid: FloatArray, bandwidth: float) -> tuple[FloatArray, FloatArray]:
-    """Return (G,) sums over the samples of phi((x - x_i) / h) and of Phi((x - x_i) / h)."""
     reach = _KERNEL_REACH * bandwidth
     start = np.searchsorted(grid, finite - reach)
     stop = np.searchsorted(grid, finite + reach)
@@ -191,7 +209,6 @@ def _kernel_sums(finite: FloatArray, grid: FloatArray, bandwidth: float) -> tupl
 
 
 def _ranges(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
-    """Return row numbers and columns of half-open ranges, one range per row."""
     length = stop - start
     row = np.repeat(np.arange(length.size), length)
     offset = np.repeat(np.cumsum(length) - length, length)

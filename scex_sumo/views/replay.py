@@ -32,14 +32,13 @@ from scex_sumo.world.gui_drawings import (
     letter_height,
     readable,
 )
-from scex_sumo.world.gui_settings import write_view_settings
+from scex_sumo.world.gui_settings import WINDOW_SIZE, write_view_settings
 from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 _GRID_MARGIN_M, _GRID_AROUND_M = 15.0, 25.0
-_WINDOW = "1400,900"
 
 
 class ReadNet(NamedTuple):
@@ -124,7 +123,6 @@ def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[P
 def _choose_ids(
     path: Path, groups: Sequence[FcdTracks], child: ChildView, letter_m: float, frame: Frame
 ) -> str:
-    """Select the vehicle ids that are readable at the stop, and return drawings of overprinted event ids."""
     at, here = child.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
     here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in child.event)
     here = [(group, n) for group, n in here if group.present[n, at]]
@@ -180,7 +178,6 @@ def _groups(scene: SeedScene, tiled: TiledChild) -> list[FcdTracks]:
 
 
 def _without_gaps(present: BoolArray) -> BoolArray:
-    """Return presence from first to last appearance: SUMO would jump over a gap in time."""
     return (
         np.logical_or.accumulate(present, axis=1)
         & np.logical_or.accumulate(present[:, ::-1], axis=1)[:, ::-1]
@@ -226,7 +223,7 @@ def _write_configuration(
         "no-step-log": "true",
         "xml-validation": "never",
         "start": "true",
-        "window-size": _WINDOW,
+        "window-size": WINDOW_SIZE,
     } | ({"selection-file": f"{name}.ids.txt"} if ids else {})
     lines = "".join(f"    <{key} value={quoted(value)}/>\n" for key, value in options.items())
     path = folder / f"{name}.sumocfg"

@@ -19,7 +19,7 @@ OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
 _LINE = 1.4  # line height, in letters
 _LETTER = 0.4  # width of a letter, in heights
 _LEGEND_COLUMNS = 3
-_WINDOW_ASPECTS = (1.2, 1.5, 1.8, 2.1)  # usual widths by heights
+_WINDOW_ASPECTS = (1.5, 1.8, 2.1)  # usual widths by heights; the window opens with 1.9
 _LETTER_SHARE = 0.03  # of the window's height
 _AROUND_M = 25.0  # vehicles
 _RING_M, _RING_WIDTH_M, _RING_POINTS, _RING_RGB = 4.0, 0.3, 48, (214, 64, 58)
@@ -86,8 +86,7 @@ class Frame:
     """Visible frame: tiles, titles above them, legend below.
 
     Attributes:
-        net: smallest x, y and largest x, y of all tiles, m.
-        view: the same of the visible part.
+        net: smallest x, y and largest x, y of all tiles, m; ``view`` of the visible part.
         line_m: height of a letter, m.
         entries: names and colours of the legend.
     """
@@ -129,6 +128,10 @@ class Frame:
         view = max(left, around[0]), max(bottom, around[1]), min(right, around[2]), min(top, around[3])
         if view[0] >= view[2] or view[1] >= view[3]:
             view = around
+        return self.on(view)
+
+    def on(self, view: Bounds) -> Frame:
+        """Return the frame with these bounds in view, e.g. those of one of many tiles."""
         return replace(self, view=view, line_m=_LETTER_SHARE * _window_height(view))
 
 
@@ -173,7 +176,7 @@ def draw_children(shown: Sequence[TiledChild], colors: Mapping[str, Rgb], frame:
             way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
             lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=frame.way_m))
-        title = f"child {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
+        title = f"future {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
         x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
         lines.append(_text(title, x, y, frame.line_m))
         lines += [_ring(s, vehicle) for vehicle in s.child.event]
@@ -222,7 +225,6 @@ def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str
 
 
 def _text(text: str, x: float, y: float, line_m: float) -> str:
-    """Return text that begins at x: the id of an invisible point; sumo-gui centres it there."""
     middle = x + 0.5 * _LETTER * len(text) * line_m
     # SUMO's ids have no blanks and no separators.
     key = re.sub(r"[|\\'\";,<>&]", "_", re.sub(r"\s", "\N{NO-BREAK SPACE}", text))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from scex_sumo.world.gui_drawings import Frame
 
+WINDOW_SIZE = "1400,900"
 _SIZE_PER_M = 10.0  # sumo-gui's text size for letters of 1 m
 GRASS = "214,219,209"
 ASPHALT = "74,78,84"

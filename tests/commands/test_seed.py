@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from scex_sumo.base.errors import TrackError
 from scex_sumo.commands.seed import seed_scene
 from tests.converters import track_files
 from tests.converters.maps import straight, write_map
@@ -15,11 +16,7 @@ from tests.converters.maps import straight, write_map
     ("beside", "said"),
     [
         (1, "warning: 1 of 3 vehicles are on no mapped lane and will drive straight (3)\n"),
-        (
-            2,
-            "warning: 2 of 3 vehicles are on no mapped lane and will drive straight (2, 3); "
-            "check the origin\n",
-        ),
+        (2, "warning: 2 of 3 vehicles are on no mapped lane and will drive straight (2, 3)\n"),
     ],
 )
 def test_vehicles_beside_the_lanes_are_counted_and_many_of_them_are_a_warning(
@@ -31,6 +28,9 @@ def test_vehicles_beside_the_lanes_are_counted_and_many_of_them_are_a_warning(
         rows += track_files.straight(k + 1, start=30.0 * k, y=1.75 + 20.0 * (k >= 3 - beside))
     csv = track_files.write_rows(tmp_path / "road.csv", rows)
     options = {"case": None, "time": 1.0, "synthetic": None, "origin": None, "seed": 0, "cache": False}
-    scene = seed_scene(map_path, tracks=csv, **options)  # type: ignore[arg-type]
+    if beside == 2:
+        with pytest.raises(TrackError, match=r"2 of 3 vehicles are on no mapped lane.*--force"):
+            seed_scene(map_path, tracks=csv, **options)  # type: ignore[arg-type]
+    scene = seed_scene(map_path, tracks=csv, force=True, **options)  # type: ignore[arg-type]
     assert capsys.readouterr().err.endswith(said)
     assert scene.notes[-1] == said.strip()  # for run.json and the report

@@ -82,14 +82,35 @@ def test_in_words() -> None:
     low, high = (round(100 * row[name]) for name in ("collision_low", "collision_high"))
     assert in_words(row | {"place": "ring"}) == (
         f"17 → 23 (rear-end, ring, {hit:.1f} s): collides in 25 % [{low}–{high}], "
-        "mostly 17 constant_velocity, 23 emergency_brake"
+        "typically 17 constant_velocity, 23 emergency_brake"
     )
     calm = row | {"collision": 0.0, "ttc": 0.5, "ttc_low": 0.4, "ttc_high": 0.6, "kind": None}
     assert "TTC < 1.5 s in 50 % [40–60]" in in_words(calm)
-    assert in_words(calm | {"critical": 0.0, "gap_p05": 2.04}).endswith(
-        "2.0 m apart or less in 5 % of the futures, more than 10 m in half of them"
+    never = calm | {"critical": 0.0}
+    assert in_words(never | {"gap": 2.04}).endswith("never critical, typically 2.0 m apart")
+    assert in_words(never | {"gap": None}).endswith("never critical, typically more than 10 m apart")
+
+
+def test_gap_time_and_drivers_are_those_of_one_future() -> None:
+    """Gaps of the four critical futures: 8, 2, 5, 9 m; the median is child 2, the nearest of all child 4."""
+    tracks = children(LEVELS[:5])
+    found = find_encounters(tracks, PlannedPaths.from_tracks(tracks)).take(np.zeros(5, dtype=np.int64))
+    found = replace(
+        found,
+        child=np.arange(5),
+        kind=np.full(5, -1),
+        gap=np.array([8.0, 2.0, 5.0, 9.0, 1.0]),
+        ttc=np.array([1.0, 1.0, 1.0, 1.0, 9.0]),
+        pet=np.full(5, np.inf),
+        drac=np.zeros(5),
+        time_s=np.array([0.1, 0.2, 0.3, 0.4, 0.5]),
     )
-    assert "10 m" in in_words(calm | {"critical": 0.0, "gap_p05": None})
+    models = MODELS[LEVELS[:5]]
+    design = DesignIntervals(LEVELS[:5], design="random")
+    row = encounters_table(found, track_ids=TRACKS, models=models, intervals=design).to_pylist()[0]
+    assert (row["child"], row["gap"], row["time_s"]) == (2, 5.0, 0.3)
+    assert (row["model"], row["other_model"]) == ("emergency_brake", "constant_velocity")
+    assert in_words(row).endswith("typically 5.0 m apart, 17 emergency_brake, 23 constant_velocity")
 
 
 def test_gap_quantiles_are_over_all_children() -> None:

@@ -20,11 +20,20 @@ def test_the_most_critical_children_come_worst_first(run: Run) -> None:
         critical_children(run, "nonsense", 1)
 
 
+def test_the_typical_future_of_an_encounter_is_that_of_view(run: Run) -> None:
+    for row in run.encounters.to_pylist():
+        assert closest_encounters(run, row["other_id"], row["track_id"], 1) == (row["child"],)
+
+
 def test_encounters_are_sorted_by_the_gap_of_the_two(run: Run) -> None:
     first, second = run.scene.track_ids[:2].tolist()
     order = closest_encounters(run, first, second, 4)
+    met = next(
+        (r for r in run.encounters.to_pylist() if {r["track_id"], r["other_id"]} == {first, second}), None
+    )
+    assert met is None or order[0] == met["child"]
     apart = []
-    for child in order:
+    for child in order[met is not None :]:
         now = run.states(child)[:, 10:]
         apart.append(np.hypot(now.x[0] - now.x[1], now.y[0] - now.y[1]).min())
     assert sorted(order) == [0, 1, 2, 3] and apart[0] <= apart[-1] + 1.0  # boxes, not centres

@@ -155,8 +155,8 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
     assert run.p_critical("speed_gap").value == pytest.approx(2 / 3)
     assert run.most_critical("speed_gap") == 2
     assert [str(cell) for cell in summary_table(run).columns[0].cells] == ["difference of speeds [m/s]"]
-    svg = draw_figure(run, "density", tmp_path / "densities.svg")
-    assert "difference of speeds: max" in svg.read_text() and "difference of speeds [m/s]" in svg.read_text()
+    (panel,) = draw_figure(run, "density", tmp_path / "densities.svg")
+    assert (panel.get_title(loc="left"), panel.get_xlabel()) == ("difference of speeds", "[m/s]")
     with pytest.raises(UsageError, match="known from a result only"):
         evaluate(vehicles(1.0, 2.0), None, metrics=[metric_of("speed_gap")])
 
@@ -273,3 +273,15 @@ def test_an_unknown_metric_is_a_short_line_with_the_nearest_names() -> None:
     with pytest.raises(UsageError) as caught:
         metrics_named(["x" * 5000])
     assert len(str(caught.value)) < 160
+
+
+def test_an_error_in_an_own_metric_is_one_line_with_file_and_line(
+    tmp_path: Path, registered_metrics: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "faulty.py").write_text(
+        "import scex_sumo as scex\n\n\n@scex.metric('faulty', critical='min')\ndef faulty(scenes):\n"
+        "    return scenes.speed[99]\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"metric faulty: raised IndexError.*\(faulty\.py, line 6\)"):
+        evaluate(vehicles(1.0, 2.0), None, metrics=["faulty:faulty"])

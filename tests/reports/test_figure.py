@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from scex_sumo.base.errors import ResultError, UsageError
@@ -65,17 +66,42 @@ def test_unknown_metrics_and_missing_thresholds_name_the_known(run: Run) -> None
 
 
 def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_path: Path) -> None:
-    svg, png = (draw_figure(run, "density", tmp_path / f"densities{end}") for end in (".svg", ".png"))
-    text = svg.read_text()
-    assert "defined in no future" in text
-    assert "20/40" in text
-    assert "recorded future" in text
-    assert png.stat().st_size > 10_000
+    for file in (tmp_path / "densities.svg", tmp_path / "densities.png"):
+        panels = draw_figure(run, "density", file)
+    text = (tmp_path / "densities.svg").read_text()
+    assert [panel.get_title(loc="left") for panel in panels] == [
+        *("distance", "traffic quality", "PTTC", "WTTC", "1/TTC")  # no empty panel: gap time is undefined
+    ]
+    assert "in 20 of 40" in text and "recorded" in text
+    assert (tmp_path / "densities.png").stat().st_size > 10_000
+    assert panels[0].figure.get_size_inches()[0] * 25.4 == pytest.approx(85)
+
+
+def test_labels_of_a_figure_do_not_overlap(run: Run, tmp_path: Path) -> None:
+    panels = draw_figure(run, "density", tmp_path / "densities.png")
+    for panel in panels:
+        shown = [text for text in panel.texts if text.get_text()]
+        boxes = [text.get_window_extent() for text in [*shown, panel.title, panel.xaxis.label]]
+        assert not any(a.overlaps(b) for n, a in enumerate(boxes) for b in boxes[:n] if a.width and b.width)
 
 
 def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:
-    first = draw_figure(run, "cumulative", tmp_path / "first.svg").read_bytes()
-    assert draw_figure(run, "cumulative", tmp_path / "second.svg").read_bytes() == first
+    files = [tmp_path / "first.svg", tmp_path / "second.svg"]
+    for file in files:
+        draw_figure(run, "cumulative", file)
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_runs_and_densities_are_drawn_into_axes_of_the_user(run: Run) -> None:
+    axes = Figure().subplots()
+    assert run.plot(metric="distance", ax=axes) == [axes] and axes.lines
+    own = Figure().subplots()
+    density = run.density("distance")
+    assert density.plot(own) is own
+    assert own.lines[0].get_ydata().tolist() == density.pdf.tolist()
+    assert density.plot(own, curve="cumulative").lines[1].get_ydata().tolist() == density.cdf.tolist()
+    with pytest.raises(UsageError, match="gap_time: defined in no future"):
+        run.plot(metric="gap_time", ax=axes)
 
 
 @pytest.mark.parametrize("width", [60, 80])
@@ -85,7 +111,7 @@ def test_a_narrow_terminal_cuts_nothing_off_the_summary(run: Run, width: int) ->
         print_summary(run, console)
     lines = capture.get().splitlines()
     assert "…" not in capture.get()
-    assert any(line.startswith("traffic quality") and line.rstrip().endswith("40/40") for line in lines)
+    assert any(line.startswith("traffic quality") and line.rstrip().endswith("all") for line in lines)
     assert max(map(len, lines)) < 80  # a terminal of the usual width holds a line
 
 

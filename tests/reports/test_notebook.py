@@ -38,7 +38,9 @@ def test_a_seed_scene_is_one_line_and_a_table_of_its_vehicles() -> None:
 
 
 def test_a_run_plots_itself(run: Run, tmp_path: Path) -> None:
-    assert run.plot(tmp_path / "ttc.svg", metric="ttc").read_bytes().startswith(b"<?xml")
+    (panel,) = run.plot(tmp_path / "ttc.svg", metric="ttc")
+    assert panel.get_title(loc="left") == "1/TTC"
+    assert (tmp_path / "ttc.svg").read_bytes().startswith(b"<?xml")
 
 
 def test_without_pandas_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

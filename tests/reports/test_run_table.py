@@ -6,14 +6,28 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 from rich.table import Table
 
-from scex_sumo.reports.run_table import always_critical, print_line, print_table
-from scex_sumo.results.run import open_run
+from scex_sumo.evaluation.encounters import QUESTIONS, SCHEMA
+from scex_sumo.metrics.registry import METRICS
+from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
+from scex_sumo.reports.page.tables import encounter_table
+from scex_sumo.reports.run_table import (
+    MAIN,
+    always_critical,
+    answer_lines,
+    print_line,
+    print_table,
+    shown_columns,
+    summary_table,
+)
+from scex_sumo.results.run import Run, open_run
+from scex_sumo.statistics.density import wilson
 
 
 def table(*, fold: bool = False) -> Table:
@@ -57,13 +71,126 @@ def test_a_long_name_takes_two_lines_where_it_may() -> None:
     assert second.split() == ["ty"]
 
 
-def test_what_is_critical_in_every_child_is_told_apart(tmp_path: Path) -> None:
-    values = {"distance": [3.0, 4.0], "wttc": [0.1, 0.9], "ttc": [1.0, None]}
-    pq.write_table(pa.table({"child": [0, 1], **values}), tmp_path / "metrics.parquet")
-    about = {"seed_scene": {"name": "waiting", "vehicles": 2}, "children": 2}
-    limits = {"distance": 5.0, "wttc": 0.26, "ttc": 0.5}
-    (tmp_path / "run.json").write_text(json.dumps(about | {"thresholds": limits}))
-    assert always_critical(open_run(tmp_path)) == ["distance"]
+def result(folder: Path, values: dict[str, list[float | None]], **about: object) -> Path:
+    """Write a result folder with metrics, independent draws, and thresholds of four metrics."""
+    folder.mkdir(exist_ok=True)
+    count = len(next(iter(values.values())))
+    columns = {name: pa.array(column, pa.float64()) for name, column in values.items()}
+    hits = pa.array([x == 1 for x in values.get("collision", [0] * count)])
+    table = {"child": list(range(count))} | columns | ({"collision": hits} if "collision" in values else {})
+    pq.write_table(pa.table(table), folder / "metrics.parquet")
+    info: dict[str, object] = {"seed_scene": {"name": "waiting", "vehicles": 2}, "children": count}
+    limits = {"distance": 5.0, "wttc": 0.26, "ttc": 0.5, "pet": 1.0, "drac": 3.4}
+    info["thresholds"] = {name: limit for name, limit in limits.items() if name in values}
+    (folder / "run.json").write_text(json.dumps(info | about))
+    return folder
+
+
+def test_what_is_nearly_always_critical_is_told_in_a_line_and_has_no_row(tmp_path: Path) -> None:
+    values: dict[str, list[float | None]] = {"distance": [3.0] * 19 + [9.0], "wttc": [0.1] * 18 + [0.9] * 2}
+    run = open_run(result(tmp_path, values))
+    assert always_critical(run) == ["distance"]  # 95 and 90 %
+    assert shown_columns(run, None) == ([], ["wttc"])
+    recorded = pa.table({"distance": [5.5], "wttc": [0.1]})
+    pq.write_table(recorded, tmp_path / "recorded.parquet")
+    assert always_critical(open_run(tmp_path)) == []  # the recording was not critical
+    pq.write_table(recorded.set_column(0, "distance", [[4.0]]), tmp_path / "recorded.parquet")
+    result(tmp_path / "reference", {"distance": [3.0, 9.0], "wttc": [0.1, 0.1]})
+    assert always_critical(open_run(tmp_path)) == []  # human-like drivers are not
+    result(tmp_path / "reference", {"distance": [3.0, 4.0], "wttc": [0.1, 0.1]})
+    assert answer_lines(open_run(tmp_path))[-1] == "always so in this traffic: distance"
+
+
+def test_the_main_metrics_are_the_table_and_the_papers_are_folded_below_them(tmp_path: Path) -> None:
+    names = [name for name in METRICS if name != "distance"]
+    run = open_run(result(tmp_path, {name: [2.0, 3.0] for name in names}))
+    assert shown_columns(run, None) == (list(MAIN), [])
+    main, folded = shown_columns(run, "both")
+    assert main == [*MAIN, "pttc_path", "pet"] and folded == [
+        "tq",
+        "gap_time",
+        "pttc",
+        "wttc",
+    ]
+
+
+def cells(run: Run, metric: str) -> list[str]:
+    made = summary_table(run, "both")
+    rows = list(zip(*(column.cells for column in made.columns), strict=True))
+    (row,) = (row for row in rows if str(row[0]).startswith(metric))
+    return [str(cell) for cell in row[1:]]
+
+
+def test_what_no_future_defines_is_a_dash_and_each_set_has_its_own_denominator(tmp_path: Path) -> None:
+    result(tmp_path, {"pet": [None] * 4, "drac": [1.0, np.inf, np.inf, np.inf], "collision": [0.0] * 4})
+    result(tmp_path / "reference", {"pet": [0.5, None], "drac": [0.0, 0.0], "collision": [0.0, 0.0]})
+    run = open_run(tmp_path)
+    assert cells(run, "PET") == ["–", "–", "≤ 1", "50.0%", "–", "–", "0/4\n1/2"]
+    assert cells(run, "DRAC")[:2] == ["–", "∞"] and cells(run, "DRAC")[-1] == "all"
+
+
+def test_recorded_boxes_that_touch_are_no_infinite_drac_beside_no_collision(tmp_path: Path) -> None:
+    result(tmp_path, {"drac": [1.0], "collision": [0.0]}, recorded={"overlaps": [], "left": {}})
+    for value, collision, drac in ((np.inf, "contact", "–"), (2.0, "none", "2.00")):
+        pq.write_table(pa.table({"drac": [value]}), tmp_path / "recorded.parquet")
+        run = open_run(tmp_path)
+        assert (cells(run, "collision")[0], cells(run, "DRAC")[0]) == (collision, drac)
+
+
+def encounters(folder: Path, *rows: dict[str, object]) -> None:
+    """Write ``encounters.parquet``; shares that are not given are 0 [0–1]."""
+    shares = {
+        f"{q}{end}": value for q in QUESTIONS for end, value in (("", 0.0), ("_low", 0.0), ("_high", 0.01))
+    }
+    usual = {
+        "time_s": 1.0,
+        "child": 0,
+        "gap": 2.0,
+        "gap_p05": 2.0,
+        "model": "m",
+        "other_model": "o",
+        "models": [],
+    }
+    table = pa.Table.from_pylist([shares | usual | row for row in rows], schema=SCHEMA)
+    pq.write_table(table, folder / "encounters.parquet")
+
+
+def test_a_collision_of_human_like_drivers_alone_is_told_with_its_reason(
+    tmp_path: Path,
+) -> None:
+    """As at 158 s of a recorded intersection: 0 of 385 futures and 3 of 117."""
+    result(tmp_path, {"collision": [0.0] * 385})
+    encounters(tmp_path, {"track_id": 1, "other_id": 2}, {"track_id": 5, "other_id": 6})
+    assert answer_lines(open_run(tmp_path))[-1] == "no encounter of two vehicles is critical in any future"
+    human = result(tmp_path / "reference", {"collision": [1.0] * 3 + [0.0] * 114})
+    share = {"collision": 3 / 117, "collision_low": 0.0087, "collision_high": 0.0727, "critical": 3 / 117}
+    encounters(human, {"track_id": 2, "other_id": 1} | share, {"track_id": 7, "other_id": 8})
+    run = open_run(tmp_path)
+    lines = answer_lines(run)
+    assert lines[2] == (
+        "human-like exceeds the stress test, in shares of 117 and 385 futures: collision in 2.6%, 0.0%; "
+        "2 → 1 collides in 2.6%, 0.0% (no model of the mix drives like this)"
+    )
+    assert lines[-1] == (
+        "  2 → 1 (1.0 s): collides in 3 % [1–7], typically 2 m, 1 o; human-like, of 117 futures; "
+        "in the stress test never"
+    )
+    found = meetings(run)
+    assert [(one.futures, one.pair) for one in found] == [
+        ("human-like", (1, 2)), ("stress test", (1, 2)), ("stress test", (5, 6)), ("human-like", (7, 8)),
+    ]  # fmt: skip
+    assert [one.pair for one in worst_of(found, 3)] == [(1, 2)] and worst_of(found, 3, without=[1]) == []
+    table = encounter_table(run, [1, 2, 5, 6, 7, 8])
+    assert [(row["cells"][1], row["child"]) for row in table["rows"]][:2] == [
+        ("human-like", -1),
+        ("stress test", 0),
+    ]
+
+
+def test_one_future_more_may_be_chance() -> None:
+    low, high = wilson(1, 117).low, wilson(0, 385).high
+    assert not surely_above(1 / 117, low, 0.0, high)
+    assert surely_above(3 / 117, wilson(3, 117).low, 0.0, high)
 
 
 @pytest.mark.parametrize(

@@ -27,8 +27,6 @@ ASIDE_M, ASIDE_S = 0.5, 1.0  # largest shift, and its time constant, away from a
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Boxes:
-    """Boxes relative to paths, (p,) each."""
-
     s: FloatArray  # arc length of the centre, m
     offset: FloatArray  # of the centre from the path, m, left positive
     sine: FloatArray  # of the angle to the path
@@ -72,8 +70,7 @@ def offsets_beside(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Two boxes share the space between them; others keep their speed and straighten up. Leaders and crossing
-    vehicles are handled by braking.
+    Two boxes share the space between them; others keep their speed and straighten up.
 
     Args:
         row: (n,) path of each vehicle.
@@ -111,11 +108,7 @@ def offsets_beside(
 
 
 def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:
-    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m.
-
-    Args:
-        side: (p,) 1 if the other is on the left, else -1.
-    """
+    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m."""
     ahead = np.abs(other.ahead)
     straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)
     left = np.exp(-ahead[:, None] * t / straightens[:, None])

@@ -33,7 +33,6 @@ def plan_along(
     """Drive along paths with given accelerations and offsets.
 
     Args:
-        row: (n,) path of each.
         acceleration: (n, H) m/s²; vehicles stop instead of reversing.
         offset: (n, H) wanted distance left of the path after each step, m; None returns to the path like
             exp(-t / RETURN_S).
@@ -51,8 +50,7 @@ def plan_along(
         wanted = _smoothed(wanted)
     else:
         least, most = _bounds(history, who, paths, row, s, way, road, clear=clear)
-        # Smooth after bounding, so that the vehicle does not still move outwards at the edge. Do not bound
-        # again: bounds jump by centimetres, and steering follows their second derivative.
+        # Bounding again would let offsets jump by centimetres, and steering follows their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
     # the rear axle follows the path
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
@@ -80,7 +78,6 @@ def _bounds(
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
-    """Smooth the corners at the knots; ends go on straight."""
     for _ in range(2):
         reach = np.arange(1, SMOOTHING_STEPS + 1)
         before = offset[:, :1] - (offset[:, 1:2] - offset[:, :1]) * reach[::-1]
@@ -104,7 +101,6 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
-    """Return (n, H + 1) changes per metre of way; 0 for standing vehicles."""
     change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
     whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
@@ -114,14 +110,7 @@ def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
 def bounds_along(
     road: Road, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray, half_width: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
-
-    Args:
-        row: (n,) path of each vehicle.
-        s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) way from now on, m.
-        half_width: (n,) m.
-    """
+    """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m."""
     left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
     half = half_width[:, None]
     return _consistent(half - reached(right), reached(left) - half)
@@ -141,7 +130,6 @@ def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> P
 
 
 def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
-    """Return (n, H) headings; standing vehicles keep that of their last moving step, 0 before the first."""
     padded = np.concatenate([np.zeros((len(turn), 1)), turn], axis=1)
     step = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
     last = np.maximum.accumulate(step, axis=1)

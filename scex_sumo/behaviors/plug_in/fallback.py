@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import traceback
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -13,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import ScexError, reason_of
+from scex_sumo.base.errors import ScexError
+from scex_sumo.base.importing import own_error_reason
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.behaviors.plug_in.single import SingleVehicle
@@ -21,10 +21,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 JUMP_M = 5.0  # from the straight motion within one step: 500 m/s², beyond any vehicle
-MAX_REASON = 200  # characters
 STATES = ("x", "y", "heading", "speed")
-_PACKAGE = Path(__file__).resolve().parents[2]
-_STANDARD = Path(traceback.__file__).resolve().parent  # the standard library
 
 Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether it must be replaced
 
@@ -32,7 +29,7 @@ Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether
 class Fallible:
     """A model with a fallback: the path-following driver plans for vehicles without a usable plan.
 
-    A call that raises is repeated child by child, then vehicle by vehicle: the batch has no influence.
+    A call that raises is repeated child by child, then vehicle by vehicle.
     """
 
     def __init__(self, model: Behavior, name: str) -> None:
@@ -73,7 +70,7 @@ class Fallible:
             defects = plan_defects(made, history, who)
         except (Exception, SystemExit) as error:  # of a user's code
             if len(who) == 1:
-                return _blank(1), [model_error_reason(error)], np.ones(1, dtype=np.bool_)
+                return _blank(1), [own_error_reason(error)], np.ones(1, dtype=np.bool_)
             for child, state in zip(children, before, strict=True):
                 rng[child].bit_generator.state = state
             single = np.arange(len(who))
@@ -92,7 +89,6 @@ class Fallible:
         part: IntArray,
         rng: Sequence[np.random.Generator],
     ) -> Answer:
-        """Ask once for each number in (n,) `part`."""
         count = len(who)
         whole = _blank(count)
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
@@ -142,7 +138,6 @@ def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[s
 
 
 def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
-    """Return (n, H) distances from straight continuation, m."""
     now = history.now[who.child, who.vehicle]
     step = now.speed * STEP_S
     x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], made.x], axis=1)
@@ -150,30 +145,6 @@ def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatAr
     with np.errstate(invalid="ignore", over="ignore"):
         off: FloatArray = np.hypot(np.diff(x, 2, axis=1), np.diff(y, 2, axis=1))
     return off
-
-
-def model_error_reason(error: BaseException) -> str:
-    """Describe a model's error, with the line of the model's own code."""
-    if isinstance(error, ScexError):
-        return _short(reason_of(error))
-    frame = _model_frame(error)
-    place = f" ({Path(frame.filename).name}, line {frame.lineno})" if frame is not None else ""
-    return _short(f"raised {reason_of(error)}") + place
-
-
-def _model_frame(error: BaseException) -> traceback.FrameSummary | None:
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
-    frames = [f for f in frames if _PACKAGE not in Path(f.filename).parents]
-    installed = [f for f in frames if "site-packages" in Path(f.filename).parts]
-    written = [f for f in frames if f not in installed and _STANDARD not in Path(f.filename).parents]
-    if written:
-        return written[-1]
-    # In a model of an installed package, the package's file comes first, its libraries after it.
-    return next((f for f in reversed(installed) if f.filename == installed[0].filename), None)
-
-
-def _short(words: str) -> str:
-    return words if len(words) <= MAX_REASON else f"{words[: MAX_REASON - 3]}..."
 
 
 def describe_source(model: Any) -> str:
@@ -198,7 +169,6 @@ def source_file(model: Any) -> Path | None:
 
 
 def _unwrapped(model: Any) -> Any:
-    """Return the class, function or file adapter of the user."""
     inner = getattr(model, "function", model.model if isinstance(model, SingleVehicle) else model)
     inner = inner.func if isinstance(inner, partial) else inner
     return inner if inspect.isfunction(inner) or hasattr(inner, "file") else type(inner)

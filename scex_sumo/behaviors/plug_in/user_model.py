@@ -9,8 +9,7 @@ from functools import partial
 from typing import Any
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.importing import import_object
-from scex_sumo.behaviors.plug_in.fallback import model_error_reason
+from scex_sumo.base.importing import import_object, own_error_reason
 from scex_sumo.behaviors.plug_in.inputs import Surroundings
 from scex_sumo.behaviors.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs
 
@@ -29,11 +28,8 @@ class UserModel:
 def user_model(given: Any, name: str) -> UserModel:
     """Return a class, function or object as a model.
 
-    A class makes the model, as does a function that returns one. A function with inputs of a predictor,
-    such as ``history``, predicts. An object with ``plan`` or ``plan_one`` is the model.
-
-    Raises:
-        UsageError: it is none of these.
+    A function with inputs of a predictor, such as ``history``, predicts; another one makes the model, as does
+    a class. An object with ``plan`` or ``plan_one`` is the model.
     """
     if not inspect.isclass(given):
         if hasattr(given, "__scex_predictor__"):
@@ -106,4 +102,4 @@ def is_import_path(module: str, attribute: str) -> bool:
 def load_model(path: str) -> UserModel:
     """Import the model of an import path ``package.module:Class``."""
     hint = "; a model is name[:parameter=value]... or package.module:Class"
-    return user_model(import_object(path, hint=hint, reason=model_error_reason), path)
+    return user_model(import_object(path, hint=hint, reason=own_error_reason), path)

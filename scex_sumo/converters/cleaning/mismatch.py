@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.cleaning.align import Evidence, on_lanes
+from scex_sumo.converters.cleaning.align import MAX_OFFSET_M, Evidence, fitted, on_lanes
 from scex_sumo.geometry.polylines import along, arc_lengths, wrap
 from scex_sumo.road import Road
 
 MIN_SHARE_ON_LANES = 0.1  # a recording with less of its driving on lanes does not belong to its map
 FITTING_SHARE = 0.8  # with this much of the driving on lanes after a shift, the map is the right one
+MIN_GAIN = 0.1  # of the driving that a shift must bring onto lanes before the origin is doubted
+EARTH_M = 111_320.0  # per degree of latitude
 MIN_TRACKS, MIN_COURSES = 3, 3
 CELL_M, COURSES, MAX_CELLS = 4.0, 8, 1500
 
@@ -20,25 +22,49 @@ CELL_M, COURSES, MAX_CELLS = 4.0, 8, 1500
 def explain_mismatch(samples: Evidence, road: Road) -> str:
     """Explain why tracks do not lie on a map's lanes: a phrase with the remedy.
 
-    If one shift puts all tracks onto lanes, the origin is wrong; else the map is of another site. Few tracks
-    or directions fit any map and give no phrase.
+    If one shift puts all tracks onto lanes, the origin is wrong; else the map is of another site.
     """
     used = f"(used: {road.origin[0]:g},{road.origin[1]:g})"
     wrong = f"the map's origin is not the recording's {used}"
-    both = f"{wrong}, or the map is another site's; give --origin LAT,LON"
-    if samples.tracks < MIN_TRACKS or len(np.unique(_course(samples.heading))) < MIN_COURSES:
-        return both
-    shift = _best_shift(samples, road)
+    shift = find_shift(samples, road)
     if shift is None:
-        return both
-    dx, dy = shift
-    share = on_lanes(replace(samples, x=samples.x + dx, y=samples.y + dy), road)
+        return f"{wrong}, or the map is another site's; give --origin LAT,LON"
+    dx, dy, share = shift
     if share >= FITTING_SHARE:
         return (
             f"{wrong}: moved by {dx:+.0f} m, {dy:+.0f} m, {share:.0%} of its driving is on lanes; give "
             "--origin LAT,LON"
         )
-    return "and no other origin would put them there: the tracks are of another map; give theirs"
+    return "no other origin puts them on lanes, so the tracks belong to another map; give that map"
+
+
+def doubt_place(samples: Evidence, road: Road) -> str | None:
+    """Return a warning if tracks lie beside the lanes and a shift of over 3 m puts them onto lanes."""
+    share = on_lanes(samples, road)
+    shift = find_shift(samples, road) if share < FITTING_SHARE else None
+    if shift is None or shift[2] - share < MIN_GAIN or np.hypot(*shift[:2]) <= MAX_OFFSET_M:
+        return None
+    (dx, dy, after), (lat, lon) = shift, road.origin
+    place = lat + dy / EARTH_M, lon + dx / EARTH_M / np.cos(np.deg2rad(lat))
+    near = f"; one near {place[0]:.5f},{place[1]:.5f} fits better" if (lat, lon) != (0.0, 0.0) else ""
+    return (
+        f"warning: only {share:.0%} of where the vehicles drive is on lanes; moved by {dx:+.0f} m, "
+        f"{dy:+.0f} m it is {after:.0%}: check the map's origin ({lat:.5f},{lon:.5f}){near}"
+    )
+
+
+def find_shift(samples: Evidence, road: Road) -> tuple[float, float, float] | None:
+    """Return the shift dx, dy, m, that puts most samples onto lanes, and their share on lanes then.
+
+    None with too few tracks or directions, which fit any map.
+    """
+    if samples.tracks < MIN_TRACKS or len(np.unique(_course(samples.heading))) < MIN_COURSES:
+        return None
+    shift = _best_shift(samples, road)
+    if shift is None:
+        return None
+    moved, dx, dy = fitted(replace(samples, x=samples.x + shift[0], y=samples.y + shift[1]), road)
+    return shift[0] + dx, shift[1] + dy, on_lanes(moved, road)
 
 
 def _course(heading: FloatArray) -> FloatArray:
@@ -46,7 +72,7 @@ def _course(heading: FloatArray) -> FloatArray:
 
 
 def _best_shift(samples: Evidence, road: Road) -> tuple[float, float] | None:
-    from scipy.signal import fftconvolve  # as slow to import as all the rest, and hardly ever needed
+    from scipy.signal import fftconvolve  # slow to import
 
     lanes = [_dense(lane.centreline) for lane in road.vehicle_lanes.values() if len(lane.centreline) > 1]
     if not lanes:

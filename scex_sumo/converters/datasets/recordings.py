@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.cleaning.align import evidence, on_lanes
-from scex_sumo.converters.cleaning.mismatch import MIN_SHARE_ON_LANES, explain_mismatch
+from scex_sumo.base.errors import TrackError, listed
+from scex_sumo.converters.cleaning.align import Evidence, evidence, on_lanes
+from scex_sumo.converters.cleaning.mismatch import MIN_SHARE_ON_LANES, doubt_place, explain_mismatch
 from scex_sumo.converters.datasets.find import find_recordings, find_tracks
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.reader import read_clean
@@ -19,6 +20,7 @@ from scex_sumo.converters.maps import LANELET2, read_map
 from scex_sumo.converters.registries import Recording, dataset_of, map_format, place_name
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
+from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import SeedScene
 
 __all__ = [
@@ -39,8 +41,9 @@ class LoadedRecording:
 
     Attributes:
         road: the map; recordings of one site loaded one after the other share it.
-        table: the tracks, repaired, aligned to the map, at 10 Hz; cases of INTERACTION v1.2 are only aligned.
-        findings: one phrase for each kind of defect that was repaired, with figures.
+        table: the tracks at 10 Hz; cases of INTERACTION v1.2 are only aligned.
+        findings: one phrase for each kind of defect that was repaired.
+        notes: a warning if the tracks seem to lie at a wrong place of the map; seed scenes have it, too.
 
     Example:
         >>> (recording,) = scex.find_recordings([scex.example_path("roundabout")])
@@ -52,12 +55,13 @@ class LoadedRecording:
     road: Road
     table: TrackTable
     findings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def load_recording(recording: Recording, origin: tuple[float, float] | None = None) -> LoadedRecording:
     """Read a recording and its map, repair it and align it to the map.
 
-    ``origin`` is the latitude and longitude of the map's coordinates; None looks beside the tracks.
+    ``origin``: latitude and longitude of the map's coordinates; None looks beside the tracks.
 
     Raises:
         MapError: the map is missing or cannot be read, or its origin is not known.
@@ -75,7 +79,13 @@ def load_recording(recording: Recording, origin: tuple[float, float] | None = No
     road = _read_road(map_path, stamp, origin)
     clean = read_clean(recording.track_paths, road)
     _check(clean.table, road, map_path)
-    return LoadedRecording(recording=recording, road=road, table=clean.table, findings=clean.findings)
+    return LoadedRecording(
+        recording=recording,
+        road=road,
+        table=clean.table,
+        findings=clean.findings,
+        notes=_doubts(evidence(clean.table.vehicles), road),
+    )
 
 
 def seed_at(
@@ -108,6 +118,7 @@ def seed_at(
         time_s=time_s,
         min_history=min_history,
     )
+    scene = _warned(scene, off_road(loaded.road, scene), loaded.notes)
     return dataclasses.replace(scene, road=loaded.road)
 
 
@@ -132,35 +143,41 @@ def recorded_scene(
     repair: bool = True,
     road: Road | None = None,
     align: bool = True,
+    force: bool = False,
 ) -> SeedScene:
     """Read one moment of a recording.
 
-    Without ``case`` and ``time_s`` it is the earliest of the moments with most vehicles that move and are
-    recorded from 1 s before to 3 s after; the moment of a case (INTERACTION v1.2) is its frame 10.
+    Without ``case`` and ``time_s`` it is the moment with most vehicles that move and are recorded from 1 s
+    before to 3 s after; that of a case (INTERACTION v1.2) is its frame 10.
 
     Args:
-        map_path: the map; names the seed scene, and finds the tracks if none are given.
         tracks: a track file, or a folder with consecutive chunks of one CommonRoad recording.
         case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
         time_s: the moment in the recording's clock; the nearest frame, of the first case if none is given.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
-        repair: see `repair_tracks`.
         road: the map as read; tracks beside its lanes are moved onto them.
         align: False leaves the tracks where they are, see `align_tracks`.
+        force: accept a moment with over half of its vehicles on no lane.
 
     Raises:
         TrackError: no or unusable tracks, an unknown case, a moment outside the recording or without
-            vehicles.
+            vehicles, or with its vehicles beside the lanes.
     """
     recording = recording_of(Path(map_path), tracks)
-    return take_scene(
-        read_clean(recording.track_paths, road, repair=repair, align=align),
+    clean = read_clean(recording.track_paths, road, repair=repair, align=align)
+    scene = take_scene(
+        clean,
         name=recording.name,
         location=place_name(recording.map_path),
         case=case,
         time_s=time_s,
         min_history=min_history,
     )
+    if road is None:
+        return scene
+    samples, off = evidence(clean.table.vehicles), off_road(road, scene)
+    _check_place(scene, off, samples, road, force=force)
+    return _warned(scene, off, _doubts(samples, road))
 
 
 def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
@@ -172,13 +189,32 @@ def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
     return Recording(name=name, site="", dataset="", map_path=map_path, track_paths=files)
 
 
-def beside_lanes(map_path: Path, tracks: Path | None, road: Road) -> str:
-    """Say why no vehicle of a moment is on a lane, with the remedy."""
-    samples = evidence(read_clean(recording_of(map_path, tracks).track_paths, road).table.vehicles)
-    share = on_lanes(samples, road)
-    if len(samples.x) and share >= MIN_SHARE_ON_LANES:
-        return f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
-    return explain_mismatch(samples, road)
+def _check_place(scene: SeedScene, off: list[int], samples: Evidence, road: Road, *, force: bool) -> None:
+    """Raise a `TrackError` if over half of the vehicles are ``off`` the lanes, without ``force``; or all."""
+    if len(off) < scene.vehicles and (force or 2 * len(off) <= scene.vehicles):
+        return
+    share, doubt = on_lanes(samples, road), doubt_place(samples, road)
+    if doubt is None and len(samples.x) and share >= MIN_SHARE_ON_LANES:
+        why = f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
+    else:
+        why = doubt.removeprefix("warning: ") if doubt else explain_mismatch(samples, road)
+    forced = "; --force runs it all the same" if len(off) < scene.vehicles else ""
+    beside = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane"
+    raise TrackError(f"{scene.name}: {beside}; {why}{forced}")
+
+
+def _warned(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> SeedScene:
+    """Return a seed scene with notes on its vehicles ``off`` the lanes, and on the recording's place."""
+    notes = []
+    if off:
+        shown, beside = listed(scene.track_ids[v] for v in off), f"{len(off)} of {scene.vehicles} vehicles"
+        notes.append(f"warning: {beside} are on no mapped lane and will drive straight ({shown})")
+    return dataclasses.replace(scene, notes=(*scene.notes, *notes, *doubts))
+
+
+def _doubts(samples: Evidence, road: Road) -> tuple[str, ...]:
+    doubt = doubt_place(samples, road)
+    return (doubt,) if doubt else ()
 
 
 def _check(table: TrackTable, road: Road, map_path: Path) -> None:

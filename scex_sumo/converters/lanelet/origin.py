@@ -35,20 +35,13 @@ def find_origin(
 
     Args:
         own_corner: fall back on the map's south-west corner instead of an error; no tracks need to match.
-
-    Raises:
-        MapError: the origin is not known, or a file gives an invalid one.
     """
     origin = origin or recorded_origin(map_path, tracks_path=tracks_path)
     return origin or map_origin(read_map_file(map_path), own_corner=own_corner)
 
 
 def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = None) -> Place | None:
-    """Return the origin in files beside the tracks or the map; None without any.
-
-    Raises:
-        MapError: a file gives an invalid origin.
-    """
+    """Return the origin in files beside the tracks or the map; None without any."""
     if tracks_path is not None:
         found = dataset_of(Path(tracks_path)).origin(Path(tracks_path), Path(map_path))
         if found is not None:
@@ -58,11 +51,7 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
 
 
 def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
-    """Return the origin by the map's coordinates: 0, 0 for local or near ones, else the south-west corner.
-
-    Raises:
-        MapError: the map lies elsewhere and ``own_corner`` is False, or it has no nodes.
-    """
+    """Return the origin by the map's coordinates: 0, 0 for local or near ones, else the south-west corner."""
     centre = middle(map_file)
     if map_file.local or distance_m(centre, (0.0, 0.0)) < NEAR_ZERO_M:
         return 0.0, 0.0
@@ -70,8 +59,8 @@ def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
         near = [n for n in map_file.nodes.values() if distance_m((n.lat, n.lon), centre) <= STRAY_M]
         return min(n.lat for n in near), min(n.lon for n in near)
     raise MapError(
-        f"{map_file.path}: the origin of its coordinates is not known (near {centre[0]:.4f},{centre[1]:.4f}, "
-        f"no {META_DATA} with originLat, originLon); give --origin LAT,LON"
+        f"{map_file.path}: the origin of its coordinates is not known: no {META_DATA} with originLat, "
+        "originLon beside the tracks or the map; give --origin LAT,LON, as the recording's makers state it"
     )
 
 

@@ -43,7 +43,17 @@ class Following(PairRows):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
-    """Nanoscopic values with a mask; values where ``defined`` is False mean nothing."""
+    """Nanoscopic values with a mask; values where ``defined`` is False mean nothing.
+
+    Example:
+        >>> @scex.metric("haste", critical="max", unit="m/s")  # of single vehicles
+        ... def haste(scenes):
+        ...     vehicle = np.arange(len(scenes.speed))
+        ...     there = np.ones(scenes.speed.shape, bool)
+        ...     return scex.Samples(value=scenes.speed, defined=there, row=vehicle, other=None)
+        >>> scex.extrapolate(scene, children=2, metrics=["haste"]).columns
+        ['haste', 'haste_mean']
+    """
 
     value: FloatArray  # (K, C, T) in the metric's unit; inf is a value
     defined: BoolArray  # (K, C, T)
@@ -69,6 +79,10 @@ class Scenes:
 
     Attributes:
         chosen: (P,) first and (P,) second vehicle of the pairs; None for all pairs.
+
+    Example:
+        >>> scex.Scenes.speed.__doc__
+        '(V, C, T) m/s along the heading.'
     """
 
     tracks: SceneTracks

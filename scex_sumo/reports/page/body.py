@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from string import Template
 from typing import Any
 
+from scex_sumo.reports.page.charts import line_sample
 from scex_sumo.reports.page.html import Html, asset, element, joined
 from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import STEP_S
 
-_WORST = 3
 _WARNING = "warning: "
 
 
@@ -51,22 +51,25 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     if share is None:
         words = element("p.soft", "not in this result; run it again")
         return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
-    parts = [element("h2", "P(collision)"), *_big(share, "stress test: driven as any of the models")]
+    parts = [
+        element("h2", "P(collision)"),
+        *_big(share, "stress test: driven as any of the models", "p-collision"),
+    ]
     if likely is not None:
-        parts += _big(likely, "human-like: driven as people were recorded")
+        parts += _big(likely, "human-like: driven as people were recorded", "likely-collision")
     return element("div.card", *parts)
 
 
-def _big(share: Mapping[str, Any], what: str) -> tuple[Html, Html]:
-    of = f"{what}; {share['count']} of {counted(share['children'], 'future')}; "
+def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
     exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
-    sure = element("span.nowrap", f"95 %: {interval}" if exact is None else f"sampled: {interval}")
-    number = element(
-        "div.big.hot" if share["count"] else "div.big",
-        percent(share["value"]) if exact is None else f"{100 * exact:.4g} %",
-    )
-    of = of if exact is None else f"exact; {of}"
-    return number, element("p.soft", of, sure)
+    value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
+    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
+    seen = f"{share['count']} of {counted(share['children'], 'future')}"
+    words = f"{seen}; 95 %: {interval}" if exact is None else f"exact; sampled: {seen}, {interval}"
+    hurt = share["injuries"]
+    severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
+    counts = element("span", words, id=f"{name}-words", title=words)
+    return number, element("p.soft", f"{what}; ", counts, *severe)
 
 
 def _share_card(info: Mapping[str, Any]) -> Html:
@@ -75,13 +78,10 @@ def _share_card(info: Mapping[str, Any]) -> Html:
         element("div.share", element("span"), bar, element("b"), data_metric=number, hidden=True)
         for number in range(len(info["metrics"]))
     ]
-    likely = "; violet: human-like" if info["likely_collisions"] is not None else ""
-    about = element(
-        "p.soft",
-        f"Blue: stress test; line: 95 % confidence interval{likely}. {_recorded_words(info['metrics'])}",
-    )
-    whoever = f"Critical in every future, with any driver: {', '.join(info['always'])}."
+    about = element("p.soft", _recorded_words(info["metrics"]))
+    whoever = f"Always so in this traffic: {', '.join(info['always'])}."
     always = [element("p", whoever)] if info["always"] else []
+    always += [element("p", f"{info['above'][:1].upper()}{info['above'][1:]}.")] if info["above"] else []
     return element("div.card", element("h2", "P(critical)"), *lines, about, *always)
 
 
@@ -103,7 +103,9 @@ def _chart(info: Mapping[str, Any], number: int) -> Html:
     metric = info["metrics"][number]
     name = metric["name"] + (f" [{metric['unit']}]" if metric["unit"] else "")
     limit = element("input", type="number", step="any", title="Threshold", aria_label=f"Threshold of {name}")
-    recorded = [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f}"]
+    recorded = (
+        [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f} {metric['unit']}".rstrip()]
+    )
     rare = metric["defined"] < info["children"]
     defined = [f"defined in {metric['defined']} of {info['children']} futures"] if rare else []
     return element(
@@ -119,10 +121,10 @@ def _chart(info: Mapping[str, Any], number: int) -> Html:
 def _encounter_card(info: Mapping[str, Any]) -> Html:
     buttons = [
         element("li", element("button", row["words"], data_encounter=number))
-        for number, row in enumerate(info["encounters"]["rows"][:_WORST])
-        if row["critical"]
+        for number, row in enumerate(info["encounters"]["rows"])
+        if row["worst"]
     ]
-    about = "Hits or follows → the other vehicle (how, where, after what time). A click shows it."
+    about = "A vehicle hits or follows → another (how, where, after what time). Shares of all futures."
     parts = [
         element("p.soft", about if buttons else "No pair of vehicles has a critical encounter."),
         element("ol", *buttons),
@@ -132,12 +134,22 @@ def _encounter_card(info: Mapping[str, Any]) -> Html:
 
 
 def _legend(info: Mapping[str, Any]) -> Html:
+    """Return the page's only legend: bodies by model, lines by what they show."""
     models = [
         element("div", element("svg", element("rect", width="14", height="8", rx="2", fill=color)), model)
         for model, color in zip(info["models"], info["colors"], strict=True)
     ]
-    recorded = [element("div", element("i.outline"), "recorded")] if info["has_recorded"] else []
-    return joined(*models, *recorded)
+    recorded = [("recorded.dashed", "recorded")] if info["has_recorded"] else []
+    likely = [("likely.dashed", "human-like")] if info["likely_collisions"] is not None else []
+    lines = [
+        ("drawn", "stress test"),
+        *likely,
+        ("picked", "shown, selected"),
+        *recorded,
+        ("critical", "critical"),
+    ]
+    sure = element("div", element("i.sure"), "95 % confidence interval")
+    return joined(*models, *(element("div", line_sample(kind), words) for kind, words in lines), sure)
 
 
 def _focus_options(info: Mapping[str, Any]) -> Html:

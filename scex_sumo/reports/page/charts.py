@@ -104,9 +104,13 @@ def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
     """Return a legend from kinds and texts."""
     spans = []
     for kind, text in entries:
-        stroke = element(f"path.line.{kind}", d="M0,5 22,5")
-        spans.append(element("span", element("svg", stroke, width="22", height="10"), f" {text} "))
+        spans.append(element("span", line_sample(kind), f" {text} "))
     return element("p.soft.legend", joined(*spans))
+
+
+def line_sample(kind: str) -> Html:
+    """Return a short line as legends show it."""
+    return element("svg", element(f"path.line.{kind}", d="M0,5 22,5"), width="22", height="10")
 
 
 def metric_title(column: str) -> str:
@@ -131,11 +135,12 @@ def value_range(
     tail = _TAIL * max(float(third - first), _MIN_SPREAD)
     margin = 4 * BANDWIDTH
     lowest, highest = limits or (float(finite.min()) - margin, float(finite.max()) + margin)
-    low, high = max(lowest, float(first) - tail), min(highest, float(third) + tail)
+    floor = 0.0 if finite.min() >= 0 else -math.inf  # no density below 0
+    low, high = max(lowest, floor, float(first) - tail), min(highest, float(third) + tail)
     near = 0.5 * (high - low)
     for mark in marks:
         if mark is not None and low - near <= mark <= high + near:
-            low, high = min(low, mark - BANDWIDTH), max(high, mark + BANDWIDTH)
+            low, high = min(low, max(mark - BANDWIDTH, floor)), max(high, mark + BANDWIDTH)
     return low, high
 
 

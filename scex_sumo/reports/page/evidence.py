@@ -7,6 +7,7 @@ claims no conformity.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -175,9 +176,7 @@ def avoidable(table: InfluenceTable, pair: tuple[int, int]) -> float | None:
     for axis, track in enumerate(table.track_ids):
         if track in pair:
             still &= np.take(table.outcomes, [brakes], axis=axis)
-    for _ in table.track_ids:
-        still = still @ table.shares
-    return 1.0 - float(still) / table.probability()
+    return 1.0 - replace(table, outcomes=still).probability() / table.probability()
 
 
 def _risk(run: Run) -> dict[str, str]:

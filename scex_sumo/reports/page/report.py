@@ -16,8 +16,9 @@ from scex_sumo.scene import SeedScene
 
 REPORT = "report.html"
 SCRIPTS = (
-    *(*BASE, "state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
-    *("exact.js", "report.js"),
+    *BASE,
+    *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
+    *("selection.js", "address.js", "vehicles.js", "exact.js", "report.js"),
 )
 
 

@@ -16,7 +16,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, States
 from scex_sumo.views.road_lines import AREA, SURFACE, RoadLine
 
-POSITION_M, HEADING_RAD = 0.01, 0.001
+POSITION_M, HEADING_RAD, SPEED_MPS = 0.01, 0.001, 0.02
 _ROAD_UNIT_M = 0.05
 _MARGIN_M = 12.0
 _MIN_ASPECT = 0.55  # of the picture's sides, either way
@@ -27,8 +27,8 @@ class UniqueTracks:
     """Different trajectories of a run, each stored once.
 
     Attributes:
-        start: (V, 3) x and y in cm, heading in mrad, at the seed moment.
-        motion: (U, T, 3) second differences of the change since then, ordered by vehicle.
+        start: (V, 4) x and y in cm, heading in mrad, speed in 2 cm/s, at the seed moment.
+        motion: (U, T, 4) second differences of the change since then, ordered by vehicle.
         which: (C, V) rows of ``motion``.
         box: least and largest x, least and largest y after that moment, m.
     """
@@ -42,12 +42,12 @@ class UniqueTracks:
 def unique_tracks(run: Run) -> UniqueTracks:
     """Return the trajectories of a run from its seed moment on."""
     vehicles = len(run.info["seed_scene"]["track_ids"])
-    start = np.empty((0, 3), dtype=np.int64)
+    start = np.empty((0, 4), dtype=np.int64)
     # By vehicle: the different motions of each block, and their index for each child.
     motions: list[list[IntArray]] = [[] for _ in range(vehicles)]
     places: list[list[IntArray]] = [[] for _ in range(vehicles)]
     for states in run.state_blocks():
-        poses = _poses(states.x, states.y, states.heading)[:, :, LOGGED_HISTORY - 1 :]
+        poses = _poses(states)[:, :, LOGGED_HISTORY - 1 :]
         start = start if len(start) else poses[0, :, 0]
         moved = np.ascontiguousarray((poses[:, :, 1:] - start[:, None]).astype(np.int32).swapaxes(0, 1))
         for vehicle, rows in enumerate(moved):
@@ -68,7 +68,7 @@ def unique_tracks(run: Run) -> UniqueTracks:
 
 
 def _unique_rows(rows: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the different rows (U, T, 3), and the index of each row among them."""
+    """Return the different rows (U, T, 4), and the index of each row among them."""
     rows = np.ascontiguousarray(rows)
     keys = rows.reshape(len(rows), -1).view(np.dtype((np.void, rows[0].nbytes))).reshape(-1)
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
@@ -76,13 +76,19 @@ def _unique_rows(rows: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def recorded_tracks(states: States, start: IntArray) -> IntArray:
-    """Return recorded (V, F) states as second differences (V, F, 3) of the change since the start."""
-    return second_differences(_poses(states.x, states.y, states.heading) - start[:, None])
+    """Return recorded (V, F) states as second differences (V, F, 4) of the change since the start."""
+    return second_differences(_poses(states) - start[:, None])
 
 
-def _poses(x: FloatArray, y: FloatArray, heading: FloatArray) -> IntArray:
-    places = [quantized(x, POSITION_M), quantized(y, POSITION_M)]
-    return np.stack([*places, quantized(np.unwrap(heading), HEADING_RAD)], axis=-1)
+def _poses(states: States) -> IntArray:
+    heading = np.unwrap(states.heading)
+    parts = (
+        (states.x, POSITION_M),
+        (states.y, POSITION_M),
+        (heading, HEADING_RAD),
+        (states.speed, SPEED_MPS),
+    )
+    return np.stack([quantized(values, unit) for values, unit in parts], axis=-1)
 
 
 def road_paths(lines: Iterable[RoadLine]) -> list[dict[str, Any]]:

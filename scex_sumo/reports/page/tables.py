@@ -9,14 +9,17 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, Meeting, meetings, worst_of
 from scex_sumo.reports.encounter_table import QUESTIONS
-from scex_sumo.reports.run_table import encounter_in_words
+from scex_sumo.reports.run_table import expected_injuries
+from scex_sumo.results.exact import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
+_WORST = 3
+_SETS = "Stress test, or human-like where the pair is critical in these"
 _NAMED = 4  # children of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
@@ -47,7 +50,7 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
     order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
     columns = [
         {"title": "vehicles"},
-        {"title": "value", "as": "real", "none": "∞", "hint": "Of collisions: relative speed, m/s"},
+        {"title": "value", "as": "real", "none": "∞"},
         {"title": "after", "as": "seconds"},
         {"title": "futures", "as": "times", "down": True},
         {"title": "which", "kind": "words"},
@@ -71,11 +74,12 @@ def _event(
     }
 
 
-def collision_places(run: Run) -> dict[str, Any]:
-    """Return ``children`` and ``places`` (m) of collisions."""
-    rows = _rows(run, COLLISIONS)
+def collision_places(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
+    """Return ``children``, ``places`` (m) and ``pairs`` by index of collisions."""
+    rows, where = _rows(run, COLLISIONS), {int(track): index for index, track in enumerate(track_ids)}
+    pairs = [(where[row["track_id"]], where[row["other_id"]]) for row in rows]
     places = [(round(row["x"], 2), round(row["y"], 2)) for row in rows]
-    return {"children": [row["child"] for row in rows], "places": places}
+    return {"children": [row["child"] for row in rows], "places": places, "pairs": pairs}
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:
@@ -84,42 +88,66 @@ def collision_share(run: Run) -> dict[str, Any] | None:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
-    return {"count": count, "children": run.children, **interval}
+    return {"count": count, "children": run.children, "injuries": expected_injuries(run), **interval}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return ``encounters.parquet`` with ``words``, ``pair`` by index, ``child`` and ``step``."""
-    where = {int(track): index for index, track in enumerate(track_ids)}
-    of = "Share of the futures; a click on a row shows one of them"
+    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child``, ``step``, ``worst``.
+
+    ``selected`` tells what a column shows of selected futures: of a pair only collisions are known by future.
+    The child of a human-like row is -1, because the page holds the futures of the stress test alone.
+    """
+    found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
+    of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
-        {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
-        {"title": "95 %"},
+        {"title": "futures", "hint": f"{_SETS}: a click shows all futures of the stress test"},
+        {"title": "P(collision)", "as": "percent", "down": True, "hint": of, "selected": "share"},
+        {"title": "95 %", "selected": "range"},
         *(
             {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
+            | {"selected": "unknown"}
             for q in ("ttc", "pet", "drac")
         ),
-        {"title": "gap", "as": "metres", "hint": "Least gap in the nearest 5 % of the futures; up to 10 m"},
+        {"title": "gap", "as": "metres", "hint": "Least gap in the typical future; up to 10 m"},
         {"title": "after", "as": "seconds"},
     ]
     rows = [
         {
-            "cells": [
-                f"{row['track_id']} → {row['other_id']}",
-                _short(row["collision"]),
-                f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
-                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap_p05")),
-                round(row["time_s"], 1),
-            ],
-            "words": encounter_in_words(run, row),
+            "cells": _cells(one),
+            "words": one.words(),
+            "share": row["collision"],
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
-            "child": row["child"],
+            "child": row["child"] if one.futures == STRESS_TEST else -1,
             "step": round(row["time_s"] / STEP_S),
         }
-        for row in _rows(run, ENCOUNTERS)
+        for one in found
+        for row in [one.row]
     ]
+    worst = worst_of(found, _WORST)
+    for one, row in zip(found, rows, strict=True):
+        row["worst"] = one in worst
+    if not any(row["cells"][1] == HUMAN_LIKE for row in rows):
+        columns.pop(1)
+        for row in rows:
+            row["cells"].pop(1)
     return {"columns": columns, "rows": rows}
+
+
+def _cells(one: Meeting) -> list[Any]:
+    """Return the cells of a row; probabilities are exact where there is a table."""
+    row, found = one.row, Encounter(row=one.row, exact=one.run.exact)
+    interval = f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %"
+    return [
+        f"{row['track_id']} → {row['other_id']}",
+        one.futures,
+        _short(found.probability()),
+        interval if found.table is None else "exact",
+        *(_short(found.probability(name)) for name in ("ttc", "pet", "drac")),
+        _short(row["gap"]),
+        round(row["time_s"], 1),
+    ]
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:

@@ -20,12 +20,14 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.references import Failure
 from scex_sumo.studies.moments.run import MomentTask, attempt, compared
 from scex_sumo.studies.moments.settings import built
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.settings import MIXED, RankSettings
 
 MAX_KEPT = 5
 """Children of a moment whose tracks ``critical`` keeps at most."""
 CRITICAL_WEIGHT = 0.1
 """Of a critical encounter beside a collision in the score of a moment."""
+MICRO = 10**6
+PAIR_NUMBERS = 5  # of a critical encounter
 HARD_MPS = 10.0
 """Relative speed at impact that makes a collision count twice."""
 
@@ -69,7 +71,7 @@ def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart:
     job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
     parts = parts_in_memory(job, task.children)
     pairs = [rows for part in parts for rows in _critical_pairs(part, scene.track_ids)]
-    kept = choose_kept(score_of(pairs), task.settings.keep, task.spare)
+    kept = choose_kept(score_of(pairs, task.settings.by), task.settings.keep, task.spare)
     children = np.concatenate([part.children for part in parts])
     table = children_table(
         children,
@@ -94,23 +96,34 @@ def _fallbacks(part: Part) -> IntArray:
 
 
 def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
-    """Return the critical encounters of each child, see `pairs_of`."""
-    assert part.encounters is not None
+    assert part.encounters is not None and part.collisions is not None
+    injured = {
+        (hit["child"], frozenset((hit["track_id"], hit["other_id"]))): round(
+            MICRO * ((hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0))
+        )
+        for hit in part.collisions.to_pylist()
+    }
     found = encounters_of_rows(part.encounters)
     answers = answers_of(found)
     some = np.flatnonzero(answers["critical"])
     speed = np.round(100 * found.relative_speed[some])
     hits = answers["collision"][some]
-    rows = np.stack([track_ids[found.first[some]], track_ids[found.second[some]], hits, speed], axis=-1)
-    child = found.child[some]
+    child, one, other = found.child[some], track_ids[found.first[some]], track_ids[found.second[some]]
+    pairs = zip(child.tolist(), one.tolist(), other.tolist(), strict=True)
+    injuries = np.array([injured.get((c, frozenset((a, b))), 0) for c, a, b in pairs], dtype=np.int64)
+    rows = np.stack([one, other, hits, speed, injuries], axis=-1)
     return [rows[child == number].astype(np.int64) for number in part.children]
 
 
-def score_of(pairs: Sequence[IntArray]) -> FloatArray:
+def score_of(pairs: Sequence[IntArray], by: str = MIXED) -> FloatArray:
     """Return the scores (C,) of children from their critical encounters.
 
-    A collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
+    ``mixed``: a collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
+    ``severity``: expected severe injuries. ``collisions``, ``encounters``: their number.
     """
+    if by != MIXED:
+        counts = {"severity": lambda r: r[:, 4].sum() / MICRO, "collisions": lambda r: r[:, 2].sum()}
+        return np.array([float(counts.get(by, len)(rows)) for rows in pairs], dtype=np.float64)
     hard = [(rows[:, 2] * (1 + rows[:, 3] / (100 * HARD_MPS))).sum() for rows in pairs]
     return np.array(hard, dtype=np.float64) + CRITICAL_WEIGHT * np.array([len(rows) for rows in pairs])
 
@@ -140,7 +153,7 @@ def children_schema(columns: Sequence[str]) -> pa.Schema:
     """Return the columns of a moment's children; undefined metrics are null.
 
     ``fallbacks`` counts fallback plans. ``track_id`` and ``model`` have one entry for each vehicle,
-    ``critical_pairs`` four for each critical encounter, see `pairs_of`.
+    ``critical_pairs`` five for each critical encounter, see `pairs_of`.
     """
     return pa.schema(
         [
@@ -170,13 +183,9 @@ def children_table(
     """Return rows of (C,) children, see `children_schema`.
 
     Args:
-        values: (C, M) of the metric columns.
-        defined: (C, M).
-        fallbacks: (C,).
-        kept: (C,).
-        track_ids: (V,).
-        models: (C, V).
-        pairs: (C,) of (E, 4), see `pairs_of`.
+        values: (C, M) of the metric columns; ``defined`` too.
+        models: (C, V), with ``track_ids`` (V,).
+        pairs: (C,) of (E, 5), see `pairs_of`.
     """
     data = {"child": pa.array(children, pa.int32())}
     for index, name in enumerate(columns):
@@ -190,8 +199,12 @@ def children_table(
 
 
 def pairs_of(table: pa.Table) -> list[IntArray]:
-    """Return the critical encounters (E, 4) of each child.
+    """Return the critical encounters (E, 5) of each child.
 
-    Rows are track_id, other_id, 1 in a collision, and the relative speed at impact in cm/s.
+    Rows are track_id, other_id, 1 in a collision, the relative speed at impact in cm/s, and the expected
+    severe injuries in millionths.
     """
-    return [np.asarray(row, dtype=np.int64).reshape(-1, 4) for row in table["critical_pairs"].to_pylist()]
+    return [
+        np.asarray(row, dtype=np.int64).reshape(-1, PAIR_NUMBERS)
+        for row in table["critical_pairs"].to_pylist()
+    ]

@@ -24,6 +24,7 @@ from scex_sumo.commands.options import (
     Thresholds,
     parse_thresholds,
 )
+from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
     from scex_sumo.studies.rank.rank import Ranking
@@ -37,8 +38,8 @@ EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
 def rank_command(
     roots: Roots,
     every: Every = 1.0,
-    children: Annotated[int, Option(help="Futures of a seed scene at most.")] = 96,
-    first: Annotated[int, Option(help="Futures of every seed scene; more if ranks are close.")] = 32,
+    children: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
+    first: Annotated[int, Option(help="Futures of every seed scene; close ranks get more.")] = 32,
     min_vehicles: MinVehicles = 2,
     models: Models = None,
     preset: Preset = "both",
@@ -46,6 +47,9 @@ def rank_command(
     threshold: Thresholds = None,
     keep: Annotated[str, Option(metavar="none|critical|all", help="Futures whose tracks are kept.")] = "none",
     top: Annotated[int, Option(help="Moments on the page.")] = 10,
+    by: Annotated[
+        str, Option(metavar="mixed|severity|collisions|encounters", help="Order of the moments.")
+    ] = "mixed",
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
@@ -54,7 +58,7 @@ def rank_command(
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
     ] = Path("out") / "ranking",
-) -> None:
+) -> Answer:
     """Rank the moments of a dataset: which are worth testing."""
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.studies.rank.rank import rank
@@ -74,6 +78,7 @@ def rank_command(
             keep=keep,
             cache=cache,
             top=top,
+            by=by,
             seed=seed,
             workers=workers,
             cluster=cluster,
@@ -83,12 +88,26 @@ def rank_command(
         )
     warn(ranking.info["notes"])
     if ranking.info["fallbacks"]:
-        warn([f"{ranking.info['fallbacks']} plans come from fallback planners; see column fallbacks"])
+        warn(
+            [
+                f"{ranking.info['fallbacks']} plans were replaced by the path-following driver's; "
+                "see column fallbacks of ranking.csv"
+            ]
+        )
     _warn_failures(ranking)
     _print_top(ranking)
-    print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} children")
+    print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} futures")
     print(f"result: {out / 'ranking.csv'}")
     print(f"look:   {out / 'ranking.html'}")
+    return lambda: {
+        "result": out / "ranking.csv",
+        "report": out / "ranking.html",
+        "notes": ranking.info["notes"],
+        "scenes": ranking.info["seeds"],
+        "futures": ranking.info["children_run"],
+        "shown": ranking.info["shown"],
+        "moments": ranking.table.to_pylist(),
+    }
 
 
 def _warn_failures(ranking: Ranking) -> None:
@@ -100,7 +119,6 @@ def _warn_failures(ranking: Ranking) -> None:
 
 
 def _print_top(ranking: Ranking) -> None:
-    """Print the moments on the page."""
     from pyarrow import array, string
     from pyarrow.compute import is_in
     from rich.table import Table
@@ -131,7 +149,10 @@ def _print_top(ranking: Ranking) -> None:
     console = output_console(width=160)
     print_table(table, console)
     about = "P(collision): stress test; encounters: critical ones of a future"
-    print_line(f"{about} on average; ranked by collisions, how hard they are, and these", console)
+    order = (
+        "collisions, how hard they are, and these" if ranking.info.get("by") is None else ranking.info["by"]
+    )
+    print_line(f"{about} on average; ranked by {order}", console)
 
 
 def _worst_pair(row: Mapping[str, Any]) -> str:

@@ -22,7 +22,7 @@ from scex_sumo.studies.moments.folder import (
 )
 from scex_sumo.studies.moments.references import Listing, MomentRef, as_row, from_row, plain
 from scex_sumo.studies.moments.settings import built
-from scex_sumo.studies.rank.children import MomentPart, children_schema
+from scex_sumo.studies.rank.children import PAIR_NUMBERS, MomentPart, children_schema
 from scex_sumo.studies.rank.settings import RankSettings
 
 REPORTS = "moments"
@@ -34,9 +34,8 @@ _PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
 class RankFolder(StudyFolder):
     """Folder of a ranking under way.
 
-    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all. Tracks are
-    written
-    before the children that they belong to.
+    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all; its tracks are
+    written first.
     """
 
     info, what = "rank.json", "ranking"
@@ -58,7 +57,6 @@ class RankFolder(StudyFolder):
         self._parts = dict(self._scan())
 
     def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:
-        """Yield parts by moment; damaged ones are removed, so that their children run again."""
         for folder in (self.path / _CHILDREN).glob("location=*/seed=*"):
             spans = {}
             for file in sorted(folder.iterdir()):
@@ -115,23 +113,19 @@ class RankFolder(StudyFolder):
         return self.path / kind / f"location={ref.location}" / f"seed={ref.moment}" / name
 
     def read(self, ref: MomentRef, first: int) -> pa.Table:
-        """Read the part of a moment that begins with child ``first``.
-
-        Raises:
-            ResultError: it is damaged.
-        """
+        """Read the part of a moment that begins with child ``first``."""
         return self._read(self._part_file(_CHILDREN, ref, first, self._parts[ref.moment][first] - 1))
 
     def _read(self, file: Path) -> pa.Table:
         table, named = read_table(file, self._schema, self._columns), _PART.fullmatch(file.name)
         assert named is not None
         if table["child"].to_pylist() != list(range(int(named[1]), int(named[2]) + 1)):
-            raise damaged(file, "has other children than its name says")
+            raise damaged(file, "has other futures than its name says")
         tracks, models = table["track_id"].to_pylist(), table["model"].to_pylist()
         if any(row != tracks[0] for row in tracks) or any(len(row) != len(tracks[0]) for row in models):
             raise damaged(file, "has rows with other vehicles")
         if not self._models.issuperset(name for row in models for name in row):
             raise damaged(file, f"has models other than {', '.join(sorted(self._models))}")
-        if any(len(row) % 4 for row in table["critical_pairs"].to_pylist()):
+        if any(len(row) % PAIR_NUMBERS for row in table["critical_pairs"].to_pylist()):
             raise damaged(file, "column critical_pairs has incomplete rows")
         return table

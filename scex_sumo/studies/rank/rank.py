@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.recordings import find_recordings
 from scex_sumo.extrapolation.settings import RunSettings
@@ -20,8 +21,8 @@ from scex_sumo.studies.moments.workers import moment_workers
 from scex_sumo.studies.rank.children import run_moment
 from scex_sumo.studies.rank.folder import RankFolder
 from scex_sumo.studies.rank.page import write_ranking_page
-from scex_sumo.studies.rank.ranking_run import Progress, RankingRun
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.ranking_run import RankingRun
+from scex_sumo.studies.rank.settings import MIXED, RankSettings
 from scex_sumo.studies.rank.table import ranking_table, write_ranking
 
 
@@ -56,10 +57,11 @@ def rank(
     children: int = 96,
     top: int = 10,
     keep: str = "none",
+    by: str = MIXED,
     cache: bool = True,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     **run: Any,
 ) -> Ranking:
     """Run every moment of a dataset a few times, the promising ones more often, and rank them.
@@ -69,10 +71,10 @@ def rank(
         out: folder of the ranking; an interrupted one goes on.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
-        every: as of `scex_sumo.studies.rank.settings.RankSettings`, like the next six.
+        every: as of `scex_sumo.studies.rank.settings.RankSettings`, like the next seven.
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
-        progress: called with (children done, children expected).
+        progress: True for a bar; or called with (children done, children expected).
         run: settings as of `extrapolate`.
 
     Raises:
@@ -93,6 +95,7 @@ def rank(
         first=first,
         top=top,
         keep=keep,
+        by=by,
         cache=cache,
     )
     recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)
@@ -100,8 +103,9 @@ def rank(
     with (
         closing(moment_workers(run_moment, workers, cluster)) as pool,
         RankFolder(Path(out), identity, settings, overwrite=overwrite) as folder,
+        progress_of(progress, "rank") as tick,
     ):
-        ranking = RankingRun(recordings, settings, folder, pool, progress)
+        ranking = RankingRun(recordings, settings, folder, pool, tick)
         ranking.run()
         table = ranking_table(ranking)
         write_ranking(folder.path, table)

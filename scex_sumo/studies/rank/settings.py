@@ -15,6 +15,9 @@ from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.settings import StudySettings, built
 
 KEEP = ("none", "critical", "all")
+MIXED = "mixed"
+BY = (MIXED, "severity", "collisions", "encounters")
+"""Orders of moments, see `score_of`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,14 +28,13 @@ class RankSettings(StudySettings):
         first: children of every moment.
         top: moments on the page; more children settle their ranks.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
-
-    Raises:
-        UsageError: a value makes no sense.
+        by: order of the moments: ``mixed``, ``severity``, ``collisions`` or ``encounters``.
     """
 
     first: int = 32
     top: int = 10
     keep: str = "none"
+    by: str = MIXED
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -40,11 +42,14 @@ class RankSettings(StudySettings):
         self.check_positive("top")
         if self.keep not in KEEP:
             raise UsageError(f"--keep: got {self.keep!r}; known: {', '.join(KEEP)}")
+        if self.by not in BY:
+            raise UsageError(f"--by: got {self.by!r}; known: {', '.join(BY)}")
         object.__setattr__(self, "first", min(self.first, self.children))
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify the ranking of some recordings."""
-        return self.identity(recordings, first=self.first, top=self.top, keep=self.keep)
+        by = {} if self.by == MIXED else {"by": self.by}
+        return self.identity(recordings, first=self.first, top=self.top, keep=self.keep) | by
 
     def intervals(self, models: Sequence[Sequence[str]]) -> DesignIntervals:
         """Return the intervals of children with (C, V) models."""

@@ -20,7 +20,7 @@ from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.references import Failure, MomentRef, as_row
-from scex_sumo.studies.rank.children import pairs_of
+from scex_sumo.studies.rank.children import MICRO, pairs_of
 from scex_sumo.studies.rank.places import Tally, place
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.settings import RankSettings
@@ -30,11 +30,7 @@ _ENDS = ("", "_low", "_high")
 
 
 def ranking_table(run: RankingRun) -> pa.Table:
-    """Return the table of a ranking whose moments have all run.
-
-    Raises:
-        TrackError: no moment has a result.
-    """
+    """Return the table of a ranking whose moments have all run."""
     refs, settings = run.refs, run.settings
     limits = settings.thresholds
     if not refs:
@@ -65,6 +61,7 @@ def schema(settings: RankSettings) -> pa.Schema:
     fields += [("fallbacks", pa.int64())]
     fields += [(f"p_collision{end}", pa.float64()) for end in _ENDS]
     fields += [("collisions", pa.float64()), ("encounters", pa.float64())]
+    fields += [("expected_mais3", pa.float64())]
     fields += [("worst_track_id", pa.int64()), ("worst_other_id", pa.int64())]
     fields += [("worst_p_collision", pa.float64()), ("worst_p_critical", pa.float64())]
     fields += [(f"median_{column}", pa.float64()) for column in settings.run.columns]
@@ -105,6 +102,7 @@ def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str,
     every = np.concatenate(pairs)
     row: dict[str, Any] = _share("p_collision", intervals.share(collides))
     row |= {"collisions": every[:, 2].sum() / len(pairs), "encounters": len(every) / len(pairs)}
+    row["expected_mais3"] = float(every[:, 4].sum() / MICRO / len(pairs))
     if not len(every):
         return row
     both, which = np.unique(every[:, :2], axis=0, return_inverse=True)

@@ -10,6 +10,7 @@ from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
 from scex_sumo.commands.options import Cluster, Every, MinVehicles, Models, Processes, Roots, Seed
+from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
     from scex_sumo.studies.validate.validate import Validation
@@ -34,8 +35,8 @@ def validate_command(
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/validation.", show_default=False)
     ] = Path("out") / "validation",
-) -> None:
-    """Compare what a mix of models says with what really happened."""
+) -> Answer:
+    """Compare the forecasts of a mix of models with what really happened."""
     from scex_sumo.studies.validate.validate import validate
 
     with progress_bar("seeds") as tick, resumable("seeds", out):
@@ -59,6 +60,13 @@ def validate_command(
     _print_scores(done)
     print(f"result: {out / 'events.parquet'}")
     print(f"look:   {out / 'validation.html'}")
+    known = ("models", "recordings", "seeds", "mean_brier", "mean_brier_base_rate", "notes", "failed")
+    return lambda: {
+        "result": out / "events.parquet",
+        "report": out / "validation.html",
+        **{name: done.info[name] for name in known},
+        **{name: table.to_pylist() for name, table in done.tables.items()},
+    }
 
 
 def _print_scores(done: Validation) -> None:

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
+from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, find_recordings
@@ -75,7 +76,7 @@ def validate(
     cluster: str | None = None,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
-    progress: Any = None,
+    progress: Progress | bool | None = None,
 ) -> Validation:
     """Run moments of recordings with a mix of models, and score its forecasts against what happened.
 
@@ -87,7 +88,7 @@ def validate(
         cluster: address of a Dask scheduler, whose workers are used instead.
         overwrite: replace another validation in ``out``, or a finished one.
         command: the command line, for ``validate.json``.
-        progress: called with (moments done, moments known).
+        progress: True for a bar; or called with (moments done, moments known).
 
     Raises:
         UsageError: an argument makes no sense.
@@ -115,7 +116,8 @@ def validate(
     ):
         if again:
             folder.restart()
-        refs = _run(recordings, settings, folder, pool, progress)
+        with progress_of(progress, "validate") as tick:
+            refs = _run(recordings, settings, folder, pool, tick)
         failures = folder.failures()
         found = [(ref, folder.read(ref)) for ref in refs if folder.has(ref)]
         if not found:
@@ -151,9 +153,8 @@ def _run(
     settings: ValidationSettings,
     folder: ForecastFolder,
     workers: MomentWorkers,
-    progress: Any,
+    progress: Progress | None,
 ) -> list[MomentRef]:
-    """Run the moments that have not run; return all moments."""
     refs: list[MomentRef] = []
     noise: dict[str, BoxNoise] = {}
     done = 0

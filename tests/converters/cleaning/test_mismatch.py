@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.cleaning.align import Evidence
-from scex_sumo.converters.cleaning.mismatch import explain_mismatch
+from scex_sumo.converters.cleaning.mismatch import doubt_place, explain_mismatch
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import arc, lane, road
 
@@ -33,10 +33,20 @@ def test_tracks_that_a_shift_brings_onto_lanes_have_a_wrong_origin(bend: Road) -
     assert "moved by -200 m, +80 m, 100% of its driving is on lanes" in explain_mismatch(away, bend)
 
 
+def test_tracks_a_few_metres_off_are_doubted_with_the_shift_and_an_origin_that_fits(bend: Road) -> None:
+    there, bend = driven(bend), replace(bend, origin=(49.0, 8.4))
+    assert doubt_place(there, bend) is None
+    assert doubt_place(replace(there, x=there.x + 2.0), bend) is None  # within what the tracks are aligned by
+    doubt = doubt_place(replace(there, x=there.x + 12.0), bend)
+    assert doubt is not None and doubt.startswith("warning: only ")
+    assert "moved by -12 m, +0 m it is 100%" in doubt or "moved by -12 m, -0 m it is 100%" in doubt
+    assert "one near 49.00000,8.39984 fits better" in doubt  # 12 m west, at 73.0 km per degree
+
+
 def test_tracks_that_no_shift_brings_onto_lanes_are_of_another_map(bend: Road) -> None:
     star = [lane(k, [(0, 0), (90 * np.cos(k), 90 * np.sin(k))]) for k in range(1, 7)]
     dense = [replace(one, centreline=np.linspace(*one.centreline, 46)) for one in star]
-    assert "the tracks are of another map" in explain_mismatch(driven(road(dense)), bend)
+    assert "the tracks belong to another map" in explain_mismatch(driven(road(dense)), bend)
 
 
 def test_few_tracks_tell_nothing(bend: Road) -> None:

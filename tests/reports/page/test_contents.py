@@ -13,11 +13,11 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 
+from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.packing import second_sums
 from scex_sumo.reports.page.report import report_html, write_report
 from scex_sumo.reports.page.scene import road_paths
-from scex_sumo.reports.run_table import encounter_in_words
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.density import wilson_of
 from scex_sumo.views.road_lines import SURFACE, road_lines
@@ -102,7 +102,7 @@ def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
     assert [(ids[a], ids[b]) for a, b in (row["pair"] for row in info["encounters"]["rows"])] == [
         (row["track_id"], row["other_id"]) for row in encounters
     ]
-    assert info["encounters"]["rows"][0]["words"] == encounter_in_words(run, encounters[0])
+    assert info["encounters"]["rows"][0]["words"] == meetings(run)[0].words()
 
 
 def test_metrics_of_the_likely_children_are_taken_where_they_are(run: Run, tmp_path: Path) -> None:

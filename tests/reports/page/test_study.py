@@ -38,6 +38,8 @@ def test_a_range_leaves_far_values_out_and_takes_near_marks_in() -> None:
     low, high = value_range(values, 4.0, 5000.0)
     assert low < 1 and 4 < high < 15
     assert value_range(np.array([np.inf])) == (0.0, 1.0)
+    assert value_range(np.array([0.0, 0.2, 0.3]), 0.05)[0] == 0.0  # no density below 0
+    assert value_range(np.array([8.0, 9.0]), 7.5)[0] == 7.4
 
 
 def test_a_metric_that_is_defined_nowhere_says_so() -> None:

@@ -23,7 +23,7 @@ def moment_ref(moment: str, location: str = "here", time_s: float = 1.0) -> Mome
 
 def pairs(child: int) -> np.ndarray:
     """Vehicles 7 and 9 come critically close in every child, and collide at 5 m/s in the even ones."""
-    return np.array([[7, 9, 1 - child % 2, 500 * (1 - child % 2)]])
+    return np.array([[7, 9, 1 - child % 2, 500 * (1 - child % 2), 9000 * (1 - child % 2)]])
 
 
 def moment_part(first: int, stop: int, *, tracks: pa.Table | None = None) -> MomentPart:

@@ -7,11 +7,24 @@ import pytest
 
 from scex_sumo.studies.rank.children import choose_kept, score_of
 
+PAIRS = [
+    np.array([[1, 2, 1, 500, 20_000]]),
+    np.array([[1, 2, 0, 0, 0], [1, 3, 0, 0, 0]]),
+    np.zeros((0, 5), np.int64),
+]
+
 
 def test_collisions_count_by_how_hard_they_are_and_critical_encounters_a_tenth() -> None:
     """At 5 m/s 1 + 0.5 + 0.1; two critical encounters 0.2; none 0."""
-    pairs = [np.array([[1, 2, 1, 500]]), np.array([[1, 2, 0, 0], [1, 3, 0, 0]]), np.zeros((0, 4), np.int64)]
-    assert score_of(pairs) == pytest.approx([1.6, 0.2, 0.0])
+    assert score_of(PAIRS) == pytest.approx([1.6, 0.2, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("by", "scores"),
+    [("severity", [0.02, 0.0, 0.0]), ("collisions", [1.0, 0.0, 0.0]), ("encounters", [1.0, 2.0, 0.0])],
+)
+def test_other_orders_count_one_thing(by: str, scores: list[float]) -> None:
+    assert score_of(PAIRS, by) == pytest.approx(scores)
 
 
 SCORE = np.array([0.1, 0.0, 1.6, 0.1, 1.2])

@@ -49,7 +49,7 @@ def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
     assert table[COLUMNS[-1]].to_pylist() == [None, 111.0, 211.0, 311.0]
     assert table["track_id"].to_pylist() == [[7, 8, 9]] * 4
     assert table["model"].to_pylist() == [list(DRIVERS)] * 4
-    assert [rows.tolist() for rows in pairs_of(table)] == [[[7, 9, 1, 500]], [[7, 9, 0, 0]]] * 2
+    assert [rows.tolist() for rows in pairs_of(table)] == [[[7, 9, 1, 500, 9000]], [[7, 9, 0, 0, 0]]] * 2
 
 
 def test_a_part_that_is_there_is_never_written_again(filled: Path) -> None:

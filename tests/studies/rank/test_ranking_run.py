@@ -66,7 +66,7 @@ def made_up(task: RankTask) -> MomentPart:
     values = np.stack([np.random.default_rng([number, c]).random(len(columns)) for c in children])
     # The more often vehicles 1 and 2 collide, at 3 m/s, the greater the moment's number.
     hit = values[:, 0] * 7 < number % 7
-    pairs = tuple(np.array([[1, 2, 1, 300]] if h else np.zeros((0, 4)), dtype=np.int64) for h in hit)
+    pairs = tuple(np.array([[1, 2, 1, 300, 5000]] if h else np.zeros((0, 5)), dtype=np.int64) for h in hit)
     table = children_table(
         children,
         columns=columns,

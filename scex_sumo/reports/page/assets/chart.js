@@ -28,7 +28,8 @@ function makeChart(run, state, element) {
   const m = Number(element.dataset.metric), metric = run.info.metrics[m], column = run.columns[m], [limit, canvas] = all("input, canvas", element);
   const drawn = curveOf(run.arrays[`curve${m}`], metric.atoms), likely = curveOf(run.arrays[`likely${m}`], metric.likely_atoms);
   const { peak, most, view: [low, high] } = metric, [line] = all(`.share[data-metric="${m}"]`);
-  let brush = null, drag = null;
+  const key = `m${m}`;
+  let drag = null;
 
   const toX = (value) => (value - low) / (high - low) * canvas.clientWidth, toValue = (px) => low + px / canvas.clientWidth * (high - low);
   const isNear = (px, value) => value !== null && Math.abs(toX(value) - px) < 9;
@@ -61,7 +62,8 @@ function makeChart(run, state, element) {
     if (atom && !isCumulative) write(percent(most), clamp(toX(atom[0]), 16, width - 16), 9);
     if (metric.recorded !== null) upright(toX(metric.recorded), { stroke: "recorded", dash: [5, 3] });
     if (own >= 0) paint(circle([clamp(own, 4, width - 4), base - 4], 4), { fill: "picked" });
-    if (brush) box(...brush.map(toX), 0, base, "picked", 0.16);
+    const brush = state.filters.get(key);
+    if (brush) box(...brush.value.map(toX), 0, base, "picked", 0.16);
   }
 
   function describe() { // P, here and in the verdict
@@ -83,11 +85,9 @@ function makeChart(run, state, element) {
     state.change({}, "thresholds");
   }
 
-  // Brushes a range of values; without one it lets go.
-  function select(values) {
-    brush = values && values.sort((a, b) => a - b);
-    const words = values && `${metric.name}${metric.mean ? " mean" : ""} ${values.map((value) => short(value)).join(" – ")}`;
-    state.filter(select, words, values && ((c) => column[c] >= values[0] && column[c] <= values[1]));
+  function select(values) { // brushes a range of values
+    const [least, largest] = values.sort((a, b) => a - b), words = `${metric.name}${metric.mean ? " mean" : ""} ${short(least)} – ${short(largest)} ${metric.unit}`;
+    state.filter(key, [least, largest], words, (c) => column[c] >= least && column[c] <= largest);
   }
 
   limit.onchange = () => setLimit(limit.value === "" ? null : Number(limit.value));
@@ -102,5 +102,5 @@ function makeChart(run, state, element) {
     else if (Math.abs(px - drag.from) > 3) select([toValue(px), toValue(drag.from)]);
   };
   canvas.onpointerup = canvas.onpointercancel = () => { drag = null; };
-  return { element, metric, draw, describe };
+  return { element, metric, draw, describe, select, setLimit };
 }

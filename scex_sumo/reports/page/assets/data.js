@@ -17,17 +17,17 @@ async function unpack(text) {
   return { info: head.info, arrays };
 }
 
-const UNITS = [0.01, 0.01, 0.001]; // of poses, m and rad, as in tracks.py
+const UNITS = [0.01, 0.01, 0.001, 0.02]; // of poses: m, m, rad, m/s, as in scene.py
 
-// Poses (rows, 1 + steps, 3) of second differences after the start of each row's vehicle.
+// Poses (rows, 1 + steps, 4) of second differences after the start of each row's vehicle.
 function posesOf({ shape: [rows, steps], values }, start, ownerOf) {
-  const poses = new Float64Array(rows * (steps + 1) * 3);
+  const poses = new Float64Array(rows * (steps + 1) * 4);
   for (let row = 0; row < rows; row++) {
-    for (let k = 0; k < 3; k++) {
-      let change = 0, sum = start.values[ownerOf(row) * 3 + k];
+    for (let k = 0; k < 4; k++) {
+      let change = 0, sum = start.values[ownerOf(row) * 4 + k];
       for (let t = 0; t <= steps; t++) {
-        poses[(row * (steps + 1) + t) * 3 + k] = sum * UNITS[k];
-        sum += change += values[(row * steps + t) * 3 + k];
+        poses[(row * (steps + 1) + t) * 4 + k] = sum * UNITS[k];
+        sum += change += values[(row * steps + t) * 4 + k];
       }
     }
   }
@@ -57,8 +57,8 @@ function runOf({ info, arrays }) {
 // Pose of a row at a step that may lie between two.
 function poseAt(poses, frames, row, step) {
   const low = Math.min(Math.floor(step), frames - 1), high = Math.min(low + 1, frames - 1), part = step - low;
-  const a = (row * frames + low) * 3, b = (row * frames + high) * 3;
-  return [0, 1, 2].map((k) => poses[a + k] + part * (poses[b + k] - poses[a + k]));
+  const a = (row * frames + low) * 4, b = (row * frames + high) * 4;
+  return [0, 1, 2, 3].map((k) => poses[a + k] + part * (poses[b + k] - poses[a + k]));
 }
 
 // Share with the 95 % score interval (Wilson 1927) of as many independent children.

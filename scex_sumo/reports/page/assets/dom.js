@@ -16,7 +16,11 @@ function make(tag, properties, ...children) {
 
 // Colour of the present theme by its name in page.css, or as it is.
 const styles = getComputedStyle(document.documentElement);
-const inked = (color) => color && (styles.getPropertyValue(`--${color}`) || color);
+const inks = new Map(); // asking the style at each stroke would take most of a frame
+function inked(color) {
+  if (color && !inks.has(color)) inks.set(color, styles.getPropertyValue(`--${color}`) || color);
+  return inks.get(color);
+}
 
 // A pen for a cleared canvas as sharp as the screen, in CSS pixels.
 function sharp(canvas, { clientWidth: width, clientHeight: height } = canvas) {
@@ -43,9 +47,14 @@ function sharp(canvas, { clientWidth: width, clientHeight: height } = canvas) {
   return { context, paint, write, width, height, ratio };
 }
 
-function pathOf(points, isClosed = false) {
+function pathOf(points, isClosed = false) { // broken where a value is missing
   const path = new Path2D();
-  for (const [x, y] of points) path.lineTo(x, y);
+  let isDown = false;
+  for (const [x, y] of points) {
+    const isHere = Number.isFinite(y);
+    if (isHere) path[isDown ? "lineTo" : "moveTo"](x, y);
+    isDown = isHere;
+  }
   if (isClosed) path.closePath();
   return path;
 }
@@ -65,5 +74,8 @@ function save(blob, name) {
 
 // What is drawn again when colours change: by the theme, or on paper.
 function onTheme(redraw) {
-  for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", redraw);
+  for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", () => {
+    inks.clear();
+    redraw();
+  });
 }

@@ -7,14 +7,14 @@ const VEHICLE_COLUMNS = [
 ];
 FORMATS.speed = (speed) => `${short(speed, 1)} m/s`;
 
-function showMoments({ info, arrays: { ids, poses, sizes, speeds, kinds, types, before, after } }) {
+function showMoments({ info, arrays: { ids, poses, sizes, kinds, types, before, after } }) {
   const [slots, frames] = ids.shape, everybody = [...Array(slots).keys()], assigned = new Map();
   const of = (table, v) => table.values[v * frames + state.step];
   Object.assign(info, { track_ids: everybody, colors: MOMENT_COLORS, under_test: [], metrics: [] });
   const run = {
     info, frames, vehicles: slots, children: 1, owner: Int32Array.from(everybody),
     arrays: { which: { values: everybody }, others: { values: [] } },
-    poses: Float64Array.from(poses.values, (value, i) => value * UNITS[i % 3]),
+    poses: Float64Array.from(poses.values, (value, i) => value * UNITS[i % 4]),
     radius: (v) => Math.hypot(...info.sizes[v]) / 2, id: (v) => of(ids, v) < 0 ? "" : of(ids, v), track: (_, v) => v, model: (_, v) => of(kinds, v),
   };
   const state = makeState(run), map = makeMap(run, state, byId("map"));
@@ -49,7 +49,7 @@ function showMoments({ info, arrays: { ids, poses, sizes, speeds, kinds, types, 
       info.sizes = everybody.map((v) => [0, 1].map((k) => sizes.values[2 * (v * frames + state.step) + k] / 100));
       table.show(present().map((v) => ({
         id: of(ids, v),
-        cells: [of(ids, v), info.types[of(types, v)], of(speeds, v) / 100, of(before, v) / 10, of(after, v) / 10, assigned.get(of(ids, v))],
+        cells: [of(ids, v), info.types[of(types, v)], poseAt(run.poses, frames, v, state.step)[3], of(before, v) / 10, of(after, v) / 10, assigned.get(of(ids, v))],
       })));
       state.pair = everybody.filter((v) => assigned.has(of(ids, v)));
       byId("title").textContent = `${vehicles} vehicles, ${complete} complete`;

@@ -2,12 +2,16 @@
 
 const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
 const ROAD_UNIT = 0.05; // m, as in road_lines.py
+const POINTED_PX = 8; // reach of the pointer beyond a body
+const MAX_GHOSTS = 1200; // drawn in a frame; more are thinned out
 const ROAD_COLORS = ["road", "road", "mark", "border", "mark"]; // surface, area, marking, border, stop line
 
 function makeMap(run, state, canvas) {
   const { info, poses, frames, arrays, owner } = run, vehicles = [...info.track_ids.keys()], road = roadOf(info);
   const ground = make("canvas"), pointers = new Map();
-  let x, y, scale, weights, drivers, usual, groundKey;
+  const tracks = vehicles.map(() => []), outlines = new Map();
+  owner.forEach((v, row) => tracks[v].push(row));
+  let x, y, scale, weights, drivers, usual, ghosts, groundKey;
 
   // How many of the selected children drive each track, one of them, and each vehicle's most frequent track.
   function weigh() {
@@ -20,6 +24,20 @@ function makeMap(run, state, canvas) {
     });
     usual = vehicles.map((v) => run.track(0, v));
     owner.forEach((v, row) => { if (weights[row] > weights[usual[v]]) usual[v] = row; });
+    ghosts = tracks.flatMap((rows) => thinned(rows.filter((row) => weights[row]), Math.ceil(MAX_GHOSTS / vehicles.length)));
+  }
+
+  // Tracks with their weights; of too many, a systematic sample with as much weight in total.
+  function thinned(rows, most) {
+    if (rows.length <= most) return rows.map((row) => [row, weights[row]]);
+    const step = sum(rows.map((row) => weights[row])) / most;
+    let passed = 0;
+    return rows.flatMap((row) => {
+      const before = Math.round(passed / step);
+      passed += weights[row];
+      const picks = Math.round(passed / step) - before;
+      return picks ? [[row, picks * step]] : [];
+    });
   }
 
   const isShown = (name) => byId(`show-${name}`).checked, middle = () => [canvas.clientWidth / 2, canvas.clientHeight / 2];
@@ -68,9 +86,9 @@ function makeMap(run, state, canvas) {
     }
     if (isShown("heat")) drawHeat(pen);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    for (const v of state.pair || []) {
-      paint(circle(toScreen(place(v)), Math.max(13, run.radius(v) * scale * 1.25)), { stroke: "critical", width: 2.5 });
-    }
+    const ring = (v, stroke, more) => paint(circle(toScreen(place(v)), Math.max(13, run.radius(v) * scale * 1.25) + more), { stroke, width: 2.5 });
+    for (const v of state.pair || []) ring(v, "critical", 0);
+    if (!isMissing(state.vehicle)) ring(state.vehicle, "picked", 4);
     if (isShown("ids")) drawIds(write);
     const metres = [5, 10, 20, 50, 100, 200].find((m) => m * scale > 50) || 500, left = width - 14 - metres * scale;
     paint([[left, height - 10], [width - 14, height - 10]], { stroke: "soft", width: 2 });
@@ -95,23 +113,33 @@ function makeMap(run, state, canvas) {
       pen.paint(path, kind === 1 ? { fill: ink } : { stroke: ink, width: wide || Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
     }
     const isOne = state.child >= 0;
-    for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : owner.keys()) {
-      const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 3));
-      const style = isOne ? { stroke: color(row, state.child), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 * Math.sign(weights[row]) };
+    for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : ghosts.map(([ghost]) => ghost)) {
+      const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 4));
+      const style = isOne ? { stroke: color(row, state.child), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 };
       pen.paint(points, { width: Math.max(0.25, 1 / scale), ...style });
     }
   }
 
   const color = (row, child = drivers[row]) => info.colors[run.model(child, owner[row])]; // of who drives there
 
-  function body({ paint }, v, pose, style) {
-    paint(pathOf(onBody(pose, info.sizes[v], OUTLINE), true), { width: Math.max(0.12, 1.2 / scale), ...style });
+  function outline(size) {
+    const key = String(size);
+    if (!outlines.has(key)) outlines.set(key, pathOf(onBody([0, 0, 0], size, OUTLINE), true));
+    return outlines.get(key);
+  }
+
+  function body({ context, paint }, v, [px, py, heading], style) { // unless out of sight
+    const [w, h] = middle(), reach = run.radius(v);
+    if (Math.abs(px - x) > w / scale + reach || Math.abs(py - y) > h / scale + reach) return;
+    context.save();
+    context.translate(px, py);
+    context.rotate(heading);
+    paint(outline(info.sizes[v]), { width: Math.max(0.12, 1.2 / scale), ...style });
+    context.restore();
   }
 
   function drawGhosts(pen, ink) { // the more children, the darker
-    owner.forEach((v, row) => {
-      if (weights[row]) body(pen, v, poseOf(row), { fill: color(row), alpha: Math.min(0.1 + ink * weights[row] / state.count, 0.9) });
-    });
+    for (const [row, weight] of ghosts) body(pen, owner[row], poseOf(row), { fill: color(row), alpha: Math.min(0.1 + ink * weight / state.count, 0.9) });
   }
 
   function drawOthers({ paint }) { // pedestrians and cyclists, as recorded
@@ -142,6 +170,16 @@ function makeMap(run, state, canvas) {
     }
   }
 
+  // The vehicle at a place of the screen, or null.
+  function at(px, py) {
+    const [w, h] = middle(), gaps = vehicles.map((v) => {
+      const [cx, cy, heading] = place(v), [dx, dy] = [x + (px - w) / scale - cx, y - (py - h) / scale - cy], c = Math.cos(heading), s = Math.sin(heading);
+      return Math.hypot(...[dx * c + dy * s, dy * c - dx * s].map((part, k) => Math.max(Math.abs(part) - info.sizes[v][k] / 2, 0))) * scale;
+    });
+    const least = Math.min(...gaps);
+    return least < POINTED_PX ? gaps.indexOf(least) : null;
+  }
+
   canvas.onwheel = (event) => {
     event.preventDefault();
     zoom(Math.exp(-event.deltaY / 400), event.offsetX, event.offsetY);
@@ -160,7 +198,7 @@ function makeMap(run, state, canvas) {
   };
   canvas.onpointerup = canvas.onpointercancel = ({ pointerId }) => pointers.delete(pointerId);
   weigh();
-  return { draw, weigh, fit, zoom, follow };
+  return { draw, weigh, fit, zoom, follow, at, rowOf };
 }
 
 // Lines of the road, surfaces first, in m.

@@ -9,20 +9,24 @@ function modelTable(run, state) {
     const { count, hits, share } = given[i - 1], color = share > mean ? "critical" : "drawn";
     cell.title = `${hits} of ${count}; 95 %: ${range(interval(share, count))}`;
     cell.style.background = `color-mix(in srgb, var(--${color}) ${Math.min(75, Math.round(150 * Math.abs(share - mean)))}%, transparent)`;
-    onPress(cell, () => state.filter(`vehicle ${v}`, `${ids[v]} as ${models[i - 1]}`, (c) => run.model(c, v) === i - 1));
+    onPress(cell, () => select(v, i - 1));
   } });
 
-  return () => { // draws it anew
-    const { test, words } = criticalBy(run, state), hits = Array.from(state.mask, (_, c) => Number(test(c)));
-    mean = sum(hits) / run.children;
+  const select = (v, model) => state.filter(`v${v}`, [model], `${ids[v]} as ${models[model]}`, (c) => run.model(c, v) === model);
+
+  function draw(isShown) { // anew, of the vehicles shown
+    const { test, words } = criticalBy(run, state), chosen = [...state.mask.keys()].filter((c) => state.mask[c]);
+    const hits = chosen.map((c) => Number(test(c)));
+    mean = sum(hits) / chosen.length;
     byId("models-about").textContent = `Share of futures with ${words}, by the model of a vehicle; overall ${percent(mean)}. A click selects those futures.`;
-    const rows = ids.map((id, v) => {
-      const given = models.map((_, model) => hits.filter((_hit, c) => run.model(c, v) === model)).map((of) => ({ count: of.length, hits: sum(of), share: sum(of) / of.length }));
+    const rows = [...ids.keys()].filter(isShown).map((v) => {
+      const id = ids[v], given = models.map((_, model) => hits.filter((_hit, i) => run.model(chosen[i], v) === model)).map((of) => ({ count: of.length, hits: sum(of), share: sum(of) / of.length }));
       const shares = given.map(({ share }) => share), known = shares.filter(Number.isFinite);
       return { cells: [id + (tested.includes(id) ? " (under test)" : ""), ...shares], given, v, spread: Math.max(...known) - Math.min(...known) };
     });
     table.show(rows.sort((a, b) => b.spread - a.spread));
-  };
+  }
+  return { draw, select };
 }
 
 // Whether a child is critical by what is in focus: a collision, or a metric's threshold, else its worst tenth.

@@ -1,4 +1,4 @@
-// Pairs of vehicles: the gap between their bodies over time, in all children.
+// Pairs of vehicles: speed, acceleration, body gap and TTC over time, in all children.
 
 const CORNERS = [[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5]];
 
@@ -20,13 +20,42 @@ function bodyGap(poseA, sizeA, poseB, sizeB) {
   return isApart ? gap : 0; // the nearest points of two apart have a corner among them
 }
 
-// Gap of a pair at each step, given the rows of both.
-function courseOf({ frames, info }, poses, pair, rows) {
-  const gap = (t) => bodyGap(...pair.flatMap((v, i) => [poseAt(poses, frames, rows[i], t), info.sizes[v]]));
-  return Array.from({ length: frames }, (_, t) => gap(t));
+// Time in s until two rectangles overlap if both keep speed and heading; Infinity if they never do.
+function timeToCollision(poseA, sizeA, poseB, sizeB) {
+  const velocity = ([, , heading, speed]) => [speed * Math.cos(heading), speed * Math.sin(heading)], [ownA, ownB] = [poseA, poseB].map(velocity);
+  let enter = 0, leave = Infinity;
+  for (const turn of [poseA[2], poseA[2] + Math.PI / 2, poseB[2], poseB[2] + Math.PI / 2]) { // axes that may separate them
+    const along = ([x, y]) => x * Math.cos(turn) + y * Math.sin(turn), ahead = along(poseB) - along(poseA), closing = along(ownA) - along(ownB);
+    const half = ([, , heading], [long, wide]) => (long * Math.abs(Math.cos(heading - turn)) + wide * Math.abs(Math.sin(heading - turn))) / 2;
+    const reach = half(poseA, sizeA) + half(poseB, sizeB);
+    if (Math.abs(closing) < 1e-9 && Math.abs(ahead) >= reach) return Infinity;
+    if (Math.abs(closing) < 1e-9) continue;
+    const times = [(ahead - reach) / closing, (ahead + reach) / closing];
+    enter = Math.max(enter, Math.min(...times));
+    leave = Math.min(leave, Math.max(...times));
+  }
+  return enter < leave ? enter : Infinity;
 }
 
-// Courses of a pair's gap, one per different pair of tracks: [{course, children, picked}].
+// Speed and acceleration of rows at each step, and their poses; NaN where nothing was recorded.
+function motionOf({ frames }, poses, rows) {
+  const paths = rows.map((row) => Array.from({ length: frames }, (_, t) => poseAt(poses, frames, row, t)).map((pose) => pose[0] > 1e5 ? pose.map(() => NaN) : pose));
+  const speed = paths.map((path) => path.map((pose) => pose[3])), last = frames - 1;
+  const slope = (values) => values.map((_, t) => {
+    const [before, after] = [Math.max(t - 1, 0), Math.min(t + 1, last)];
+    return 10 * (values[after] - values[before]) / (after - before);
+  });
+  return { paths, speed, acceleration: speed.map(slope) };
+}
+
+// Curves of a pair given the rows of both: one or two lines by strip.
+function courseOf(run, poses, pair, rows) {
+  const { paths: [a, b], speed, acceleration } = motionOf(run, poses, rows), [sizeA, sizeB] = pair.map((v) => run.info.sizes[v]);
+  const both = (how) => [a.map((pose, t) => Number.isNaN(pose[0] + b[t][0]) ? NaN : how(pose, sizeA, b[t], sizeB))];
+  return { speed, acceleration, gap: both(bodyGap), ttc: both(timeToCollision) };
+}
+
+// Courses of a pair, one per different pair of tracks: [{course, children, picked}].
 function coursesOf(run, pair, mask) {
   const found = new Map();
   mask.forEach((isPicked, c) => {
@@ -38,29 +67,54 @@ function coursesOf(run, pair, mask) {
   return [...found.values()];
 }
 
-function pairChart(run, state, canvas) {
-  const last = run.frames - 1;
-  let key, lines, recorded;
+const STRIPS = { // what the strips show; the top of an axis is at most `most`
+  speed: { title: "speed", unit: "m/s" }, acceleration: { title: "acceleration", unit: "m/s²" }, gap: { title: "body gap", unit: "m", most: 20 },
+  ttc: { title: "TTC, speed and heading kept", unit: "s", most: 6, limit: 1.5 },
+};
 
-  // Draws the courses; returns the child's gap now, where there is one.
-  return () => {
-    const { pair, child, step } = state, pen = sharp(canvas), { paint, write, width } = pen;
-    const wanted = `${pair} ${state.selection}`;
-    if (key !== wanted) {
+function pairStrips(run, state, host) {
+  const last = run.frames - 1, dashes = [[], [5, 3]];
+  let key, lines, recorded;
+  const strips = Object.entries(STRIPS).map(([name, words]) => {
+    const canvas = make("canvas", { ariaLabel: `${words.title} over time` }), said = make("span"), cursor = make("i"), box = make("div.box", {}, canvas, cursor);
+    const seek = ({ offsetX, buttons }) => { if (buttons) state.seek(Math.round(offsetX / canvas.clientWidth * last)); };
+    Object.assign(canvas, { onpointerdown: seek, onpointermove: seek });
+    host.append(make("div.strip", {}, make("header", {}, make("span", `${words.title} [${words.unit}]`), said), box));
+    return { name, canvas, said, cursor, ...words };
+  });
+
+  function draw({ name, canvas, most = Infinity, limit }, own) {
+    const pen = sharp(canvas), { paint, write, width } = pen, here = (course) => course[name].flat().filter((value) => Number.isFinite(value));
+    if (!width) return;
+    const chosen = lines.filter(({ picked }) => picked), courses = [...chosen, ...(own ? [own] : [])].map(({ course }) => course);
+    const values = [0, limit ?? 1, ...[...courses, ...(recorded ? [recorded] : [])].flatMap(here)];
+    const top = Math.min(1.1 * Math.max(...values), most), low = Math.min(...values), low10 = low < 0 ? 1.1 * low : 0;
+    const base = bottomAxis(pen, run.info.ticks, (s) => s * 10 / last * width);
+    const at = (value, t) => [t / last * width, value <= 1.3 * top ? base - (value - low10) / (top - low10) * (base - 4) : NaN];
+    const curve = (course, style) => course[name].forEach((line, i) => paint(line.map(at), { dash: dashes[i], ...style }));
+    for (const { course, picked } of chosen) curve(course, { stroke: "drawn", width: 1, alpha: Math.min(0.1 + 2 * picked / state.count, 0.5) });
+    if (low < 0) paint([at(0, 0), at(0, last)], { stroke: "line", width: 1 });
+    if (limit) paint([at(limit, 0), at(limit, last)], { stroke: "critical", width: 1 });
+    if (recorded) curve(recorded, { stroke: "recorded", width: 1 });
+    if (own) curve(own.course, { stroke: "picked", width: 2.4 });
+    write(short(top, top < 5 ? 1 : 0), width - 2, 11, { align: "right", halo: "card" });
+    if (low < 0) write(short(low10, 1), width - 2, base - 3, { align: "right", halo: "card" });
+  }
+
+  // Draws the curves if they changed, and moves the cursor.
+  return (isNew) => {
+    const { pair, child, step } = state, isRecorded = run.recorded && byId("show-recorded").checked, wanted = `${pair} ${state.selection} ${isRecorded}`, t = Math.round(step);
+    const isOther = key !== wanted;
+    if (isOther) {
       key = wanted;
       lines = coursesOf(run, pair, state.mask);
-      recorded = run.recorded ? courseOf(run, run.recorded, pair, pair) : [];
+      recorded = isRecorded ? courseOf(run, run.recorded, pair, pair) : null;
     }
-    const top = Math.max(1, ...lines.map((line) => Math.min(...line.course) + 6)), base = bottomAxis(pen, run.info.ticks, (s) => s * 10 / last * width);
-    const at = (gap, t) => [t / last * width, base - Math.min(gap / top, 1.2) * (base - 4)];
-    for (const { course, picked } of lines) {
-      if (picked) paint(course.map(at), { stroke: "drawn", alpha: Math.min(0.12 + 2 * picked / state.count, 0.6) });
-    }
-    paint(recorded.map(at).filter((_, t) => recorded[t] < 1e4), { stroke: "recorded", dash: [5, 3] });
     const own = lines.find((line) => line.children.includes(child));
-    if (own) paint(own.course.map(at), { stroke: "picked", width: 2.6 });
-    paint([[step / last * width, 0], [step / last * width, base]], { stroke: "ink" });
-    write(`${top.toFixed(0)} m`, width - 2, 11, { align: "right" });
-    return own ? own.course[Math.round(step)] : null;
+    for (const strip of strips) {
+      if (isNew || isOther) draw(strip, own);
+      strip.cursor.style.left = `${100 * step / last}%`;
+      strip.said.textContent = own ? own.course[strip.name].map((line) => short(line[t], 1)).join(" / ") : "";
+    }
   };
 }

@@ -38,7 +38,7 @@ function makePlayer(run, state, map) {
   const clicks = {
     play, all: () => state.change({ child: -1 }), previous: () => state.nextChild(true), next: () => state.nextChild(false),
     fit: map.fit, "zoom-in": () => map.zoom(1.3), "zoom-out": () => map.zoom(1 / 1.3),
-    "help-open": () => byId("help").showModal(), "pair-close": () => state.change({ pair: null }),
+    "help-open": () => byId("help").showModal(),
     "save-png": () => canvas.toBlob((blob) => save(blob, nameOf("png"))), "save-webm": film,
   };
   for (const [name, act] of Object.entries(clicks)) byId(name).onclick = () => act();
@@ -53,10 +53,13 @@ function makePlayer(run, state, map) {
   for (const element of all("[data-key]")) moves[element.dataset.key] = () => element.click();
   document.onkeydown = (event) => {
     const { key, target, ctrlKey, metaKey, altKey } = event, act = moves[key.toLowerCase()];
-    const isTyping = target.matches("input:not([type=checkbox]), select") && key !== "Escape", isPressed = key === " " && target.matches("button");
-    if (!act || isTyping || isPressed || ctrlKey || metaKey || altKey || byId("help").open) return;
+    const isText = target.matches("input[type=search]"), isTyping = key === " " ? isText : isText || target.matches("input:not([type=checkbox]), select") && key !== "Escape";
+    if (!act || isTyping || ctrlKey || metaKey || altKey || byId("help").open) return;
     event.preventDefault();
     act();
+  };
+  document.onkeyup = (event) => { // Space plays, also on a button
+    if (event.key === " " && event.target.matches("button, [type=checkbox]") && !byId("help").open) event.preventDefault();
   };
 
   return () => {

@@ -1,32 +1,47 @@
 // Report of a run: puts map, charts and tables together.
 
 function runReport(run) {
-  const { info, id } = run, state = makeState(run), map = makeMap(run, state, byId("map"));
-  const drawPlayer = makePlayer(run, state, map), drawGaps = pairChart(run, state, byId("pair")), drawModels = modelTable(run, state);
-  const charts = all(".chart").map((element) => makeChart(run, state, element));
+  const { info, id } = run, state = makeState(run), map = makeMap(run, state, byId("map")), select = makeSelection(run, state);
+  const drawPlayer = makePlayer(run, state, map), drawStrips = pairStrips(run, state, byId("strips")), models = modelTable(run, state);
+  const charts = all(".chart").map((element) => makeChart(run, state, element)), find = byId("find");
 
-  function jump({ pair, child, step }) {
-    state.change({ pair, child, step, playing: false });
+  const show = ({ pair, child, step }) => state.change({ pair, child, step, playing: false });
+  function jump(row) {
+    show(row);
     byId("mapbox").scrollIntoView({ behavior: "smooth", block: "nearest" });
   }
+  const drawCard = vehicleCard(run, state, map, jump);
 
   const isOpen = ({ pair }) => Boolean(state.pair && pair) && pair.every((v) => state.pair.includes(v));
-  const encounters = makeTable(byId("encounters"), info.encounters, { onRow: jump, isChosen: isOpen });
+  const encounters = makeTable(byId("encounters"), info.encounters, { onRow: jump, isChosen: isOpen, onSort: () => address.later() });
   const worst = makeTable(byId("worst"), info.events, { onRow: jump, isChosen: ({ children }) => children.includes(state.child) });
 
-  const letGo = (key) => key instanceof Function ? key() : state.filter(key); // a chart has its brush as well
-
-  function drawChips() {
-    const chips = [...state.filters].map(([key, { words }]) => make("button.chip", { textContent: `${words} ×`, title: "Clear", onclick: () => letGo(key) }));
+  function drawSelection() { // chips, P(collision), and what tables have of the selected futures
+    const chips = [...state.filters].map(([key, { words }]) => make("button.chip", { textContent: `${words} ×`, title: "Clear", onclick: () => state.filter(key) }));
     byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.children} futures`)] : []), ...chips);
+    const said = byId("p-collision"), { value, count, words } = chips.length ? select.collision() : info.collision || {};
+    if (said && info.collision) {
+      said.textContent = chips.length ? percent(value) : said.title;
+      said.classList.toggle("hot", count > 0);
+      byId("p-collision-words").textContent = chips.length ? words : byId("p-collision-words").title;
+    }
+    encounters.show(select.encounterRows(find.value.trim()));
+    for (const button of all("[data-encounter]")) button.parentElement.hidden = !select.isEvent(info.encounters.rows[button.dataset.encounter]);
   }
 
-  function drawPair() {
+  function drawWorst() {
+    const metric = info.metrics[state.focus], [name, unit] = metric ? [metric.name, metric.unit] : ["relative speed", "m/s"];
+    worst.columns[1].title = name + (unit && ` [${unit}]`);
+    worst.show(select.eventRows());
+  }
+
+  function drawPair(isNew) {
     const { pair, child } = state;
     byId("pairbox").hidden = !pair;
     if (!pair) return;
-    const now = drawGaps(), of = child < 0 ? "all futures" : `future ${child} (${pair.map((v) => info.models[run.model(child, v)]).join(", ")})`;
-    byId("pair-title").textContent = `Gap of ${pair.map(id).join(" and ")}, ${of}${now === null ? "" : `: ${now.toFixed(1)} m at ${seconds(state.step)}`}`;
+    const of = pair.map((v) => id(v) + (child < 0 ? "" : ` ${info.models[run.model(child, v)]}`));
+    byId("pair-title").replaceChildren(make("span.solid", of[0]), " and ", make("span.dashed", of[1]), child < 0 ? ", all futures" : `, future ${child}`);
+    drawStrips(isNew);
   }
 
   function drawCharts() {
@@ -41,31 +56,96 @@ function runReport(run) {
     if (any("pair", "child", "step")) map.follow(any("pair", "child"));
     map.draw();
     drawPlayer();
+    drawCard();
     if (any("selection", "child", "thresholds", "size")) drawCharts();
-    if (any("pair", "child", "step", "selection", "size")) drawPair();
-    if (any("selection")) drawChips();
-    if (any("thresholds")) for (const chart of charts) chart.describe();
-    if (any("thresholds", "focus")) drawModels();
-    if (any("focus")) worst.show(info.events.rows.filter((row) => row.metric === state.focus));
+    if (any("pair", "child", "step", "selection", "size", "view")) drawPair(any("pair", "child", "selection", "size"));
+    if (any("selection", "find")) drawSelection();
+    if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
+    if (any("thresholds", "focus", "selection")) models.draw(select.isShown);
+    if (any("focus", "selection")) drawWorst();
     if (any("pair", "child")) for (const table of [encounters, worst]) table.choose();
+    byId("only-pair").classList.toggle("on", state.filters.has("pair"));
+    byId("only-future").classList.toggle("on", state.filters.has("future"));
+    byId("only-future").disabled = state.child < 0;
+    address.later();
   };
+
+  const only = (key, act) => state.filters.has(key) ? state.filter(key) : act();
+  const vehicleOf = (text) => info.track_ids.indexOf(Number(text)), columnOf = (name) => info.metrics.findIndex(({ column }) => column === name);
+  const field = (name, change) => ({
+    get: () => ({ "": byId(name).value === byId(name).dataset.first ? "" : byId(name).value }),
+    set: ({ "": text }) => { byId(name).value = text ?? byId(name).dataset.first; state.change({}, change); },
+  });
+  for (const name of ["find", "curve", "means"]) byId(name).dataset.first = byId(name).value;
+  const address = keepInAddress(state, {
+    pair: {
+      get: () => ({ "": state.pair && state.pair.map(id).join() }),
+      set({ "": text }) {
+        const pair = (text || "").split(",").map(vehicleOf);
+        state.change({ pair: pair.length === 2 && !pair.includes(-1) ? pair : null });
+      },
+    },
+    future: { get: () => ({ "": state.child < 0 ? "" : state.child }), set: ({ "": text }) => state.change({ child: /^\d+$/.test(text) ? Math.min(text, run.children - 1) : -1 }) },
+    t: { get: () => ({ "": (state.step / 10).toFixed(1) }), set: ({ "": text = 0 }) => state.seek(10 * (Number(text) || 0)) },
+    vehicle: { get: () => ({ "": state.vehicle === null ? "" : id(state.vehicle) }), set: ({ "": text }) => state.change({ vehicle: text && vehicleOf(text) >= 0 ? vehicleOf(text) : null }) },
+    focus: {
+      get: () => ({ "": state.focus < 0 ? "" : info.metrics[state.focus].column }),
+      set({ "": text }) {
+        const wanted = [...byId("focus").options].find(({ value }) => value === String(text ? columnOf(text) : -1)) || byId("focus").options[0];
+        if (wanted) state.change({ focus: Number(byId("focus").value = wanted.value) });
+      },
+    },
+    sort: { get: () => ({ "": encounters.order() }), set: ({ "": text }) => { if (text !== encounters.order()) encounters.sortBy(parseInt(text, 10), text ? text.endsWith("d") : false); } },
+    find: field("find", "find"), curve: field("curve", "size"), means: field("means", "size"),
+    "limit.": {
+      get: () => Object.fromEntries(info.metrics.flatMap(({ column, threshold }, m) => state.thresholds[m] === threshold ? [] : [[column, state.thresholds[m] ?? "none"]])),
+      set(texts) {
+        info.metrics.forEach(({ column, threshold }, m) => {
+          const text = texts[column], limit = text === "none" ? null : Number(text);
+          charts[m].setLimit(Number.isNaN(limit) ? threshold : limit);
+        });
+      },
+    },
+    "only.": {
+      get: () => Object.fromEntries([...state.filters].map(([key, { value }]) => [key, key === "pair" ? value.map(id).join() : value.map((part) => Number(part.toFixed(4))).join()])),
+      set(texts) {
+        for (const key of [...state.filters.keys()]) state.filter(key);
+        for (const [key, text] of Object.entries(texts)) {
+          const values = text.split(",").map(Number), kind = key[0], index = Number(key.slice(1));
+          if (values.some(Number.isNaN)) continue;
+          if (key === "pair" && values.length === 2) select.onlyPair(values.map(vehicleOf));
+          else if (key === "future") select.onlyFuture(values[0]);
+          else if (kind === "m" && charts[index] && values.length === 2) charts[index].select(values);
+          else if (kind === "v" && info.track_ids[index] !== undefined && info.models[values[0]]) models.select(index, values[0]);
+        }
+      },
+    },
+  });
 
   showTables(info.tables);
   if (byId("exact")) exactCard(info.exact);
   const redraw = () => state.change({}, "size");
   for (const button of all("[data-encounter]")) button.onclick = () => jump(info.encounters.rows[button.dataset.encounter]);
+  find.oninput = () => state.change({}, "find");
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });
   byId("curve").onchange = byId("means").onchange = redraw;
+  byId("only-pair").onclick = () => only("pair", () => select.onlyPair(state.pair));
+  byId("only-future").onclick = () => only("future", () => select.onlyFuture(state.child));
+  byId("pair-close").onclick = () => state.change({ pair: null });
   byId("release").onclick = () => {
-    [...state.filters.keys()].forEach(letGo);
-    state.change({ pair: null });
+    [...state.filters.keys()].forEach((key) => state.filter(key));
+    state.change({ pair: null, vehicle: null });
   };
   onTheme(() => { redraw(); state.tell(); });
   new ResizeObserver(() => {
-    if (!state.pair) map.fit();
+    if (state.pair) map.follow(true);
+    else map.fit();
     redraw();
   }).observe(byId("mapbox"));
-  state.change({ focus: Number(byId("focus").value) }, "selection", "thresholds");
+  onhashchange = address.read;
+  map.fit();
+  state.change({}, "selection");
+  if (!address.read() && info.encounters.rows.length) show(info.encounters.rows[0]);
 }
 
 unpack(byId("data").textContent).then((content) => runReport(runOf(content)));

@@ -7,7 +7,7 @@ const FORMATS = {
 
 // A table is {columns: [{title, as, none, hint, kind, down}], rows: [{cells, ...}]}: `as` is one of the
 // formats, `none` stands for what is missing, `down` begins with the largest, `kind` is words or names; `mark` may dress up a cell.
-function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mark = () => {} } = {}) {
+function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mark = () => {}, onSort = () => {} } = {}) {
   let by = -1, isDown = false, lines = [];
   const cellsOf = (tag, fill) => columns.map((column, i) => fill(make(column.kind ? `${tag}.${column.kind}` : tag), column, i));
 
@@ -34,13 +34,13 @@ function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mar
     for (const line of lines) line.classList.toggle("chosen", isChosen(line.row));
   }
 
-  function sortBy(column) {
-    isDown = by === column ? !isDown : Boolean(columns[column].down);
-    by = column;
+  function sortBy(column, down = by === column ? !isDown : Boolean(columns[column] && columns[column].down)) {
+    [by, isDown] = [columns[column] ? column : -1, down];
     show();
+    onSort();
   }
   show();
-  return { show, choose };
+  return { show, choose, sortBy, columns, order: () => by < 0 ? "" : `${by}${isDown ? "d" : "u"}` };
 }
 
 const showTables = (tables) => Object.entries(tables).forEach(([id, table]) => makeTable(byId(id), table));
