@@ -81,7 +81,7 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         "unsure": grows[NODES:].round(4).tolist(),
         "skew": known.skew.round(4).tolist(),
         "headway": [round(v, 4) for v in log_headway],
-        "start_rate": [round(v, 4) for v in starts_of(samples)],
+        "start": starts_of(samples, weight).round(4).tolist(),
         "habit_s": HABIT_S,
         "braking": [round(v, 4) for v in BRAKING],
         "keeps_side": keeps_side.round(4).tolist(),

@@ -10,6 +10,9 @@ moments of the recordings of TAF-BW and MONA in a part of the time split (``--da
 - speed: mean speed against the same model without guard;
 - braking: vehicles that at any step brake harder than 6 m/s².
 
+``--replayed`` counts instead how often the default guard brakes a replayed vehicle harder than 3 m/s² in the
+half second after a moment. Vehicles whose recording brakes so hard or leaps are left out.
+
 ``--cost`` measures the guard's processor time per vehicle and plan instead: 11 vehicles, 64 children that
 have come apart by some 0.3 m, best of 20.
 """
@@ -29,11 +32,18 @@ from driven import drive_scene, overlaps
 from recorded_scenes import SETS, recorded
 
 from scex_sumo.behaviors.guard.corridors import GuardProfile
-from scex_sumo.behaviors.guard.guarded import slowed
+from scex_sumo.behaviors.guard.guarded import Guarded, slowed
+from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
 from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.converters.datasets.recordings import (
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.scenarios.seeds import synthetic_seed
-from scex_sumo.scene import STEP_S, SeedScene, VehicleIndex
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 MODELS = "constant_velocity,standard_driver,risky_driver,calibrated_driver"
@@ -96,6 +106,37 @@ def cost() -> None:
     print(f"guard: {1e6 * min(spent) / len(who):.1f} us per vehicle and plan")
 
 
+def replayed(data: Path) -> None:
+    """Print for how many recorded vehicle-seconds the guard brakes hard."""
+    model = Replay(ReplayProfile())
+    guarded = Guarded(model, GuardProfile())
+    for name in (*SETS, "ngsim"):
+        count = hard = 0
+        for recording in find_recordings([data / name]):
+            loaded = load_recording(recording)
+            for moment in recording_moments(loaded, every_s=1.0):
+                scene = seed_at(loaded, moment.time_s)
+                if scene.future_valid is None or scene.future_valid.shape[1] < 30:
+                    continue
+                vehicle = np.flatnonzero(scene.future_valid[:, :30].all(axis=1) & (scene.recorded_steps >= 5))
+                if not len(vehicle):
+                    continue
+                who, now = (
+                    VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle),
+                    scene.now.speed[vehicle],
+                )
+                history, road = SceneHistory.of_scene(scene), scene.road
+                assert road is not None
+                raw, made = (one.plan(history, road, who, []) for one in (model, guarded))
+                smooth = np.abs(np.diff(raw.speed[:, :5], axis=1, prepend=now[:, None])).max(axis=1) < 0.5
+                less = made.speed[:, 4] - now < -1.5
+                hard += int((less & smooth & (raw.speed[:, 4] - now >= -1.5)).sum())
+                count += int(smooth.sum())
+        print(
+            f"{name}: {hard / 2:g} of {count / 2:g} vehicle-seconds, {hard / max(count, 1):.2%}", flush=True
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -106,7 +147,13 @@ def main() -> None:
     parser.add_argument("--every", type=float, default=10.0, help="least time between two moments, s")
     parser.add_argument("--most", type=int, default=40, help="most moments of a recording")
     parser.add_argument("--cost", action="store_true", help="measure the processor time instead")
+    parser.add_argument(
+        "--replayed", action="store_true", help="count hard braking of recorded people instead"
+    )
     arguments = parser.parse_args()
+    if arguments.replayed:
+        replayed(arguments.data)
+        return
     if arguments.cost:
         cost()
         return

@@ -12,8 +12,9 @@ from scipy.optimize import minimize
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
+from scex_sumo.behaviors.driving.seed_state import estimated_scene
 from scex_sumo.behaviors.models.likely_lanes import USUAL_M, change_features
-from scex_sumo.behaviors.models.likely_observations import STANDING_MPS, path_features, queue_place
+from scex_sumo.behaviors.models.likely_observations import STANDING_MPS, path_features, start_features
 from scex_sumo.behaviors.models.population import ASIDE_S, DEGREES, MAX_ASIDE_M, spread_of, way_across
 from scex_sumo.scene import STEP_S, SeedScene
 
@@ -90,24 +91,29 @@ def changes_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     return change, to, scale
 
 
-def starts_of(samples: Samples) -> list[float]:
-    """Rate of starting, 1/s, behind a standing leader, a moving one, and alone."""
+def starts_of(samples: Samples, weight: FloatArray) -> FloatArray:
+    """Weights of `start_features` for the log rate of starting, 1/s: Poisson regression with exposure."""
     stands = samples.speed < STANDING_MPS
-    place = queue_place(samples.gap[:, 0], samples.leader_speed[:, 0])
-    rates = []
-    for p in range(3):
-        mine = stands & (place == p)
-        started = samples.way[mine] > STARTED_M
-        went = started.any(axis=1)
-        waited = np.where(went, STEP_S * (1 + np.argmax(started, axis=1)) - 1.0, 3.0)
-        rates.append(float((went.sum() + 0.1) / (np.maximum(waited, 0.3).sum() + 1.0)))
-        print(f"standing, place {p}: {mine.sum()} vehicles, {went.sum()} start, rate {rates[-1]:.3f} 1/s")
-    return rates
+    x = start_features(samples.speed, samples.gap[:, 0], samples.leader_speed[:, 0], samples.wave)[stands]
+    started = samples.way[stands] > STARTED_M
+    went = started.any(axis=1)
+    # A vehicle needs about a second for the first metre.
+    waited = np.maximum(np.where(went, STEP_S * (1 + np.argmax(started, axis=1)) - 1.0, 3.0), 0.3)
+    each = weight[stands] / weight[stands].mean()
+    penalty = np.array([0.0, *np.ones(x.shape[1] - 1)]) / 10
+
+    def cost(w: FloatArray) -> float:
+        log = x @ w
+        return float((each * (np.exp(log) * waited - went * log)).sum() + penalty @ w**2)
+
+    w = minimize(cost, np.array([-3.0, *np.zeros(x.shape[1] - 1)]), method="BFGS").x
+    print(f"standing: {len(x)} vehicles, {went.sum()} start, log rates {w.round(2)}")
+    return np.asarray(w)
 
 
 def choices_of(scenes: Iterable[SeedScene]) -> Iterator[tuple[FloatArray, FloatArray, int]]:
     """Log shares (k,), features (k, 4) and which path was taken, where vehicles show which."""
-    for scene in scenes:
+    for scene in map(estimated_scene, scenes):
         assert scene.road is not None and scene.future is not None and scene.future_valid is not None
         if scene.future_valid.shape[1] < STEPS:
             continue

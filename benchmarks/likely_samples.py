@@ -13,13 +13,16 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.seed_state import estimated_scene
 from scex_sumo.behaviors.models.idm import CALIBRATED
 from scex_sumo.behaviors.models.likely_driver import BRAKING_MPS2, HEADWAY_S, KEPT_SHARE
 from scex_sumo.behaviors.models.likely_lanes import lanes_beside, lanes_taken
 from scex_sumo.behaviors.models.likely_observations import (
+    behind_a_wave,
     last_second,
     leaders_of,
     observations_of,
+    queue_leaders,
     side_shown,
 )
 from scex_sumo.behaviors.models.population import Population
@@ -70,6 +73,7 @@ class Samples:
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
         side_shown: (n, 3) see there.
+        wave: (n,) see `behind_a_wave`.
         beside: (n, 2) see `lanes_beside`.
         taken: (n, 2) see `lanes_taken`.
         off: (n,) how far from its path the vehicle was at most, m.
@@ -89,6 +93,7 @@ class Samples:
     curves: FloatArray
     way: FloatArray
     side_shown: FloatArray
+    wave: BoolArray
     beside: FloatArray
     taken: BoolArray
     off: FloatArray
@@ -105,6 +110,7 @@ class Samples:
 
 def samples_of(scene: SeedScene) -> Samples | None:
     """Vehicles with 3 s of recorded future on one of their paths."""
+    scene = estimated_scene(scene)
     assert scene.road is not None and scene.future is not None and scene.future_valid is not None
     if scene.future_valid.shape[1] < STEPS:
         return None
@@ -149,6 +155,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
         curves=curves,
         way=np.stack(ways, axis=1),
         side_shown=side_shown(scene)[vehicle],
+        wave=behind_a_wave(scene.now.speed[None], leaders, who.child, queue_leaders(scene, paths)),
         beside=lanes_beside(scene, scene.road, paths)[row],
         taken=lanes_taken(scene)[vehicle],
         off=off,

@@ -1,4 +1,4 @@
-"""Conflicts: leaders in a vehicle's corridor, and crossings that another vehicle reaches first."""
+"""Conflicts: leaders in a corridor, and crossings that another vehicle reaches first."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.guard.corridors import (
     SAMPLE_S,
     SAMPLES,
@@ -19,13 +19,16 @@ from scex_sumo.behaviors.guard.corridors import (
 )
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
+from scex_sumo.scene import STEP_S, SceneHistory, States, VehicleIndex
 
 MAX_PAIRS = 1024  # at a time: bounds the memory, and fits the processor's cache
 SAME_WAY = 0.5  # cosine above which one vehicle follows the other instead of waiting for it
 TOWARDS = -0.5  # cosine below which two vehicles approach each other head-on
 ORDER_DOUBT_M = 0.5
 AT_ONCE_M = 0.5
+SAFE_S, SAFE_STOP_S, SAFE_STEP_S = 1.5, 3.0, 0.25  # of others that go the same way, and of all others
+SAFE_M = 0.3  # margin between two boxes
+KEPT_SHARE = 0.8  # of a smaller present margin
 CROSSING_M = 0.5  # the crossing is where the offset is this near to the smallest one
 
 
@@ -33,20 +36,21 @@ CROSSING_M = 0.5  # the crossing is where the offset is this near to the smalles
 class StopLines:
     """P moving stop lines of n vehicles, sorted by row.
 
-    Until `stop_time` the vehicle's centre stays behind position + speed·t - deceleration·t²/2.
+    The vehicle's centre stays behind position + speed·t - deceleration·t²/2.
     """
 
     row: IntArray  # (P,) the vehicle
     position: FloatArray  # (P,) m along its plan
-    speed: FloatArray  # (P,) of the line, m/s, at least 0
-    deceleration: FloatArray  # (P,) of the line, m/s², at least 0
-    stop_time: FloatArray  # (P,) when the line stands still, s; inf if it does not
-    enter: FloatArray  # (P,) when the other vehicle enters the corridor, s; 0 if it is inside
-    until: FloatArray  # (P,) when the stop line ends, s
-    firm: BoolArray  # (P,) True if the vehicle may brake harder than comfortably
+    speed: FloatArray  # (P,) m/s, at least 0
+    deceleration: FloatArray  # (P,) m/s², at least 0
+    stop_time: FloatArray  # (P,) when the line stands, s; inf: never
+    enter: FloatArray  # (P,) when the other enters the corridor, s; 0: is inside
+    until: FloatArray  # (P,) when the line ends, s
+    firm: BoolArray  # (P,) hard braking is allowed
+    safe: BoolArray  # (P,) both stay apart for a while with constant velocity and heading
 
     def joined_by(self, rows: IntArray) -> StopLines:
-        """Add a stop line without effect for each further vehicle."""
+        """Add lines without effect for further vehicles."""
         further = np.setdiff1d(rows, self.row)
         if not len(further):
             return self
@@ -54,7 +58,7 @@ class StopLines:
         idle = np.zeros(len(further))
         values = {f.name: np.concatenate([getattr(self, f.name), idle])[order] for f in fields(self)}
         values["row"] = np.concatenate([self.row, further])[order]
-        values["firm"] = values["firm"].astype(np.bool_)
+        values |= {name: values[name].astype(np.bool_) for name in ("firm", "safe")}
         return StopLines(**values)
 
 
@@ -85,7 +89,7 @@ def find_stop_lines(
 
 
 def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
-    """Return pairs of a moving vehicle and another one whose motions have overlapping bounds."""
+    """Return pairs whose motions have overlapping bounds."""
     paths, around, scene, who = view.paths, view.around, view.history.scene, view.who
     others = around.others
     half = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.profile.margin
@@ -104,14 +108,14 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Blocked:
-    """How others cover a corridor at K moments, (K, P)."""
+    """Others in corridors at K moments, (K, P)."""
 
-    inside: BoolArray  # the other's body is in the corridor
+    inside: BoolArray
     s: FloatArray  # arc length of the other's centre, m
-    offset: FloatArray  # its distance from the middle line, m, left positive
-    cos: FloatArray  # cosine of its heading against the corridor's
-    low: FloatArray  # place of the vehicle's centre at which its front bumper touches the other, m
-    high: FloatArray  # place at which its rear bumper leaves the other, m
+    offset: FloatArray  # from the middle line, m, left positive
+    cos: FloatArray  # of its heading against the corridor's
+    low: FloatArray  # place of the vehicle's centre where its front touches the other, m
+    high: FloatArray  # place where its rear leaves the other, m
 
 
 def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
@@ -142,25 +146,60 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
         enter=meeting.enter[k],
         until=meeting.leave[k] + profile.time_margin,
         firm=in_front | (speed == 0) | meeting.stops[k],
+        safe=_stay_apart(view, i[k], j[k], np.where(speed > 0, SAFE_S, SAFE_STOP_S)),
     )
+
+
+def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> BoolArray:
+    """Return (P,) whether pairs stay apart for (P,) s with constant headings, own speed and other's braking.
+
+    A small present margin may shrink a little.
+    """
+    around, who, scene = view.around, view.who, view.history.scene
+    child, vehicle = who.child[i], who.vehicle[i]
+    one, two = view.history.now[child, vehicle], around.others.states[child, j]
+    braking = around.braking[child, j]
+    t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
+    braked = np.minimum(t, (np.maximum(two.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
+    ways = (
+        np.maximum(one.speed, 0.0)[:, None] * t,
+        np.maximum(two.speed, 0.0)[:, None] * braked - braking[:, None] / 2 * braked**2,
+    )
+    sizes = (scene.length[vehicle], scene.width[vehicle]), (around.others.length[j], around.others.width[j])
+    boxes = [
+        Rectangles.of(
+            States(
+                x=now.x[:, None] + way * np.cos(now.heading)[:, None],
+                y=now.y[:, None] + way * np.sin(now.heading)[:, None],
+                heading=np.repeat(now.heading[:, None], len(t), axis=1),
+                speed=way,
+            ),
+            length[:, None],
+            width[:, None],
+        )
+        for now, way, (length, width) in zip((one, two), ways, sizes, strict=True)
+    ]
+    distance = np.where(t <= time_s[:, None], rectangle_distance(*boxes), np.inf)
+    least: BoolArray = distance.min(axis=1) >= np.minimum(SAFE_M, KEPT_SHARE * distance[:, 0])
+    return least & (distance[:, 0] > 0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Meeting:
-    """How P pairs meet, (P,); places are of the vehicle's centre, m along the plan."""
+    """Meetings of P pairs, (P,); places of the vehicle's centre, m along the plan."""
 
-    enter: FloatArray  # when the other one first is in the corridor, s; 0 for now
-    leave: FloatArray  # when it has left, s; inf if that is later than the last sample
-    position: FloatArray  # present place of the moving stop line behind the other
+    enter: FloatArray  # when the other enters the corridor, s
+    leave: FloatArray  # when it has left, s; inf after the last sample
+    position: FloatArray  # of the moving stop line now
     speed: FloatArray  # of that line, m/s; 0 if the other crosses
-    entry: FloatArray  # place to stop at before the other has entered
+    entry: FloatArray  # place to stop at before the other enters
     high: FloatArray  # place from which the vehicle is through
-    lead: FloatArray  # distance by which the vehicle is ahead when the other reaches the crossing, m
+    lead: FloatArray  # way ahead of the other at the crossing, m
     stops: BoolArray  # the vehicle can stop before the entry
 
 
 def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, profile: GuardProfile) -> _Meeting:
-    """Find where and when pairs meet; the other enters the corridor at least once."""
+    """Find where and when pairs meet."""
     inside, pair = blocked.inside, np.arange(len(v))
     enter = inside.argmax(axis=0)
     leave = SAMPLES - inside[::-1].argmax(axis=0)
@@ -184,8 +223,7 @@ def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, profile: Gu
         entry=entry,
         high=np.where(inside, blocked.high, -np.inf).max(axis=0),
         lead=v * (SAMPLE_S * crossing) - blocked.s[crossing, pair],
-        # A slow vehicle stops where it is: better beside the other's way than in it. Behind one that goes
-        # the same way, it is enough to reach its speed.
+        # Behind one that goes the same way, it is enough to reach its speed.
         stops=np.maximum(entry, AT_ONCE_M)
         >= np.maximum(v - speed, 0.0) ** 2 / (2 * profile.yield_deceleration),
     )
@@ -199,21 +237,18 @@ def _yields(
     other_first: BoolArray,
     profile: GuardProfile,
 ) -> BoolArray:
-    """(P,) whether the vehicle gives way.
+    """Return (P,) whether the vehicle gives way.
 
-    It does so to one that is inside the corridor and not behind. Else the only one of both that can stop
-    gives way. If both can, or neither, the later one at the crossing does; close cases go by number.
+    It does to one inside the corridor and not behind. Else the only one that can stop gives way; if both or
+    neither can, the later one at the crossing, and close cases by number.
 
     Args:
-        v: (P,) speed, m/s.
-        v_other: (P,) the other's speed, m/s.
-        gives_way: (P,) False if the other never gives way.
-        other_first: (P,) the other's number is the smaller one.
+        gives_way: (P,) whether the other ever gives way.
+        other_first: (P,) whether the other's number is smaller.
     """
     faster = np.where(meeting.speed > 0, np.maximum(v_other - v, 0.0), v_other)
     other_stops = gives_way & (meeting.enter >= faster / (2 * profile.yield_deceleration))
-    # The first one goes unless it is clearly later, the second only if it is clearly earlier. So they never
-    # both go, although each sees the other's way a little differently.
+    # So they never both go, although each sees the other's way a little differently.
     margin = profile.order_margin
     later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
     yields = np.where(meeting.stops == other_stops, later, meeting.stops)
@@ -222,7 +257,7 @@ def _yields(
 
 
 def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
-    """Find how the others j cover the corridors of the vehicles i."""
+    """Project the others j onto the corridors of the vehicles i."""
     paths, around, profile = view.paths, view.around, view.profile
     child, vehicle = view.who.child[i], view.who.vehicle[i]
     # Pairs are the last axis, so that operations run along memory.
@@ -240,18 +275,3 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     margin = np.where(beside | (cos < TOWARDS), profile.alongside_margin, profile.margin)
     inside = (body <= margin + swing) & (low <= paths.corner_arc[i, -1])
     return _Blocked(inside=inside, s=s, offset=offset, cos=cos, low=low, high=high)
-
-
-FAR_M = 25.0  # boxes may touch only if the centres are nearer
-
-
-@owner_cache
-def box_distances(scene: SeedScene) -> FloatArray:
-    """(V, V) distance of the vehicles' boxes in a seed scene, m; inf if the centres are 25 m apart."""
-    now, length, width = scene.now, scene.length, scene.width
-    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
-    i, j = np.nonzero(np.hypot(dx, dy) < FAR_M)
-    one, two = (Rectangles.of(now[side], length[side], width[side]) for side in (i, j))
-    distance = np.full(dx.shape, np.inf)
-    distance[i, j] = rectangle_distance(one, two)
-    return distance

@@ -38,18 +38,17 @@ class PlannedWays:
     arc: FloatArray  # (n, H + 1) m, does not fall
     speed: FloatArray  # (n, H) planned, m/s
     start_speed: FloatArray  # (n,) at present, m/s
-    # (n, G) vertices of the corridor's middle line, m: some planned poses, and one straight on at the braking
-    # distance
+    # (n, G) vertices of the middle line, m: planned poses, and one at the braking distance
     corner_x: FloatArray
     corner_y: FloatArray  # (n, G) m
     corner_arc: FloatArray  # (n, G) m
-    corner_cos: FloatArray  # (n, G - 1) direction of the middle line from each vertex to the next
-    corner_sin: FloatArray  # (n, G - 1) likewise
-    # (2, n, G - 1) reach of the body's ends beyond half its width, to the left and right, m
+    corner_cos: FloatArray  # (n, G - 1) direction to the next vertex
+    corner_sin: FloatArray  # (n, G - 1)
+    # (2, n, G - 1) reach of the body's ends beyond half its width, left and right, m
     swing: FloatArray
 
     def poses(self, rows: IntArray, s: FloatArray, speed: FloatArray) -> States:
-        """(r, H) states of some vehicles at arc lengths (r, H) within the plan, with given speeds."""
+        """Return states (r, H) at arc lengths (r, H)."""
         arc = self.arc[rows]
         last = arc.shape[1] - 1
         # The last planned pose that is not beyond s.
@@ -100,7 +99,7 @@ def planned_paths(plan: Plan, history: SceneHistory, who: VehicleIndex, profile:
 
 
 def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(n, G - 1) cosine, sine and length of the segments between vertices."""
+    """Return cosine, sine and length (n, G - 1) of segments."""
     dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
     length = np.sqrt(dx**2 + dy**2)
     safe = np.maximum(length, 1e-9)
@@ -114,7 +113,7 @@ def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, F
 def _swing(
     cos: FloatArray, sin: FloatArray, way: FloatArray, heading: FloatArray, length: FloatArray
 ) -> FloatArray:
-    """(2, n, G - 1) `PlannedWays.swing`, from the body's angle to its way and the way's curvature."""
+    """Return `PlannedWays.swing`, from the body's angle to its way and the curvature."""
     half = length[:, None] / 2
     # At each vertex but the last: sine of the body's angle to the mean direction of both segments.
     c, s = cos.copy(), sin.copy()
@@ -144,8 +143,7 @@ def onto_ways(
     """Project places (K, P) onto the middle lines of corridors i (P,).
 
     Returns:
-        (K, P) arc length (straight on past both ends), offset (left positive), cosine and sine of the line's
-        direction, and `PlannedWays.swing` on that side.
+        (K, P) arc length, offset (left positive), cosine and sine of the direction, swing on that side.
     """
     begin_x, begin_y, begin = (a[i].T.copy() for a in (paths.corner_x, paths.corner_y, paths.corner_arc))
     cos, sin = paths.corner_cos[i].T.copy(), paths.corner_sin[i].T.copy()  # (G - 1, P)
@@ -185,10 +183,7 @@ class Expected:
 
 @owner_cache
 def expected(history: SceneHistory, road: Road) -> Expected:
-    """Predict all at their present speeds: vehicles along their paths, pedestrians and cyclists straight on.
-
-    Kept with the history, as all guarded models of a batch share it.
-    """
+    """Predict vehicles along their paths, and pedestrians and cyclists straight on, at present speeds."""
     others = everyone(history)
     now = others.states
     t: FloatArray = SAMPLE_S * np.arange(SAMPLES, dtype=np.float64)
@@ -210,7 +205,7 @@ def expected(history: SceneHistory, road: Road) -> Expected:
 def _along_paths(
     history: SceneHistory, road: Road, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(C, V, K) x, y, heading of vehicles that keep their speed along their path."""
+    """Return x, y, heading (C, V, K) of vehicles along their paths."""
     shape = history.now.shape
     child, vehicle = (a.ravel() for a in np.indices(shape))
     who = VehicleIndex(child=child, vehicle=vehicle)
@@ -225,7 +220,7 @@ def _along_paths(
     v = np.maximum(now.speed, 0.0)
     drift = v * np.sin(error)
     fade = np.exp(-t / DRIFT_S)
-    # The drift dies out; a vehicle beside its path stays there, e.g. after a lane change.
+    # The drift dies out; the offset stays.
     side = offset[:, None] + drift[:, None] * (DRIFT_S * (1 - fade))
     at = s[:, None] + (v * np.cos(error))[:, None] * t
     px, py, cos, sin, direction, _ = sample_paths(paths, np.repeat(row, len(t)), at.ravel()).reshape(
@@ -246,11 +241,7 @@ def _nearest_path(
     y: FloatArray,
     heading: FloatArray,
 ) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
-    """Find the path that each vehicle is on: the straightest, unless another fits clearly better.
-
-    Returns:
-        (n,) rows, and the result of `foot_points`.
-    """
+    """Return rows (n,) of the paths that vehicles are on, the straightest in doubt, and `foot_points`."""
     row = straight.copy()
     feet = foot_points(paths, row, x, y, way)
     best = _misfit(feet, heading)
@@ -282,22 +273,23 @@ class GuardProfile:
     """Parameters of `Guarded`.
 
     Attributes:
-        comfort_deceleration: ``b`` in m/s², normal braking of the vehicle and its leader.
-        max_deceleration: braking limit in emergencies, m/s².
-        yield_deceleration: braking limit for giving way to a vehicle that is not there yet, m/s².
+        comfort_deceleration: ``b`` in m/s², of the vehicle and its leader.
+        max_deceleration: in emergencies, m/s².
+        safe_deceleration: for others that are missed with constant velocity and heading, m/s².
+        yield_deceleration: for vehicles that are not there yet, m/s².
         reaction_time: ``tau`` in s; the time between two plans.
         minimum_gap: bumper to bumper, m.
-        release_acceleration: for regaining the planned speed, m/s².
-        margin: of the swept corridor beyond the vehicle's width, on each side, m.
-        alongside_margin: likewise against vehicles that are alongside or oncoming, m.
-        time_margin: between the vehicle and one that crosses its way, s.
-        touching: pairs whose boxes are nearer than this in the seed scene are ignored, m. Recorded boxes of
-            trailers, of vehicles side by side and of one vehicle tracked twice are that near.
-        order_margin: vehicles that reach a conflict this near to each other go by number, m.
+        release_acceleration: back to the planned speed, m/s².
+        margin: of the corridor beyond the width, on each side, m.
+        alongside_margin: the same for vehicles alongside or oncoming, m.
+        time_margin: to crossing vehicles, s.
+        touching: pairs nearer than this in the seed scene are ignored, m, e.g. trailers.
+        order_margin: of a crossing; closer cases go by number, m.
     """
 
     comfort_deceleration: float = 4.5
     max_deceleration: float = 9.0
+    safe_deceleration: float = 2.5
     yield_deceleration: float = 5.5
     reaction_time: float = 0.5
     minimum_gap: float = 1.0

@@ -2,35 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
+from functools import partial
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.guard.conflicts import StopLines, find_stop_lines
+from scex_sumo.behaviors.guard.conflicts import SAFE_S, StopLines, find_stop_lines
 from scex_sumo.behaviors.guard.corridors import GuardProfile, PlannedWays, planned_paths
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 LAST_GAP_M = 0.2  # that hard braking aims for
+MORE_THAN_NEEDED = 1.5  # braking limit, times the least braking that is enough
 LEAP_MPS2 = 6.0  # a plan that gains speed faster than this, or more way in a step, leaps
 LEAP_M = 0.1
 MIN_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
+
+Bounds: TypeAlias = Callable[[StopLines, IntArray, int, FloatArray, FloatArray], FloatArray]
+"""Return the highest speed (n,) of vehicles with stop lines after a step, m/s, which braking can reach.
+
+Arguments: the stop lines; the first line (n,) of each vehicle; the step; place (P,), m along its plan, and
+speed (P,), m/s, of each line's vehicle.
+"""
 
 
 def safe_speed(
     gap_m: FloatArray, leader_speed_mps: FloatArray, *, deceleration: float, reaction_time: float
 ) -> FloatArray:
-    """(n,) highest speed from which a vehicle still stops behind its leader, m/s, at least 0.
+    """Return (n,) speeds from which vehicles stop behind leaders that brake with b, m/s.
 
-    v_safe = -bτ + √((bτ)² + v_leader² + 2·b·gap); the leader may brake with b at any moment.
+    v_safe = -bτ + √((bτ)² + v_leader² + 2·b·gap).
 
     Args:
-        gap_m: (n,) free way to the leader; may be negative.
-        deceleration: b, m/s², of both.
+        gap_m: (n,) free way; may be negative.
+        deceleration: b, m/s².
         reaction_time: τ, s.
 
     Source: Krauss 1998.
@@ -53,9 +62,9 @@ class Steers(Protocol):
 class Guarded:
     """A model whose vehicles drive slowly enough to stop for others.
 
-    The way of the plan stays. The speed stays below `safe_speed` for every leader in the swept corridor and
-    every crossing that another vehicle reaches first. A model that `Steers` also keeps clear of vehicles
-    beside it. The motion of others is predicted from the history alone, so plans do not depend on each other.
+    The way of the plan stays. Speeds stay below `safe_speed` for leaders in the swept corridor and for
+    crossings that others reach first. Braking is as hard as needed, and gentle for others that are missed
+    with constant velocity and heading. A model that `Steers` also keeps clear of vehicles beside it.
     """
 
     def __init__(self, model: Behavior, profile: GuardProfile | None = None) -> None:
@@ -65,18 +74,25 @@ class Guarded:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Return the model's plan, slowed down where necessary; see `Behavior.plan`."""
+        """Return the model's plan, slowed down where necessary."""
         made = self.model.plan(history, road, who, rng)
         return slowed(made, history, road, who, self.profile) if len(who) else made
 
 
 def slowed(plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile) -> Plan:
-    """Re-time a plan (n, H) along its way so that vehicles can always stop; other rows stay the same."""
+    """Re-time a plan (n, H) along its way so that vehicles can always stop."""
+    return retimed(plan, history, road, who, profile, partial(_bounds, profile=profile))
+
+
+def retimed(
+    plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile, bounds: Bounds
+) -> Plan:
+    """Re-time a plan (n, H) along its way under the bounds of its stop lines."""
     paths = planned_paths(plan, history, who, profile)
     holds = find_stop_lines(paths, history, road, who, profile).joined_by(_leaping(paths))
     if not len(holds.row):
         return plan
-    speed, arc, changed = _timed(paths, holds, profile)
+    speed, arc, changed = _timed(paths, holds, profile, bounds)
     rows = np.flatnonzero(changed)
     if not len(rows):
         return plan
@@ -86,10 +102,7 @@ def slowed(plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, pro
 
 
 def _leaping(paths: PlannedWays) -> IntArray:
-    """Return vehicles whose plan does not start at their present state.
-
-    Such a model ignores that it was slowed down, e.g. a replay.
-    """
+    """Return vehicles whose plan leaps, as a replay does that was slowed down."""
     v = paths.start_speed
     fast = paths.speed[:, 0] > v + LEAP_MPS2 * STEP_S
     far = paths.arc[:, 1] > (v + LEAP_MPS2 * STEP_S / 2) * STEP_S + LEAP_M
@@ -97,9 +110,9 @@ def _leaping(paths: PlannedWays) -> IntArray:
 
 
 def _timed(
-    paths: PlannedWays, holds: StopLines, profile: GuardProfile
+    paths: PlannedWays, holds: StopLines, profile: GuardProfile, bounds: Bounds
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(n, H) speeds and arc lengths under all bounds, and (n,) which vehicles are slowed."""
+    """Return speeds and arc lengths (n, H), and (n,) which vehicles are slowed."""
     speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
     changed = np.zeros(len(speed), dtype=np.bool_)
     rows, first = np.unique(holds.row, return_index=True)  # rows are sorted
@@ -112,9 +125,8 @@ def _timed(
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
     timed = np.empty((2, *planned.shape))
     for step, (speed_then, way_then) in enumerate(zip(planned, way, strict=True)):
-        bound, braking = _bounds(holds, profile, step, np.repeat(s, count), np.repeat(v, count), first)
-        wanted = np.minimum(speed_then, bound)
-        wanted = np.minimum(np.maximum(wanted, v - braking * STEP_S), v + gain[step] * STEP_S)
+        bound = bounds(holds, first, step, np.repeat(s, count), np.repeat(v, count))
+        wanted = np.minimum(np.minimum(speed_then, bound), v + gain[step] * STEP_S)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
         held |= (following < speed_then - MIN_CHANGE_MPS) | (moved < way_then - LEAP_M)
@@ -127,42 +139,60 @@ def _timed(
 
 
 def _bounds(
-    holds: StopLines, profile: GuardProfile, step: int, s: FloatArray, v: FloatArray, first: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the speed limit after a step and the present braking limit of each vehicle with a stop line.
-
-    Args:
-        s: (P,) place of the vehicle, m along its plan.
-        v: (P,) its speed, m/s.
-        first: index of each vehicle's first stop line.
-    """
+    holds: StopLines, first: IntArray, step: int, s: FloatArray, v: FloatArray, *, profile: GuardProfile
+) -> FloatArray:
+    """Return the guard's `Bounds`."""
     t = step * STEP_S
-    gone = np.minimum(t, holds.stop_time)
-    position = holds.position + holds.speed * gone - 0.5 * holds.deceleration * gone**2
-    leader = np.maximum(holds.speed - holds.deceleration * gone, 0.0)
+    position, leader = _lines(holds, t)
     gap = position - s
-    b, tau = profile.comfort_deceleration, profile.reaction_time
-    follow = safe_speed(gap - profile.minimum_gap, leader, deceleration=b, reaction_time=tau)
-    closing = np.where(v > leader, v**2 - leader**2, 0.0)
-    braking = np.where(holds.firm, closing, 0.0)
-    braking /= 2 * np.maximum(gap - LAST_GAP_M, LAST_GAP_M)
-    bound = np.where(gap < 0, 0.0, follow)
+    safe = partial(safe_speed, deceleration=profile.comfort_deceleration, reaction_time=profile.reaction_time)
+    bound = np.where(gap < 0, 0.0, safe(gap - profile.minimum_gap, leader))
     early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
     if len(early):
-        # A vehicle that will follow one that is not there yet must not reach the place before it.
-        entry = holds.position[early] + holds.speed[early] * holds.enter[early]
-        ahead, left = entry - s[early], np.maximum(holds.enter[early] - t, STEP_S)
-        wait = safe_speed(
-            ahead - profile.minimum_gap, np.zeros_like(ahead), deceleration=b, reaction_time=tau
-        )
-        wait = np.maximum(wait, np.maximum(ahead, 0.0) / left)
-        # It is enough to stop before the place, or to arrive no sooner than the other one.
-        stop = v[early] ** 2 / (2 * np.maximum(ahead - LAST_GAP_M, LAST_GAP_M))
-        late = 2 * np.maximum(v[early] - np.maximum(ahead, 0.0) / left, 0.0) / left
-        braking[early] = np.where(holds.firm[early], np.minimum(stop, late), 0.0)
-        braking[early] = np.minimum(braking[early], profile.yield_deceleration)
-        bound[early] = np.minimum(follow[early], wait)
-    active = holds.until > t
-    lowest = np.minimum.reduceat(np.where(active, bound, np.inf), first)
-    hardest = np.maximum.reduceat(np.where(active, braking, 0.0), first)
-    return lowest, np.clip(hardest, b, profile.max_deceleration)
+        # It must not reach the place before the vehicle that it will follow.
+        ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early]
+        wait = safe(ahead - profile.minimum_gap, np.zeros_like(ahead))
+        wait = np.maximum(wait, np.maximum(ahead, 0.0) / np.maximum(holds.enter[early] - t, STEP_S))
+        bound[early] = np.minimum(bound[early], wait)
+    mild = min(profile.safe_deceleration, profile.comfort_deceleration)
+    most = np.where(holds.firm, profile.max_deceleration, profile.comfort_deceleration)
+    most[early] = np.minimum(most[early], profile.yield_deceleration)
+    limit = np.clip(MORE_THAN_NEEDED * needed_braking(holds, t, s, v), mild, most)
+    limit = np.where(holds.safe & (t < SAFE_S / 2), mild, limit)
+    allowed = np.where(holds.until > t, np.maximum(bound, v - limit * STEP_S), np.inf)
+    lowest: FloatArray = np.minimum.reduceat(allowed, first)
+    return lowest
+
+
+def needed_braking(
+    holds: StopLines, t: float, s: FloatArray, v: FloatArray, entry_gap_m: float = LAST_GAP_M
+) -> FloatArray:
+    """Return (P,) constant decelerations with which vehicles just stay behind their stop lines, m/s².
+
+    Args:
+        t: s since the plan began.
+        s: (P,) places of vehicles, m along their plans.
+        v: (P,) m/s.
+        entry_gap_m: to a vehicle that enters later.
+    """
+    position, leader = _lines(holds, t)
+    room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)
+    needed: FloatArray = np.maximum(v - leader, 0.0) ** 2 / room
+    brakes = np.flatnonzero((holds.deceleration > 0) & (leader > 0))
+    to_stop = leader[brakes] ** 2 / holds.deceleration[brakes]
+    needed[brakes] = np.maximum(needed[brakes], v[brakes] ** 2 / (room[brakes] + to_stop))
+    early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
+    ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early] - entry_gap_m
+    # It is enough to stop before the place, or to arrive no sooner than the other one.
+    stop = v[early] ** 2 / (2 * np.maximum(ahead, LAST_GAP_M))
+    left = np.maximum(holds.enter[early] - t, STEP_S)
+    late = 2 * np.maximum(v[early] - np.maximum(ahead, 0.0) / left, 0.0) / left
+    needed[early] = np.minimum(stop, late)
+    return needed
+
+
+def _lines(holds: StopLines, t: float) -> tuple[FloatArray, FloatArray]:
+    """Return positions (P,) m and speeds (P,) m/s of stop lines at a time."""
+    gone = np.minimum(t, holds.stop_time)
+    position: FloatArray = holds.position + holds.speed * gone - 0.5 * holds.deceleration * gone**2
+    return position, np.maximum(holds.speed - holds.deceleration * gone, 0.0)

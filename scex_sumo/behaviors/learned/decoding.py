@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.driving.leaders import everyone
+from scex_sumo.behaviors.driving.beside import offsets_beside, reached
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive, map_plan
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.learned.surface import path_room
-from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 RETURN_S = 3.0  # time constant of returning to the path if no offset is wanted
 EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface
@@ -137,101 +134,3 @@ def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
     step = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
     last = np.maximum.accumulate(step, axis=1)
     return np.asarray(np.take_along_axis(padded, last, axis=1))
-
-
-NEAR_M = 25.0  # between centres of vehicles that can get beside each other within a plan
-MARGIN_M = 0.4  # between two boxes
-AHEAD_M = 1.0  # boxes this far ahead or behind count as beside
-ALONG = 0.5  # sine of the angle to the path; at larger angles a vehicle crosses it
-STRAIGHTENS_S, STRAIGHTENS_M = 1.0, 6.0  # after this time, at least this way, a third of an angle is left
-OWN_DRIFT_S = 0.3  # the vehicle stops its own drift sooner
-ASIDE_SPEED = 0.8  # m/s, lateral, towards a narrower place ahead
-ASIDE_M, ASIDE_S = 0.5, 1.0  # largest shift, and its time constant, away from a box that is too near
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Boxes:
-    s: FloatArray  # arc length of the centre, m
-    offset: FloatArray  # of the centre from the path, m, left positive
-    sine: FloatArray  # of the angle to the path
-    ahead: FloatArray  # speed along the path, m/s
-    along: FloatArray  # half extent along the path, m
-    across: FloatArray  # half extent across it, m
-
-    @classmethod
-    def of(
-        cls,
-        paths: SeedPaths,
-        row: IntArray,
-        near: FloatArray,
-        states: States,
-        length: FloatArray,
-        width: FloatArray,
-    ) -> _Boxes:
-        """Project boxes onto paths, near arc lengths."""
-        s, offset, direction = foot_points(paths, row, states.x, states.y, near)
-        turned = wrap(states.heading - direction)
-        cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
-        return cls(
-            s=s,
-            offset=offset,
-            sine=np.sin(turned),
-            ahead=np.maximum(states.speed, 0.0) * np.cos(turned),
-            along=(cos * length + sin * width) / 2,
-            across=(cos * width + sin * length) / 2,
-        )
-
-
-def offsets_beside(
-    history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
-
-    Two boxes share the space between them; others keep their speed and straighten up.
-    """
-    everybody = everyone(history)
-    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
-    near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
-    near &= everybody.present[who.child]
-    near[np.arange(len(who)), who.vehicle] = False
-    i, j = np.nonzero(near)
-    own, other = (
-        _Boxes.of(
-            paths, row[i], s[i], everybody.states[who.child[i], k], everybody.length[k], everybody.width[k]
-        )
-        for k in (who.vehicle[i], j)
-    )
-    side = np.where(other.offset > own.offset, 1.0, -1.0)
-    t: FloatArray = STEP_S * np.arange(way.shape[1], dtype=np.float64)
-    ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - way[i]
-    along, apart = own.along + other.along, np.abs(other.offset - own.offset)
-    beside = (np.abs(ahead[:, 0]) < along) | (apart > own.across + other.across)
-    beside &= np.abs(other.sine) < ALONG
-    counts = beside[:, None] & (np.abs(ahead) < along[:, None] + AHEAD_M)
-    free = apart[:, None] - _taken(own, other, side, everybody.width[j], t) - MARGIN_M
-    room = reached(np.where(counts, np.maximum(free / 2, -ASIDE_M), np.inf))
-    room *= np.where(room < 0, 1 - np.exp(-t / ASIDE_S), 1.0)
-    least, most = np.full(way.shape, -np.inf), np.full(way.shape, np.inf)
-    left, right = side > 0, side < 0
-    np.minimum.at(most, i[left], own.offset[left, None] + room[left])
-    np.maximum.at(least, i[right], own.offset[right, None] - room[right])
-    return least, most
-
-
-def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:
-    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m."""
-    ahead = np.abs(other.ahead)
-    straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)
-    left = np.exp(-ahead[:, None] * t / straightens[:, None])
-    drift = np.maximum(-side * other.sine, 0.0) * straightens
-    own_drift = np.maximum(side * own.ahead * own.sine, 0.0) * OWN_DRIFT_S
-    turned, straight = other.across[:, None], (width / 2 + drift)[:, None]
-    taken: FloatArray = (own.across + own_drift)[:, None] + straight + (turned - straight) * left
-    return taken
-
-
-def reached(room: FloatArray) -> FloatArray:
-    """Return (n, H + 1) room from which the later room can be reached at `ASIDE_SPEED`."""
-    reach = ASIDE_SPEED * STEP_S * np.arange(room.shape[1])
-    reachable: FloatArray = np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach
-    return reachable

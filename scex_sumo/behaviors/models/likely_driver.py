@@ -1,10 +1,8 @@
-"""Likely driver: a driver per vehicle and child, drawn from a population that was fitted to recordings.
+"""Likely driver: a driver per vehicle and child, drawn from a population fitted to recordings.
 
-A drawn driver follows the Intelligent Driver Model like ``calibrated_driver``, with its own time headway and
-an additional acceleration. A standing one starts at a random time. It keeps its lateral place, or changes
-lanes, and takes one of its paths. The acceleration shown in the seed scene beyond that of the model goes on
-for a while. All draws follow from `SceneHistory.route_draw`, so all plans of a child have the same driver.
-They are conditioned on the last second before the seed scene.
+It follows the Intelligent Driver Model with its own headway, additional acceleration, place in the lane,
+path, start from standing and attention. All draws follow from `SceneHistory.route_draw` and the last second
+before the seed moment, so all plans of a child have the same driver.
 """
 
 from __future__ import annotations
@@ -15,28 +13,39 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
-from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, desired_speed, desired_speeds
+from scex_sumo.behaviors.driving.seed_state import estimated_history
+from scex_sumo.behaviors.models.attention import attention_of, kept_clear, respond
+from scex_sumo.behaviors.models.idm import (
+    CALIBRATED,
+    HABIT_STEPS,
+    IdmParameters,
+    desired_speed,
+    desired_speeds,
+)
 from scex_sumo.behaviors.models.likely_lanes import change_shares, change_to, lanes_beside
 from scex_sumo.behaviors.models.likely_observations import (
     STANDING_MPS,
     PathObservations,
+    behind_a_wave,
     demanded_acceleration,
     last_second,
     leaders_of,
     observations_of,
     path_edges,
-    queue_place,
+    queue_leaders,
     room_beside,
     side_shown,
+    start_features,
 )
 from scex_sumo.behaviors.models.population import (
+    FAR_M,
     MAX_ASIDE_M,
     MAX_CHANGE_M,
     node_shares,
@@ -59,6 +68,7 @@ BRAKING_MPS2 = (0.5, 8.0)  # bounds
 ROOM_SHARE = 0.8  # of the room to vehicles beside, the largest random offset
 MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
+TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
 _DRIVER, _PATH, _START = 0, 7, 10  # salts of draws; each plan has its own start
 
@@ -69,15 +79,17 @@ class LikelyProfile:
 
     Attributes:
         spread: factor on the variation between drivers; 1 as recorded, 0 the expected driver.
+        inattention: factor on the time that drivers look away; 1 as observed, 0 never.
         path: as in `IdmProfile`, or ``fitted``: drawn per child and vehicle, by how well each path fits the
             vehicle's motion.
     """
 
     spread: float = 1.0
+    inattention: float = 1.0
     path: PathChoice | str = "fitted"
 
     def __post_init__(self) -> None:
-        check_positive(self, "spread", zero=True)
+        check_positive(self, "spread", "inattention", zero=True)
         if self.spread > MAX_SPREAD:
             raise UsageError(f"spread: got {self.spread!r}; give a number up to {MAX_SPREAD}")
         if self.path != "fitted":
@@ -90,16 +102,18 @@ class Drivers:
 
     headway: FloatArray  # (n,) s
     braking: FloatArray  # (n,) comfortable deceleration behind a leader, m/s²
-    additional: FloatArray  # (n, 3) acceleration added in each second after the seed scene, m/s²
-    aside: FloatArray  # (n, 31) wanted offset from the path now and after each step, m, left positive
+    additional: FloatArray  # (n, 3) m/s²
+    aside: FloatArray  # (n, 31) wanted offset from the path, m, left positive
     crawl: FloatArray  # (n,) factor on the speed of a standing vehicle
     leader: IntArray  # (n,) column of the leader in the seed scene
-    slack: FloatArray  # (n,) addition to the gap to that leader, m, see `PathObservations`
-    habit: FloatArray  # (n,) acceleration shown in the seed scene beyond that of the model, m/s²
+    gap: FloatArray  # (n,) to that leader in the seed scene, m
+    opening: FloatArray  # (n,) its speed in the seed scene beyond that of the vehicle, m/s
+    slack: FloatArray  # (n,) as in `PathObservations`
+    habit: FloatArray  # (n,) shown acceleration beyond that of the model, m/s²
 
 
 class LikelyDriver:
-    """A random driver for every vehicle of every child, as people drive."""
+    """A random driver for every vehicle of every child."""
 
     def __init__(self, profile: LikelyProfile) -> None:
         self.profile = profile
@@ -108,15 +122,23 @@ class LikelyDriver:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`. All draws follow from `SceneHistory.route_draw`."""
+        """Plan 3 s; see `Behavior.plan`."""
+        history = estimated_history(history)
         paths, row = self._paths(history, road, who)
         drivers = self._drivers(history, road, who, paths, row)
         now = history.now[who.child, who.vehicle]
         s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
         leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
-        waits = self._waits(history, who, leaders)
-        accelerate = _acceleration(history, who, paths, row, leaders, drivers, waits, self.population.habit_s)
-        return drive(history, who, paths, row, accelerate, aside=drivers.aside)
+        waits = self._waits(history, who, paths, leaders)
+        attention = attention_of(
+            history, who, leaders, self.profile.inattention, min(self.profile.spread, 1.0)
+        )
+        accelerate = _acceleration(
+            history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
+        )
+        aside = kept_clear(drivers.aside, history, who, paths, row, s)
+        made = drive(history, who, paths, row, accelerate, aside=aside)
+        return respond(made, history, road, who, attention)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
@@ -153,6 +175,8 @@ class LikelyDriver:
             aside=way_across(observed.across[row], side, time_s),
             crawl=1 + np.minimum(spread, 1.0) * (2 * drawn[:, 10] - 1),
             leader=observed.leader[row],
+            gap=observed.gap[row] - observed.slack[row],
+            opening=observed.leader_speed[row] - speed,
             slack=observed.slack[row],
             habit=_habit(history, who, observed, row, headway, braking),
         )
@@ -167,11 +191,11 @@ class LikelyDriver:
         off: FloatArray,
         wills: FloatArray,
     ) -> FloatArray:
-        """(n,) wanted offset from the path after 3 s, in the same lane or the next one, m.
+        """Return (n,) wanted offsets from the path after 3 s, m.
 
         Args:
-            off: (n,) Student's draws for the deviation from the expected place.
-            wills: (n,) in (0, 1): low values change to the left, high values to the right.
+            off: (n,) Student's draws.
+            wills: (n,) in (0, 1): low ones change to the left, high ones to the right.
         """
         people, across = self.population, observations_of(scene, paths).across[row]
         wide = people.side_m * spread_of(side_shown(scene), people.side_noise, people.side_unsure)[vehicle, 0]
@@ -183,15 +207,19 @@ class LikelyDriver:
         to = np.clip(to, -MAX_CHANGE_M, MAX_CHANGE_M)
         return np.where(wills < share[:, 0], to[:, 0], np.where(wills > 1 - share[:, 1], to[:, 1], keeps))
 
-    def _waits(self, history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> FloatArray:
-        """(n,) time for which each vehicle stands from now on, s; 0 for moving vehicles."""
+    def _waits(
+        self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, leaders: Leaders
+    ) -> FloatArray:
+        """Return (n,) s for which vehicles stand from now on."""
         speed = history.states.speed[who.child, who.vehicle]
         before = speed[:, -2] if history.step else speed[:, -1]
         stands = (speed[:, -1] < STANDING_MPS) & (speed[:, -1] - before < STARTING_MPS)
         draw = uniforms(history.route_draw[who.child, who.vehicle], 1, _START + history.step)[:, 0]
         if self.profile.spread == 0:
             draw = np.full_like(draw, 0.5)
-        rate = np.asarray(self.population.start_rate)[queue_place(leaders.gap, leaders.speed)]
+        queue = queue_leaders(history.scene, paths)
+        wave = behind_a_wave(history.now.speed, leaders, who.child, queue)
+        rate = np.exp(start_features(speed[:, -1], leaders.gap, leaders.speed, wave) @ self.population.start)
         # Waiting has no memory: draws of successive plans give one exponential time in all.
         return np.where(stands, -np.log(draw) / np.maximum(rate, 1e-9), 0.0)
 
@@ -204,7 +232,6 @@ def _habit(
     headway: FloatArray,
     braking: FloatArray,
 ) -> FloatArray:
-    """(n,) acceleration shown in the seed scene beyond that of the model, without noise, m/s²."""
     shown = last_second(history.scene)
     speed, acceleration = shown.speed[who.vehicle], shown.acceleration[who.vehicle]
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=braking)
@@ -216,8 +243,25 @@ def _habit(
     return np.where(speed < STANDING_MPS, 0.0, habit)
 
 
+def _rows_of(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> IntArray:
+    """Return (n,) rows of leaders in `who`; -1 for others."""
+    rows = np.full(history.now.shape, -1)
+    rows[who.child, who.vehicle] = np.arange(len(who))
+    vehicle = (leaders.index >= 0) & (leaders.index < history.scene.vehicles)
+    return np.where(vehicle, rows[who.child, np.where(vehicle, leaders.index, 0)], -1)
+
+
+def _leader_acceleration(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> FloatArray:
+    """(n,) present acceleration of leaders, m/s²; 0 for pedestrians and cyclists."""
+    result, steps = np.zeros(len(who)), 3 if history.step else HABIT_STEPS
+    k = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
+    speed = history.states.speed[who.child[k], leaders.index[k]]
+    result[k] = (speed[:, -1] - speed[:, -1 - steps]) / (steps * STEP_S)
+    return result
+
+
 def effective_headway(speed: FloatArray, leaders: Leaders, drivers: Drivers) -> FloatArray:
-    """(n,) drawn time headway, s; behind a new leader at most the present one."""
+    """Return (n,) headways, s; behind a new leader at most the present one."""
     there = (leaders.gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0)
     limit = np.where(leaders.index == drivers.leader, np.inf, np.maximum(KEPT_SHARE * there, HEADWAY_S[0]))
     return np.minimum(drivers.headway, limit)
@@ -232,8 +276,9 @@ def _acceleration(
     drivers: Drivers,
     waits: FloatArray,
     habit_s: float,
+    aware: BoolArray,
 ) -> Accelerate:
-    """Return the acceleration of drawn drivers for `drive`."""
+    """Return the acceleration of drawn drivers for `drive`; `aware` (n, H) of their leaders."""
     wished = desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)
     curves = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
     first, last = row * paths.samples, paths.samples - 1
@@ -245,6 +290,15 @@ def _acceleration(
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
     crawl = np.minimum(motion[0] * drivers.crawl, STANDING_MPS)
+    no_gap = np.full_like(away, np.inf)
+    # Nobody follows at such a headway: it is a trailer, or a box is too long.
+    tow, there = np.minimum(drivers.gap, 1e3), np.minimum(leaders.gap, 1e3)
+    towed = (leaders.index == drivers.leader) & (tow < TOWED_S * motion[0]) & (motion[0] > TOWED_MPS)
+    towed &= np.abs(drivers.opening) < TOWED_OPENING_MPS
+    pulled = _leader_acceleration(history, who, leaders)
+    pullers = _rows_of(history, who, leaders)
+    follower = np.flatnonzero(towed & (pullers >= 0))
+    puller = pullers[follower]
 
     def at(s: FloatArray) -> IntArray:
         return first + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
@@ -255,13 +309,25 @@ def _acceleration(
         # The motion of a standing vehicle is no habit.
         desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *motion, time_s))
         gap = away + leaders.speed * (step * STEP_S) - travelled
+        gap_to_tow = there + (leaders.speed + pulled * step * STEP_S / 2) * step * STEP_S - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]
         demanded = demanded_acceleration(profile, v, desired, gap, leaders.speed, curve)
+        alone = demanded_acceleration(profile, v, desired, no_gap, leaders.speed, curve)
+        sees = aware[:, step]
+        demanded = np.where(sees, demanded, alone)
         more = np.where(waits > 0, 0.0, drivers.additional @ node_shares(time_s))
         more = np.where(more > 0, more * clipped(1 + demanded / RELIEF_MPS2, 0.0, 1.0), more)
         demanded = demanded + drivers.habit * np.exp(-time_s / habit_s)
         still = clipped((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
         still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
-        return np.where(waits > step * STEP_S, still, clipped(demanded + more, HARDEST_MPS2, STRONGEST_MPS2))
+        a = clipped(
+            demanded + more,
+            HARDEST_MPS2,
+            np.where(sees | (v < leaders.speed) | (gap > FAR_M), STRONGEST_MPS2, 0.0),
+        )
+        a = np.where(towed, pulled + 2 * (leaders.speed + pulled * step * STEP_S - v) + gap_to_tow - tow, a)
+        apart = (there - tow - travelled)[follower] + travelled[puller]
+        a[follower] = a[puller] + 2 * (v[puller] - v[follower]) + apart
+        return np.where(waits > step * STEP_S, still, a)
 
     return accelerate

@@ -28,7 +28,6 @@ _POINT_M = 4.0
 
 @owner_cache
 def _centrelines_beside(road: Road) -> dict[int, tuple[FloatArray | None, ...]]:
-    """Return points of the centrelines to the left and to the right of each lane."""
 
     def line(lane: Lane, sides: tuple[int | None, ...]) -> FloatArray | None:
         beside = next((side for side in sides if side in road.lanes), None)
@@ -42,7 +41,7 @@ def _centrelines_beside(road: Road) -> dict[int, tuple[FloatArray | None, ...]]:
 
 @owner_cache
 def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths) -> FloatArray:
-    """(P, 2) distance from each path to the middle of the lane on its left and right, m; inf without one."""
+    """Return (P, 2) distances from paths to the middle of the lane on the left and right, m, or inf."""
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     reach = np.maximum(scene.now.speed, MIN_SPEED_MPS)[vehicle, None] * np.array(AHEAD_S)
     lines = _centrelines_beside(road)
@@ -82,7 +81,7 @@ def _ahead(
 
 @owner_cache
 def lanes_taken(scene: SeedScene) -> BoolArray:
-    """(V, 2) whether a vehicle is, or soon will be, beside each vehicle on its left, and on its right."""
+    """Return (V, 2) whether a vehicle is, or soon will be, on the left, and on the right."""
     now = scene.now
     cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
     dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
@@ -99,15 +98,12 @@ def lanes_taken(scene: SeedScene) -> BoolArray:
 def change_features(
     across: FloatArray, beside: FloatArray, taken: BoolArray, scatter: FloatArray
 ) -> FloatArray:
-    """(n, 2, 7) features of a change to the left, and to the right.
+    """Return (n, 2, 7) features of a change to the left, and to the right.
 
-    1; trust in lateral motion; whether no lane is mapped there; whether the lane is occupied; then offset, m,
-    speed, m/s, and acceleration, m/s², towards that side, times the trust.
+    1; trust in lateral motion; no lane mapped; lane occupied; offset, m, speed, m/s, and acceleration, m/s²,
+    towards that side, times the trust.
 
     Args:
-        across: (n, 3) as in `PathObservations`.
-        beside: (n, 2) as `lanes_beside`.
-        taken: (n, 2) as `lanes_taken`.
         scatter: (n,) of accelerations, m/s².
     """
     trust = 1 / np.hypot(1.0, scatter * NOISE)

@@ -8,6 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
@@ -38,14 +39,42 @@ QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 COUPLED_M = 2.0  # least gap assumed between a vehicle and a leader at the same speed
 COUPLED_MPS = (3.0, 5.0)  # at least this speed, and at most this difference
 MAX_SLACK_M = 4.0
-EXTRA_BRAKING_MPS2 = 1.6  # limit beyond the necessary braking for a leader; set by CRPS
+TRACKED_TWICE_M, APART_M = 1.0, 1000.0  # overlap of two boxes along the way, and the slack for it
+EXTRA_BRAKING_MPS2 = 0.8  # limit beyond the necessary braking for a leader; set by CRPS
 MIN_ROOM_M = 0.1
 
 
-def queue_place(gap_m: FloatArray, leader_speed_mps: FloatArray) -> IntArray:
-    """(n,) 0 behind a standing leader, 1 behind a moving one, 2 without a near leader."""
-    near = gap_m < QUEUE_M
-    return np.where(near, np.where(np.abs(leader_speed_mps) < STANDING_MPS, 0, 1), 2)
+def start_features(
+    speed_mps: FloatArray, gap_m: FloatArray, leader_speed_mps: FloatArray, wave: BoolArray
+) -> FloatArray:
+    """Return (n, 5) features of the rate of starting.
+
+    1; creeping speed over `STANDING_MPS`; near leader moves off; no near leader; near leader stands behind a
+    moving one (``wave``).
+    """
+    near, moves = gap_m < QUEUE_M, leader_speed_mps > STANDING_MPS
+    creep = np.clip(speed_mps / STANDING_MPS, 0.0, 1.0)
+    return np.column_stack([np.ones_like(gap_m), creep, near & moves, ~near, near & ~moves & wave])
+
+
+@owner_cache
+def queue_leaders(scene: SeedScene, paths: SeedPaths) -> IntArray:
+    """Return (V,) near leaders on straight paths; -1 without one."""
+    observed, row = observations_of(scene, paths), paths.first + paths.straight
+    leader = observed.leader[row]
+    return np.where((observed.gap[row] < QUEUE_M) & (leader < scene.vehicles), leader, -1)
+
+
+def behind_a_wave(speed_mps: FloatArray, leaders: Leaders, child: IntArray, queue: IntArray) -> BoolArray:
+    """Return (n,) whether the leader's leader moves.
+
+    Args:
+        speed_mps: (C, V) present speeds.
+        queue: (V,) as `queue_leaders`.
+    """
+    first = np.where((leaders.index >= 0) & (leaders.index < len(queue)), leaders.index, 0)
+    second = np.where(leaders.index == first, queue[first], -1)
+    return (second >= 0) & (speed_mps[child, np.maximum(second, 0)] > STANDING_MPS)
 
 
 def leaders_of(
@@ -56,7 +85,7 @@ def leaders_of(
     s: FloatArray,
     aside: FloatArray,
 ) -> Leaders:
-    """Find leaders as ``calibrated_driver`` does, for vehicles beside their paths; see `find_leaders`."""
+    """Find leaders of vehicles beside their paths; see `find_leaders`."""
     return find_leaders(
         history,
         who,
@@ -79,17 +108,15 @@ def demanded_acceleration(
     leader_speed: FloatArray,
     curve_speed: FloatArray,
 ) -> FloatArray:
-    """(n,) acceleration that the situation demands: the minimum for free road, leader and curve, m/s².
+    """Return (n,) accelerations for free road, leader and curve, the least of them, m/s².
 
-    The sum of the first two, as in the Intelligent Driver Model, makes drivers at their desired speed fall
-    back from the leader; people keep their distance. They brake at most `EXTRA_BRAKING_MPS2` harder than
-    necessary to reach the leader's speed at the minimum gap. They slow down for curves as
-    ``calibrated_driver`` does.
+    The sum, as in the Intelligent Driver Model, makes drivers at their desired speed fall back. Braking
+    exceeds the necessary by at most `EXTRA_BRAKING_MPS2`.
 
     Args:
-        gap: (n,) to the leader, bumper to bumper, m.
+        gap: (n,) bumper to bumper, m.
         leader_speed: (n,) m/s along the path.
-        curve_speed: (n,) allowed by the curves ahead a moment later, m/s.
+        curve_speed: (n,) allowed a moment later, m/s.
 
     Source: minimum, Treiber and Kesting 2013, section 11.3; necessary braking, Kesting et al. 2010.
     """
@@ -108,15 +135,15 @@ class LastSecond:
     """Motion of each vehicle in the last second, (V,)."""
 
     speed: FloatArray  # now, m/s
-    acceleration: FloatArray  # m/s², reduced by its scatter, which is mostly noise
-    scatter: FloatArray  # of the accelerations of single steps around that of the whole second, m/s²
-    lag: FloatArray  # present speed of a straight line through the second, minus the present speed, m/s
+    acceleration: FloatArray  # m/s², reduced by its scatter
+    scatter: FloatArray  # of accelerations of single steps, m/s²
+    lag: FloatArray  # present speed of a straight line minus the present speed, m/s
     calm: FloatArray  # share of the acceleration that is not noise
 
 
 @owner_cache
 def last_second(scene: SeedScene) -> LastSecond:
-    """Measure the motion of the vehicles in the last second of a seed scene."""
+    """Measure the motion in the last second."""
     speed = scene.history.speed
     time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
     slope = speed @ time / (time @ time)
@@ -136,7 +163,7 @@ def last_second(scene: SeedScene) -> LastSecond:
 
 @owner_cache
 def room_beside(scene: SeedScene) -> FloatArray:
-    """(V, 2) free room to vehicles on the right and on the left of each vehicle, m."""
+    """Return (V, 2) room to vehicles on the right and left, m."""
     now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + BESIDE_M
     cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
     dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
@@ -153,7 +180,7 @@ def room_beside(scene: SeedScene) -> FloatArray:
 
 @owner_cache
 def side_shown(scene: SeedScene) -> FloatArray:
-    """(V, 3) features of the spread of lateral places: scatter, relative speed, smaller room beside."""
+    """Return (V, 3) scatter, relative speed and smaller room beside."""
     shown = last_second(scene)
     room = np.minimum(room_beside(scene).min(axis=1), MAX_ROOM_M)
     return np.column_stack(
@@ -165,27 +192,23 @@ def side_shown(scene: SeedScene) -> FloatArray:
 class PathObservations:
     """Observations along each path, (P,)."""
 
-    leader: IntArray  # column of the leader on the path, as in `Leaders`; -1 without one
-    # addition to the gap, m, so that trailers recorded as vehicles, vehicles with too long boxes and those
-    # side by side do not brake
-    slack: FloatArray
-    gap: FloatArray  # to the leader, with its slack, m; inf without one
+    leader: IntArray  # as in `Leaders`
+    slack: FloatArray  # addition to the gap, m, so that trailers and too long boxes do not brake
+    gap: FloatArray  # with slack, m; inf without a leader
     leader_speed: FloatArray  # m/s along the path
     wished: FloatArray  # desired speed without habit, m/s
     curve: FloatArray  # speed that the curves ahead allow a moment later, m/s
-    headway: FloatArray  # time headway to the leader, beyond the minimum gap, s; inf without one
-    # (P, 3) lateral motion of the rear axle: offset from the path, left positive, within `MAX_ASIDE_M`, m;
-    # speed, m/s; acceleration, m/s²
-    across: FloatArray
-    # (P, 7) of additional accelerations: 1, shown acceleration, that of the model, speed difference to the
-    # leader, lag, leader's acceleration, limit minus speed
+    headway: FloatArray  # beyond the minimum gap, s
+    across: FloatArray  # (P, 3) lateral motion of the rear axle: m, left positive; m/s; m/s²
+    # (P, 7) 1, shown acceleration, that of the model, speed difference to the leader, lag, leader's
+    # acceleration, limit minus speed
     features: FloatArray
-    unsure: FloatArray  # (P, 3) of their spread: scatter, size of the acceleration, leader near or not
+    unsure: FloatArray  # (P, 3) scatter, size of the acceleration, leader near or not
 
 
 @owner_cache
 def observations_of(scene: SeedScene, paths: SeedPaths) -> PathObservations:
-    """Observe every vehicle of a seed scene along each of its paths."""
+    """Observe vehicles along each of their paths."""
     history = SceneHistory.of_scene(scene)
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown = np.arange(len(vehicle)), last_second(scene)
@@ -198,6 +221,7 @@ def observations_of(scene: SeedScene, paths: SeedPaths) -> PathObservations:
     opening = leaders.speed - speed
     coupled = (speed > COUPLED_MPS[0]) & (np.abs(opening) < COUPLED_MPS[1])
     slack = np.where(coupled, np.clip(COUPLED_M - leaders.gap, 0.0, MAX_SLACK_M), 0.0)
+    slack[_overlaps(scene, vehicle, leaders)] = APART_M
     gap = leaders.gap + slack
     following = idm_acceleration(CALIBRATED, speed, free, gap, leaders.speed)
     near = leaders.gap < FAR_M
@@ -231,8 +255,14 @@ def observations_of(scene: SeedScene, paths: SeedPaths) -> PathObservations:
     )
 
 
+def _overlaps(scene: SeedScene, vehicle: IntArray, leaders: Leaders) -> BoolArray:
+    """Return (P,) whether the leader is a vehicle tracked twice."""
+    known = (leaders.index >= 0) & (leaders.index < scene.vehicles) & (leaders.gap < -TRACKED_TWICE_M)
+    at = np.where(known, leaders.index, 0)
+    return np.asarray(known & (box_distances(scene)[vehicle, at] <= 0))
+
+
 def _across(scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray) -> FloatArray:
-    """(P, 3) lateral motion of rear axles, as in `PathObservations`."""
     now, speed = scene.now[vehicle], last_second(scene).speed[vehicle]
     x, y = rear_axle(now, scene.length[vehicle])
     s, offset, along = foot_points(paths, row, x, y, np.full(len(row), BEHIND_M))
@@ -250,17 +280,13 @@ def _capped(scatter: FloatArray) -> FloatArray:
 
 
 def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
-    """(P,) value of each path's leader from (V,) values; 0 if it is not near, or no vehicle."""
+    """Return (P,) values of near leaders from (V,) values, else 0."""
     is_vehicle = near & (leaders.index >= 0) & (leaders.index < len(values))
     return np.where(is_vehicle, values[np.where(is_vehicle, leaders.index, 0)], 0.0)
 
 
 def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
-    """(P, 4) features of how each path fits its vehicle.
-
-    Speed above the comfortable one for the path's curves, m/s; offset of the centre, m; heading error, rad;
-    and 1 if the path is not the straight one.
-    """
+    """Return (P, 4) speed above that of the curves, m/s, offset, m, heading error, rad, 1 if not straight."""
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row = np.arange(len(vehicle))
     now = scene.now[vehicle]
@@ -275,7 +301,7 @@ def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
 
 @owner_cache
 def path_edges(scene: SeedScene, paths: SeedPaths, people: Population) -> FloatArray:
-    """(P,) upper edge in [0, 1] of each path's share of a vehicle's draw."""
+    """Return (P,) upper edges in [0, 1] of paths' shares of a draw."""
     share = np.diff(paths.draw_edges, prepend=0.0)
     share[paths.first] = paths.draw_edges[paths.first]
     weight = np.maximum(share, 1e-9) * np.exp(-path_features(scene, paths) @ people.path) + 1e-12

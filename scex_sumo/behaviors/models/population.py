@@ -32,28 +32,26 @@ class Population:
     """Distribution of drivers."""
 
     speed_edges: FloatArray  # (K - 1,) m/s between the K classes by speed in the seed scene
-    # (K, 3, 7) weights of ``PathObservations.features`` for the expected additional acceleration in each of
-    # three seconds, m/s²
+    # (K, 3, 7) weights of ``features`` for the expected additional acceleration in three seconds, m/s²
     mean: FloatArray
-    # (K, 3, 3) lower triangular; root @ root.T is the scale matrix of the deviation, (m/s²)²
+    # (K, 3, 3) lower triangular root of the scale matrix, m/s²
     root: FloatArray
-    noise: FloatArray  # (3,) growth of the deviation with the scatter, see `spread_of`
-    unsure: FloatArray  # (2,) growth with the other columns of ``PathObservations.unsure``
-    skew: FloatArray  # (K,) accelerating draws are exp(skew) times as large, braking ones exp(-skew) times
-    headway: tuple[float, float]  # mean and standard deviation of the logarithm of the time headway in s
-    braking: tuple[float, float]  # likewise of the deceleration towards a leader, in m/s²
-    habit_s: float  # time constant of the shown acceleration beyond that of the model, s
-    # 1/s at which a standing vehicle starts: behind a standing leader, a moving one, alone
-    start_rate: tuple[float, float, float]
-    # (3,) weights of ``PathObservations.across`` for the offset after `ASIDE_S`: 1, s, s²
-    keeps_side: FloatArray
-    side_m: float  # scale of the deviation from that, m
-    side_noise: FloatArray  # (1,) growth of that deviation with ``side_shown``, see `spread_of`
-    side_unsure: FloatArray  # (2,) likewise
-    change: FloatArray  # (7,) weights of `change_features` for the probability of a lane change
-    # (3,) weights of the lane's distance, offset and lateral speed for the offset in 3 s
-    change_to: FloatArray
-    change_m: float  # scale of the deviation from that, m
+    noise: FloatArray  # (3,) growth with the scatter, see `spread_of`
+    unsure: FloatArray  # (2,) growth with the other columns of ``unsure``
+    skew: FloatArray  # (K,) accelerating draws are exp(skew) times as large, braking ones exp(-skew)
+    headway: tuple[float, float]  # mean and standard deviation of the logarithm, s
+    braking: tuple[float, float]  # the same of the deceleration for a leader, m/s²
+    habit_s: float  # time constant of the shown acceleration
+    start: FloatArray  # (5,) weights of `start_features` for the log rate, 1/s
+    keeps_side: FloatArray  # (3,) weights of ``across`` for the offset after `ASIDE_S`
+    side_m: float  # scale of the deviation, m
+    side_noise: FloatArray  # (1,) its growth with ``side_shown``, see `spread_of`
+    side_unsure: FloatArray  # (2,)
+    change: FloatArray  # (7,) weights of `change_features`
+    change_to: (
+        FloatArray  # (3,) weights of the lane's distance, offset and lateral speed for the offset in 3 s
+    )
+    change_m: float  # scale of the deviation, m
     path: FloatArray  # (4,) weights of `path_features`
 
     def speed_class(self, speed: FloatArray) -> IntArray:
@@ -63,13 +61,11 @@ class Population:
     def additional_acceleration(
         self, speed: FloatArray, features: FloatArray, unsure: FloatArray, draw: FloatArray
     ) -> FloatArray:
-        """(n, 3) acceleration that drivers add to the demanded one in each of three seconds, m/s².
+        """Return (n, 3) additional accelerations in three seconds, m/s².
 
         Args:
             speed: (n,) in the seed scene, m/s.
-            features: (n, 7) as in ``PathObservations``.
-            unsure: (n, 3) likewise.
-            draw: (n, 3) of Student's distribution with `DEGREES`; 0 is the expected driver.
+            draw: (n, 3) Student's numbers; 0 is the expected driver.
         """
         k = self.speed_class(speed)
         drawn = np.einsum("nij,nj->ni", self.root[k], draw)
@@ -97,13 +93,12 @@ def population() -> Population:
         "change",
         "change_to",
         "path",
+        "start",
     )
-    standing, moving, alone = given["start_rate"]
     return Population(
         **{name: np.array(given[name]) for name in arrays},
         headway=(given["headway"][0], given["headway"][1]),
         braking=(given["braking"][0], given["braking"][1]),
-        start_rate=(standing, moving, alone),
         habit_s=given["habit_s"],
         side_m=given["side_m"],
         change_m=given["change_m"],

@@ -83,18 +83,30 @@ def _print_scores(done: Validation) -> None:
     print(f"{scenes} of {recordings}, models {', '.join(info['models'])}")
     told = (
         f"mean Brier score of the paper's thresholds {info['mean_brier']:.3f} (0: every forecast right), "
-        f"of the base rate {info['mean_brier_base_rate']:.3f}; P(collision) {collisions_in(info)}"
+        f"of constant velocity {info['mean_brier_constant_velocity']:.3f}, of the base rate "
+        f"{info['mean_brier_base_rate']:.3f}; P(collision) {collisions_in(info)}"
     )
     print_line(told, console)
     about = "skill: 1 perfect, 0 as good as the base rate, the seed moment, constant velocity"
     table = Table(title="events", title_justify="left", caption=about, caption_justify="left")
     skills = ("skill_base_rate", "skill_seed_moment", "skill_constant_velocity")
-    for name in ("event", "happened", "forecast", "Brier", "skill: base rate", "seed moment", "const. vel."):
+    for name in (
+        "event",
+        "happened",
+        "forecast",
+        "Brier",
+        "Brier: const. vel.",
+        "skill: base rate",
+        "seed moment",
+        "const. vel.",
+    ):
         table.add_column(name, justify="left" if name == "event" else "right")
     for row in done.tables["events"].to_pylist():
         shares = [f"{row[name]:.0%}" for name in ("happened", "forecast")]
         gains = ["–" if row[name] != row[name] else f"{row[name]:.2f}" for name in skills]
-        table.add_row(row["event"], *shares, f"{row['brier']:.3f}", *gains)
+        table.add_row(
+            row["event"], *shares, f"{row['brier']:.3f}", f"{row['brier_constant_velocity']:.3f}", *gains
+        )
     values = Table(title="values", title_justify="left")
     for name in ("value", "cases", "CRPS skill", "within 5-95 %"):
         values.add_column(name, justify="left" if name == "value" else "right")

@@ -24,12 +24,13 @@ _EVENT_HEADS = (
     ("happened", "happened", "percent", "Share of the moments with the event"),
     ("forecast", "forecast", "percent", "Mean probability that the futures gave it"),
     ("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
+    ("brier_constant_velocity", "constant velocity", "real", "Brier score if all go on as they do"),
+    ("uncertainty", "base rate", "real", "Brier score of the share that happened; no forecast changes it"),
     ("brier_seen", "as recorded", "real", "Brier score of futures with errors of the boxes"),
     ("brier_low", "Brier from", "real", _BRIER),
     ("brier_high", "to", "real", _BRIER),
     ("reliability", "reliability", "real", "Part of the score: error of the probabilities; 0 is best"),
     ("resolution", "resolution", "real", _RESOLUTION),
-    ("uncertainty", "uncertainty", "real", "Part of the score that no forecast can change"),
     ("skill_base_rate", "better than the base rate", "real", "1: perfect, 0: no better, below: worse"),
     ("skill_seed_moment", "than the moment itself", "real", "Forecast: what is so now stays so"),
     ("skill_constant_velocity", "than constant velocity", "real", "Forecast: all go on as they do"),
@@ -114,8 +115,8 @@ def write_validation_page(
 
 def _summary(info: Mapping[str, Any]) -> Html:
     lines = (
-        f"Mean Brier score over the paper's thresholds {info['mean_brier']:.3f}; always saying the base rate "
-        f"gives {info['mean_brier_base_rate']:.3f}.",
+        f"Mean Brier score over the paper's thresholds {info['mean_brier']:.3f}; constant velocity has "
+        f"{info['mean_brier_constant_velocity']:.3f}, the base rate {info['mean_brier_base_rate']:.3f}.",
         f"P(collision) {collisions_in(info)}.",
         f"Realism {_shown(info['realism'])}, after that of the Waymo Sim Agents Challenge, of 3 s and "
         "without lights: to compare mixes with each other, not with that leaderboard.",

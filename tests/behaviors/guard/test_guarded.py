@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +13,15 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.corridors import GuardProfile, planned_paths
 from scex_sumo.behaviors.guard.guarded import Guarded, safe_speed
-from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
+from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile, Replay, ReplayProfile
 from scex_sumo.behaviors.plug_in.fallback import Fallible
 from scex_sumo.behaviors.registry import ModelSpec, behavior, build, parse_models
+from scex_sumo.converters.datasets.recordings import (
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.polylines import wrap
@@ -32,6 +39,21 @@ CROSS = roads.road(
     roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]), roads.lane(2, [(150.0, -150.0), (150.0, 150.0)])
 )
 NORTH = np.pi / 2
+
+
+def hard_braking(scene: SeedScene, profile: GuardProfile) -> tuple[int, int]:
+    """Replayed vehicles that a guard brakes harder than 3 m/s² in half a second, and all that do not leap."""
+    assert scene.road is not None and scene.future_valid is not None
+    history, vehicle = (
+        SceneHistory.of_scene(scene),
+        np.flatnonzero(scene.future_valid[:, :30].all(axis=1)),
+    )
+    who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    model, now = Replay(ReplayProfile()), scene.now.speed[vehicle]
+    raw, made = (one.plan(history, scene.road, who, []) for one in (model, Guarded(model, profile)))
+    smooth = np.abs(np.diff(raw.speed[:, :5], axis=1, prepend=now[:, None])).max(axis=1) < 0.5
+    hard = (made.speed[:, 4] - now < -1.5) & (raw.speed[:, 4] - now >= -1.5)
+    return int((hard & smooth).sum()), int(smooth.sum())
 
 
 def run(
@@ -327,3 +349,34 @@ def test_who_stands_in_for_a_model_that_fails_is_guarded_too() -> None:
     assert made.fallback is not None and made.fallback.all()
     # The front bumper stays behind the rear bumper of the standing car.
     assert made.x[0, -1] + LENGTH < 45.0
+
+
+def test_a_truck_beside_a_merging_lane_brakes_gently_while_both_miss_each_other() -> None:
+    # The other one keeps its heading and passes; its lane joins that of the truck 60 m on.
+    where = roads.road(
+        roads.lane(1, [(0.0, 0.0), (200.0, 0.0)], successors=(3,)),
+        roads.lane(2, [(0.0, 3.5), (110.0, 3.5), (140.0, 1.5), (200.0, 0.0)], successors=(3,)),
+        roads.lane(3, [(200.0, 0.0), (500.0, 0.0)], predecessors=(1, 2)),
+    )
+    vehicles = (100.0, 0.0, 0.0, 14.0), (106.0, 3.3, 0.0, 14.0)
+    scene = replace(roads.scene_of(*vehicles), length=np.array([12.0, 4.5]), width=np.array([2.5, 1.8]))
+    made = roads.plan(GUARDED, where, roads.present(scene))
+    first = np.diff(np.append(14.0, made.speed[0, :5])) / 0.1
+    assert first.min() >= -PROFILE.safe_deceleration - 1e-9
+    # The same at once in its way is a real conflict.
+    near = replace(scene, history=replace(scene.history, speed=scene.history.speed * [[1.0], [0.3]]))
+    near.history.y[1] = 0.5
+    near.history.x[1] += 8.0
+    assert roads.plan(GUARDED, where, roads.present(near)).speed[0, 4] < 14.0 - 1.5
+
+
+def test_recorded_people_do_not_trigger_hard_braking(data: Path) -> None:
+    # Vehicles whose recording does not leap, each for the half second after a moment.
+    seconds = triggered = 0.0
+    loaded = load_recording(find_recordings([data / "mona" / "MONA-West"])[0])
+    for moment in recording_moments(loaded, every_s=20.0)[1:-1]:
+        hard, count = hard_braking(seed_at(loaded, moment.time_s, min_history=10), PROFILE)
+        triggered += hard / 2
+        seconds += count / 2
+    assert seconds > 60
+    assert triggered <= 0.003 * seconds  # all shared data: benchmarks/guard.py --replayed

@@ -99,7 +99,7 @@ def test_one_who_drives_close_to_its_leader_does_not_brake_for_it() -> None:
     where = roads.straight()
     scene = roads.scene_of((100.0, 0.0, 0.0, 15.0), (105.0, 0.0, 0.0, 15.0))
     assert observations_of(scene, seed_paths(scene, where)).slack.max() == pytest.approx(1.5, abs=0.1)
-    driver = build(parse_models("likely_driver:guard=true:spread=0")[0])
+    driver = build(parse_models("likely_driver:spread=0")[0])
     made = roads.plan(driver, where, roads.present(scene, 1, np.full((1, 2), 0.5)))
     assert made.speed[0, 9] > 13.5
 
@@ -184,6 +184,8 @@ def test_a_new_leader_is_followed_at_no_more_than_the_headway_that_it_leaves() -
         aside=np.zeros((2, 31)),
         crawl=some,
         leader=np.array([1, 1]),
+        gap=np.zeros(2),
+        opening=np.zeros(2),
         slack=np.zeros(2),
         habit=np.zeros(2),
     )
@@ -229,8 +231,8 @@ def test_spread_is_not_negative_and_the_path_a_known_one() -> None:
         build(parse_models("likely_driver:path=nowhere")[0])
 
 
-def test_likely_stands_for_guarded_drawn_drivers() -> None:
-    assert [str(spec) for spec in parse_models("likely")] == ["likely_driver:guard=true"]
+def test_likely_stands_for_drawn_drivers_without_a_guard() -> None:
+    assert [str(spec) for spec in parse_models("likely")] == ["likely_driver"]
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -1,0 +1,310 @@
+"""Human-like futures against recordings and constant velocity, by site.
+
+    python benchmarks/attentive.py [--data FOLDER] [--part test] [--most 5] [--children 32] [--models likely]
+                                   [--kept FILE] [--raw]
+
+Seed scenes of the part of the time split are driven for 3 s in a world without SUMO. Columns:
+
+- brier, cv, base: mean Brier score of the paper's four events, of constant velocity, and of the base rate;
+- cover, least: share of recorded values within 5-95 % of the futures, mean and smallest of the 24 values;
+- P(coll): mean share of futures with a collision, over scenes in which no recorded boxes overlap;
+- error: position error of moving vehicles after 3 s (mean future) against that of constant velocity;
+- along: share of moving vehicles within 5-95 % along the road after 3 s;
+- starts: standing vehicles that move more than 1 m in 3 s, share within 5-95 %, and mean error, m;
+- stands: mean error of the vehicles that stay, m;
+- brake: share of vehicle-seconds with braking above 3 m/s² (over half a second), futures and recording, %.
+
+``--kept`` keeps the seed scenes and their recorded values in a file, which makes later runs faster.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import pickle
+import time
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from recorded_scenes import NGSIM_TEST
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.converters.datasets.recordings import (
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
+from scex_sumo.converters.datasets.split import Part, Split, split_moments
+from scex_sumo.extrapolation.assignments import child_generator, route_draws
+from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
+from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.scene import STEP_S, SeedScene, States
+from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
+from scex_sumo.studies.validate.scores import brier, covered
+from scex_sumo.studies.validate.scoring import COLLISION, EVENTS, MIN_DEFINED
+from scex_sumo.world.plain import PlainWorld
+
+STEPS, REPLAN = 30, 5
+HARD_MPS2, OVER_STEPS = 3.0, 5
+STANDING_MPS, STARTED_M = 0.5, 1.0
+SETTINGS = RunSettings(children=1, preset="both")
+SITES = ("MONA-East", "MONA-Merge", "MONA-West", "k729", "k733", "Lanker", "Peach")
+COLUMNS = ("vehicles", "brier", "cv", "base", "cover", "least", "P(coll)", "error", "along", "starts", "n",
+           "bias", "stands", "brake", "rec")  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """A seed scene, what happened, and constant velocity."""
+
+    site: str
+    scene: SeedScene
+    noise: BoxNoise
+    recorded: FloatArray  # (K,) metric values and collision
+    straight: FloatArray  # (K,)
+    straight_states: States  # (1, T, V)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Figures:
+    """Futures of one case, measured."""
+
+    case: Case
+    driven: FloatArray  # (C, K)
+    seen: FloatArray  # (C, K) as they would have been recorded
+    states: States  # (C, T, V)
+    seen_states: States  # (C, T, V)
+
+
+def site_of(name: str) -> str:
+    return next(site for site in SITES if site.replace("-", "").lower() in name.replace("-", "").lower())
+
+
+def cases(data: Path, part: Part, most: int) -> Iterator[Case]:
+    """The seed scenes of each site, evenly thinned, at most some per site."""
+    chosen: dict[str, list[tuple[object, float]]] = {}
+    for recording in find_recordings([data / name for name in ("mona", "taf_bw", "ngsim")]):
+        ngsim = "USA_" in recording.name
+        if ngsim and any(file in recording.name for file in NGSIM_TEST) != (part == "test"):
+            continue
+        loaded = load_recording(recording)
+        moments = recording_moments(loaded, every_s=STEP_S)
+        moments = [
+            m
+            for m in (moments if ngsim else split_moments(moments, Split())[part])
+            if m.complete and m.vehicles > 1
+        ]
+        if moments:
+            chosen.setdefault(site_of(recording.name), []).extend((loaded, m.time_s) for m in moments[5::10])
+    for site in SITES:
+        found = chosen.get(site, [])
+        step = max(1.0, len(found) / most)
+        noises: dict[int, BoxNoise] = {}
+        for k in range(min(most, len(found))):
+            loaded, time_s = found[int(k * step + step / 2)]
+            scene = seed_at(loaded, time_s)
+            if id(loaded) not in noises:
+                noises[id(loaded)] = box_noise(loaded.table.vehicles, np.inf)
+            yield case_of(site, scene, noises[id(loaded)])
+
+
+def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
+    recorded = measure_recorded(scene, STEPS, metrics=SETTINGS.measured, preset=SETTINGS.rule)
+    assert recorded is not None
+    values = np.where(recorded.values.defined, recorded.values.values, np.nan)
+    real = np.concatenate([values, recorded.overlaps.any_of(1)[:, None]], axis=1)[0]
+    straight = futures(scene, "constant_velocity", range(1))
+    return Case(
+        site=site,
+        scene=scene,
+        noise=noise,
+        recorded=real,
+        straight=measured(scene, straight)[0],
+        straight_states=straight.states,
+    )
+
+
+def futures(scene: SeedScene, model: str, children: range, seed: int = 0) -> Rollout:
+    """Drive all vehicles of a seed scene by a model, in a world without SUMO."""
+    road = scene.road
+    assert road is not None
+    count, one = len(children), build(parse_models(model)[0])
+    batch = Batch(
+        children=np.array(children),
+        assignment=np.zeros((count, scene.vehicles), dtype=np.int64),
+        models=(one,),
+        names=(model,),
+        overridden=np.array([True]),
+        route_draw=route_draws(children, scene.vehicles, seed=seed),
+        generators=[child_generator(seed, child) for child in children],
+    )
+    return roll_out(PlainWorld(count, scene.vehicles), road, scene, batch, steps=STEPS, replan=REPLAN)
+
+
+def measured(scene: SeedScene, rollout: Rollout) -> FloatArray:
+    """(C, K) metric values and whether something collides."""
+    counted = recorded_steps_of(scene, STEPS)
+    found = measure_outcome(scene, rollout, metrics=SETTINGS.measured, preset=SETTINGS.rule, counted=counted)
+    values = np.where(found.values.defined, found.values.values, np.nan)
+    hit = np.zeros(len(values))
+    hit[found.collisions.child] = 1.0
+    return np.concatenate([values, hit[:, None]], axis=1)
+
+
+def figures(case: Case, model: str, children: int) -> Figures:
+    rollout = futures(case.scene, model, range(children))
+    rng = np.random.default_rng(zlib.crc32(case.scene.name.encode()))
+    seen = as_recorded(case.scene, rollout, case.noise, rng)
+    return Figures(
+        case=case,
+        driven=measured(case.scene, rollout),
+        seen=measured(case.scene, seen),
+        states=rollout.states,
+        seen_states=seen.states,
+    )
+
+
+def row_of(found: list[Figures]) -> dict[str, float]:
+    """The columns of the table for some cases."""
+    names = [*SETTINGS.columns, COLLISION]
+    real, straight = (np.stack([getattr(f.case, name) for f in found]) for name in ("recorded", "straight"))
+    scores, plain, base = [], [], []
+    for event in EVENTS:
+        if event.paper:
+            column = names.index(event.column)
+            p = np.array([event.happened(f.driven[:, column]).mean() for f in found])
+            o = event.happened(real[:, column])
+            scores.append(brier(p, o))
+            plain.append(brier(event.happened(straight[:, column]).astype(float), o))
+            base.append(brier(np.full(len(o), o.mean()), o))
+    cover = {}
+    for column, name in enumerate(names[:-1]):
+        hits = []
+        for f in found:
+            y, sample = f.case.recorded[column], f.seen[:, column]
+            sample = sample[np.isfinite(sample)]
+            if np.isfinite(y) and len(sample) >= MIN_DEFINED * len(f.seen):
+                hits.append(covered(sample, float(y)))
+        if hits:
+            cover[name] = float(np.mean(hits))
+    apart = real[:, -1] == 0
+    moving, starts, stands, hard, hard_real = [], [], [], [], []
+    for f in found:
+        moving_rows, start_rows, stand_rows = positions(f)
+        moving += moving_rows
+        starts += start_rows
+        stands += stand_rows
+        drive, truth = braking(f)
+        hard.append(drive)
+        hard_real.append(truth)
+    motion = np.array(moving).reshape(-1, 3)
+    start = np.array(starts).reshape(-1, 2)
+    return {
+        "vehicles": sum(f.case.scene.vehicles for f in found),
+        "brier": float(np.mean(scores)),
+        "cv": float(np.mean(plain)),
+        "base": float(np.mean(base)),
+        "cover": float(np.mean(list(cover.values()))),
+        "least": min(cover.values()),
+        "worst": min(cover, key=lambda name: cover[name]),
+        "P(coll)": 100
+        * float(
+            np.mean([f.driven[:, -1].mean() for f, a in zip(found, apart, strict=True) if a] or [np.nan])
+        ),
+        "error": float(motion[:, 0].mean() / motion[:, 1].mean()) if len(motion) else np.nan,
+        "along": float(motion[:, 2].mean()) if len(motion) else np.nan,
+        "starts": float(start[:, 0].mean()) if len(start) else np.nan,
+        "n": len(start),
+        "bias": float(start[:, 1].mean()) if len(start) else np.nan,
+        "stands": float(np.mean(stands)) if stands else np.nan,
+        "brake": 100 * float(np.concatenate(hard).mean()),
+        "rec": 100 * float(np.concatenate(hard_real).mean()),
+    }
+
+
+def positions(f: Figures) -> tuple[list[tuple[float, float, bool]], list[tuple[bool, float]], list[float]]:
+    """Errors after 3 s: of moving vehicles, of those that start from standing, and of those that stay."""
+    scene, last = f.case.scene, STEPS - 1
+    assert scene.future is not None and scene.future_valid is not None
+    whole = scene.future_valid[:, :STEPS].all(axis=1)
+    moving, starts, stands = [], [], []
+    for v in np.flatnonzero(whole).tolist():
+        x, y, heading = (float(a[v, last]) for a in (scene.future.x, scene.future.y, scene.future.heading))
+        dx, dy = f.states.x[:, last, v] - x, f.states.y[:, last, v] - y
+        sx, sy = f.seen_states.x[:, last, v] - x, f.seen_states.y[:, last, v] - y
+        along = np.cos(heading) * sx + np.sin(heading) * sy
+        plain = np.hypot(f.case.straight_states.x[0, last, v] - x, f.case.straight_states.y[0, last, v] - y)
+        error = float(np.hypot(dx.mean(), dy.mean()))
+        if scene.now.speed[v] > STANDING_MPS:
+            moving.append((error, float(plain), covered(along, 0.0)))
+        elif np.hypot(x - scene.now.x[v], y - scene.now.y[v]) > STARTED_M:
+            way = float(np.mean(np.cos(heading) * dx + np.sin(heading) * dy))
+            starts.append((covered(along, 0.0), way))
+        else:
+            stands.append(error)
+    return moving, starts, stands
+
+
+def braking(f: Figures) -> tuple[np.ndarray, np.ndarray]:
+    """Whether each vehicle brakes hard at each step, in the futures and in the recording."""
+    scene = f.case.scene
+    assert scene.future is not None and scene.future_valid is not None
+    known = np.cumprod(scene.future_valid[:, :STEPS], axis=1).astype(bool)[:, OVER_STEPS - 1 :]
+    real = np.concatenate([scene.now.speed[:, None], scene.future.speed[:, :STEPS]], axis=1)
+    drive = np.concatenate(
+        [np.broadcast_to(scene.now.speed, f.states.x[:, :1].shape), f.states.speed], axis=1
+    )
+    limit = -HARD_MPS2 * OVER_STEPS * STEP_S
+    hard_real = (real[:, OVER_STEPS:] - real[:, :-OVER_STEPS]) < limit
+    hard = (drive[:, OVER_STEPS:] - drive[:, :-OVER_STEPS]) < limit
+    return hard.swapaxes(1, 2)[:, known].ravel(), hard_real[known]
+
+
+def table(rows: dict[str, dict[str, float]]) -> str:
+    lines = [f"{'site':12}" + "".join(f"{name:>9}" for name in COLUMNS) + "  worst value"]
+    for site, row in rows.items():
+        cells = "".join(
+            f"{row[name]:9.3f}" if isinstance(row[name], float) else f"{row[name]:9}" for name in COLUMNS
+        )
+        lines.append(f"{site:12}{cells}  {row['worst']}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
+    parser.add_argument("--part", default="test", choices=("train", "validation", "test"))
+    parser.add_argument("--most", type=int, default=5, help="seed scenes of each site")
+    parser.add_argument("--children", type=int, default=32)
+    parser.add_argument("--models", default="likely")
+    parser.add_argument("--kept", type=Path)
+    parser.add_argument("--sites", default=",".join(SITES))
+    arguments = parser.parse_args()
+    if arguments.kept is not None and arguments.kept.is_file():
+        found = pickle.loads(arguments.kept.read_bytes())
+    else:
+        found = list(cases(arguments.data, arguments.part, arguments.most))
+        if arguments.kept is not None:
+            arguments.kept.write_bytes(pickle.dumps(found))
+    begin = time.process_time()
+    done = [
+        figures(case, arguments.models, arguments.children)
+        for case in found
+        if case.site in arguments.sites.split(",")
+    ]
+    sites = {site: [f for f in done if f.case.site == site] for site in SITES}
+    groups = {site: part for site, part in sites.items() if part} | {"all": done}
+    print(table({site: row_of(part) for site, part in groups.items()}))
+    print(f"{len(done)} seed scenes, {arguments.children} futures each, {time.process_time() - begin:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

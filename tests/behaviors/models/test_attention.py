@@ -1,0 +1,86 @@
+"""Attention: how long drivers look away, what they overlook, and how they brake for conflicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.models.attention import looks_away
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.scene import SeedScene, States
+from tests.behaviors import roads
+
+DRAW = np.random.default_rng(0).random(3000)
+
+
+def test_drivers_look_away_for_a_fifth_of_the_time_and_seldom_for_long() -> None:
+    time_s = np.arange(0.0, 40.0, 0.1)
+    away = looks_away(DRAW[:500], np.repeat(time_s[None], 500, axis=0))
+    assert away.mean() == pytest.approx(0.2, abs=0.01)
+    assert away[:, 0].mean() == pytest.approx(0.2, abs=0.06)  # at the seed moment, too
+    # A glance goes on for 1.7 s in 3 % of the cases: some begin before the last one has ended.
+    run = np.lib.stride_tricks.sliding_window_view(away, 17, axis=1).all(axis=2)
+    begins = (np.diff(away.astype(int), axis=1) == 1).sum()
+    assert 0.01 < (np.diff(run.astype(int), axis=1) == 1).sum() / begins < 0.09
+
+
+def test_without_inattention_nobody_looks_away() -> None:
+    time_s = np.repeat(np.arange(0.0, 10.0, 0.1)[None], 100, axis=0)
+    assert not looks_away(DRAW[:100], time_s, 0.0).any()
+    assert looks_away(DRAW[:100], time_s, 0.5).mean() < looks_away(DRAW[:100], time_s).mean()
+
+
+def test_a_driver_looks_away_at_the_same_times_in_any_batch() -> None:
+    time_s = np.arange(0.0, 30.0, 0.1)
+    many = looks_away(DRAW[:20], np.repeat(time_s[None], 20, axis=0))
+    one = looks_away(DRAW[7:8], time_s[None, 100:130])
+    assert np.array_equal(many[7, 100:130], one[0])
+
+
+def closing(gap_m: float, speed: float, leader: float) -> SeedScene:
+    return roads.scene_of((100.0, 0.0, 0.0, speed), (104.5 + gap_m, 0.0, 0.0, leader))
+
+
+def driven(model: str, scene: SeedScene, steps: int = 30, children: int = 40) -> States:
+    """(C, V, 1 + steps) in closed loop, the start first."""
+    history = roads.present(scene, children, DRAW[: children * scene.vehicles].reshape(children, -1))
+    states, driver = history.states, build(parse_models(model)[0])
+    for step in range(steps):
+        if step % 5 == 0:
+            now = type(history)(**{**vars(history), "states": states[:, :, -11:], "step": step})
+            made = roads.plan(driver, roads.straight(), now)
+        one = made.map(lambda values, at=step % 5: values[:, at].reshape(children, -1, 1))
+        states = States.concatenate(
+            [states, States(x=one.x, y=one.y, heading=one.heading, speed=one.speed)], 2
+        )
+    return states[:, :, 10:]
+
+
+def test_attentive_drivers_brake_early_and_no_harder_than_it_takes() -> None:
+    # 12 m/s onto 4 m/s at 30 m: 8²/(2·30) = 1.1 m/s².
+    states = driven("likely_driver:inattention=0", closing(30.0, 12.0, 4.0), steps=50)
+    gap = states.x[:, 1] - states.x[:, 0] - 4.5
+    braking = -np.diff(states.speed[:, 0], axis=1) / 0.1
+    assert gap.min() > 0.3
+    assert np.median(braking.max(axis=1)) < 3.0
+
+
+def test_who_looks_away_reacts_later() -> None:
+    # Both went at 12 m/s, 12 m apart, until the leader braked with 4 m/s² in the last half second.
+    scene = closing(12.0, 12.0, 12.0)
+    speed = scene.history.speed.copy()
+    speed[1, -5:] -= 0.4 * np.arange(1, 6)
+    scene = replace(scene, history=replace(scene.history, speed=speed))
+    way = {}
+    for name, share in (("attentive", "0"), ("inattentive", "20")):
+        states = driven(f"likely_driver:inattention={share}", scene, steps=15)
+        way[name] = states.x[:, 0, -1] - 100.0
+    assert way["inattentive"].mean() > way["attentive"].mean() + 0.3
+
+
+def test_inattention_is_not_negative() -> None:
+    with pytest.raises(UsageError, match="inattention"):
+        build(parse_models("likely_driver:inattention=-1")[0])
