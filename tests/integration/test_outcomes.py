@@ -49,7 +49,7 @@ def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
     pair = scex("encounters", run.folder, "--pair", f"{first['other_id']},{first['track_id']}")
     assert "collides in futures" in pair.stdout and "by their models" in pair.stdout
     assert "needs two track ids" in refused("encounters", run.folder, "--pair", "17", status=2)
-    assert "meet in no child" in refused("encounters", run.folder, "--pair", "98,99", status=2)
+    assert "meet in no future" in refused("encounters", run.folder, "--pair", "98,99", status=2)
 
 
 def test_children_of_replay_are_the_recorded_row(tmp_path: Path) -> None:
