@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 
-.PHONY: demo test fuzz check docs-pictures docs-site clean
+.PHONY: demo test fuzz check docs-pictures docs-tutorial docs-site clean
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -37,6 +37,9 @@ check: $(TEST_STAMP)
 
 docs-pictures: $(TEST_STAMP)
 	$(VENV)/bin/python docs/make_pictures.py
+
+docs-tutorial: $(TEST_STAMP)
+	$(VENV)/bin/python docs/run_tutorial.py
 
 docs-site: $(TEST_STAMP)
 	$(VENV)/bin/python docs/make_site.py

@@ -1,14 +1,16 @@
-"""Time and size of ``report.html``: of a real run, and of one whose children all differ.
+"""Time, size and frames per second of ``report.html``: of a real run, and of one whose children all differ.
 
     python benchmarks/report.py [OUT]
 
 Without a result folder, 385 children of the example roundabout are run first. Measured is what ``run`` adds
 after its table, whose intervals the report takes over: processor time, the best and the first of several
-repetitions.
+repetitions. Frames are those of chromium without a GPU in two seconds of play at 1400 x 900: zoomed to the
+worst encounter, with the whole scene, and with all futures; they need playwright.
 """
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,17 +19,30 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from playwright.sync_api import sync_playwright
 
 from scex_sumo import example_path, open_run
 from scex_sumo.reports.page import contents
 from scex_sumo.reports.page.html import asset
 from scex_sumo.reports.page.packing import second_differences, second_sums
-from scex_sumo.reports.page.report import SCRIPTS, write_report
+from scex_sumo.reports.page.report import REPORT, SCRIPTS, write_report
 from scex_sumo.reports.page.scene import UniqueTracks, unique_tracks
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.run import Run
 
 REPEATS = 5
+FRAMES = """() => new Promise((done) => {
+    const times = [], on = (now) => {
+        times.push(now);
+        if (now - times[0] < 2000) requestAnimationFrame(on);
+        else done(1000 * (times.length - 1) / (now - times[0]));
+    };
+    const slider = document.getElementById("time");
+    slider.value = 0;
+    slider.dispatchEvent(new Event("input"));
+    document.getElementById("play").click();
+    requestAnimationFrame(on);
+})"""
 
 
 def main() -> None:
@@ -38,8 +53,10 @@ def main() -> None:
             subprocess.run([*command, "--no-report", "-o", str(folder)], check=True, capture_output=True)
         print(f"scripts: {sum(len(asset(name)) for name in SCRIPTS) / 1000:.1f} kB")
         measure("as run", folder)
+        measure_frames(folder / REPORT)
         contents.unique_tracks = all_different
         measure("all different", folder)
+        measure_frames(folder / REPORT)
 
 
 def measure(name: str, folder: Path) -> None:
@@ -54,14 +71,29 @@ def measure(name: str, folder: Path) -> None:
     print(f"{name}: {kept}: {path.stat().st_size / 1000:.0f} kB, {min(times):.3f} s (first {times[0]:.3f} s)")
 
 
+def measure_frames(path: Path) -> None:
+    with sync_playwright() as browsers:
+        browser = browsers.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page.goto(path.resolve().as_uri())
+        page.wait_for_selector("#encounters tr")
+        rates = []
+        for key in ("", "f", "a"):
+            if key:
+                page.keyboard.press(key)
+            page.wait_for_timeout(1500)
+            rates.append(f"{page.evaluate(FRAMES):.0f}")
+        browser.close()
+    print("  frames per second: {} at the encounter, {} of the scene, {} of all futures".format(*rates))
+
+
 def all_different(run: Run) -> UniqueTracks:
     """The tracks of a run, every one with smooth accelerations and turns of its own."""
     found = unique_tracks(run)
     rng = np.random.default_rng(0)
     rows = found.which.reshape(-1)
     moved = second_sums(found.motion)[rows]
-    drift = rng.normal(0, 1, (len(rows), moved.shape[1], 3)) * np.array([1.0, 1.0, 1.0])
-    drift += rng.normal(0, 2, (len(rows), 1, 3))
+    drift = rng.normal(0, 1, moved.shape) + rng.normal(0, 2, (len(rows), 1, moved.shape[2]))
     different = moved + np.rint(np.cumsum(np.cumsum(drift, axis=1) * 0.1, axis=1)).astype(int)
     which = np.arange(len(rows)).reshape(found.which.shape)
     return replace(found, motion=second_differences(different), which=which)

@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 from typer.main import get_command
@@ -85,12 +86,18 @@ def python_reference() -> str:
     return "\n".join(parts)
 
 
-def page_of(notebook: dict[str, list[dict[str, object]]]) -> str:
-    """Return the cells of a notebook as Markdown, with a link to it."""
+def page_of(notebook: dict[str, list[dict[str, Any]]]) -> str:
+    """Return the cells of a notebook and their outputs as Markdown, with a link to it."""
     cells = []
     for cell in notebook["cells"]:
-        text = "".join(map(str, cell["source"]))  # type: ignore[call-overload]
+        text = "".join(cell["source"])
         cells.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+        for output in cell.get("outputs", ()):
+            data = {kind: "".join(lines) for kind, lines in output["data"].items()}
+            drawn = data.get("text/html") or data.get("image/svg+xml")
+            # Markdown ends a block of HTML at an empty line.
+            block = f"<div>{drawn}</div>".replace("\n\n", "\n") if drawn else ""
+            cells.append(block or f"```text\n{data['text/plain']}\n```")
     return "\n\n".join([*cells, "The same [as a notebook](tutorial.ipynb).\n"])
 
 

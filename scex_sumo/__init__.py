@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from scex_sumo.metrics.pairs.scenes import Samples as Samples
     from scex_sumo.metrics.pairs.scenes import Scenes as Scenes
     from scex_sumo.metrics.registry import metric as metric
+    from scex_sumo.results.region import Region as Region
     from scex_sumo.results.run import Run as Run
     from scex_sumo.results.run import open_run as open_run
     from scex_sumo.results.under_test import UnderTest as UnderTest
@@ -69,6 +70,7 @@ _HOMES = {
     "Predictor": "scex_sumo.behaviors.plug_in.predictor",
     "Ranking": "scex_sumo.studies.rank.rank",
     "Recording": "scex_sumo.converters.registries",
+    "Region": "scex_sumo.results.region",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.results.run",
     "Samples": "scex_sumo.metrics.pairs.scenes",

@@ -139,7 +139,6 @@ _stopped: list[int] = []
 
 
 def _is_out_of_memory(error: Exception) -> bool:
-    """Return whether memory ran out, in Python or in a library with its own words."""
     words = ("bad_alloc", "not enough memory", "Cannot allocate memory", "failed to map segment")
     return isinstance(error, MemoryError) or any(word in str(error) for word in words)
 

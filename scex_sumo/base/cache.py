@@ -63,7 +63,6 @@ def cached_object(kind: str, made_of: bytes, make: Callable[[], Made], parts: tu
 
 
 def _packed(value: Any, classes: dict[str, type]) -> bytes:
-    """Return an object as a line of JSON, followed by the bytes of its arrays; nothing of it is code."""
     content: list[bytes] = []
 
     def plain(value: Any) -> Any:
@@ -155,7 +154,6 @@ def owner_cache(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concate
 
 
 def _results_of(owner: Any) -> dict[Any, Any]:
-    """Return the results of an owner, now the most recently used one of its class."""
     with _owner_lock:
         owners = _by_owner.setdefault(type(owner), WeakKeyDictionary())
         results = owners.pop(owner, {})

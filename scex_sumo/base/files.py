@@ -31,9 +31,6 @@ def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary file beside ``path``, which replaces ``path`` if the block succeeds.
 
     Its content reaches the disk before its name does.
-
-    Raises:
-        ResultError: the file cannot be written.
     """
     # Arrow reads a relative path with a colon as a URI.
     temporary = path.absolute().with_name(f".{path.name}{_WRITING}")
@@ -74,9 +71,6 @@ def lock(folder: Path) -> None:
     """Lock a folder against other processes until `unlock`, or until this process ends.
 
     This process may lock it again.
-
-    Raises:
-        ResultError: another process has locked it.
     """
     unlock(folder)
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

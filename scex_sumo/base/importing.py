@@ -26,7 +26,6 @@ def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException]
     Args:
         path: ``package.module:name``, or ``package.module`` for the module itself.
         hint: added to the message if there is no such module.
-        reason: describes an error that the module raises.
 
     Raises:
         UsageError: the import fails, or the name is missing.

@@ -30,11 +30,7 @@ def environment() -> dict[str, str]:
 
 
 def checked_path(path: Path | str) -> str:
-    """Return a path as a value of SUMO's options, which SUMO splits at commas.
-
-    Raises:
-        SimulationError: the path has a comma.
-    """
+    """Return a path as a value of SUMO's options, which SUMO splits at commas."""
     if "," in str(path):
         raise SimulationError(
             f"{path}: SUMO splits paths at commas; rename the folder or file, or set TMPDIR to another folder"

@@ -38,11 +38,7 @@ class Registry:
         return name in self.builtin or ":" in str(name) or name in self.paths
 
     def load(self, name: str) -> Any:
-        """Import the extension of a name, or of an import path ``package.module:object``.
-
-        Raises:
-            UsageError: the name is unknown, or the import fails.
-        """
+        """Import the extension of a name, or of an import path ``package.module:object``."""
         if name in self.builtin:  # looking for entry points takes milliseconds
             return import_object(self.builtin[name])
         paths = self.paths

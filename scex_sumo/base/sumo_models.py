@@ -33,11 +33,7 @@ _REFUSED = frozenset(
 
 
 def check_driver(model: str, parameters: Mapping[str, str]) -> None:
-    """Check a SUMO model's name and parameters.
-
-    Raises:
-        UsageError: unknown model or parameter, or one that makes the driver depend on its tile.
-    """
+    """Check a SUMO model's name and parameters."""
     if model not in SUMO_MODELS:
         raise UsageError(f"unknown SUMO model {model!r}; known: {', '.join(SUMO_MODELS)}")
     for key, value in parameters.items():

@@ -163,7 +163,7 @@ def behavior(name: str) -> Callable[[T], T]:
         if name in _BUILT_IN:
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
-            raise UsageError(f"behavior {name!r}: a name has none of , : @ = and no spaces")
+            raise UsageError(f"behavior {name!r}: a name must not contain , : @ = or spaces")
         if not callable(constructor):
             raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
         _registered[name] = user_model(constructor, name)
@@ -315,13 +315,7 @@ def _check(spec: ModelSpec) -> None:
 
 
 def build(spec: ModelSpec) -> Behavior:
-    """Make the model of a spec.
-
-    Raises:
-        UsageError: see `parse_models`.
-        MissingExtraError: the model needs a package that is not installed.
-        InputError: weights of a learned driver cannot be used.
-    """
+    """Make the model of a spec."""
     _check(spec)
     plain, guard = _without_guard(spec)
     return Guarded(_build(plain), _GUARDS.get(plain.name)) if guard else _build(plain)

@@ -48,11 +48,7 @@ def profile_of(spec: ModelSpec, defaults: Any) -> Any:
 
 
 def user_arguments(spec: ModelSpec, model: UserModel) -> dict[str, Any]:
-    """Return the arguments that make a user's model.
-
-    Raises:
-        UsageError: a parameter is unknown, or one without a default is missing.
-    """
+    """Return the arguments that make a user's model."""
     values = _typed_parameters(spec, model.parameters)
     missing = [key for key, default in model.parameters.items() if default is EMPTY and key not in values]
     if missing:

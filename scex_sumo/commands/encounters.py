@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.commands.options import Result
+from scex_sumo.commands.options import Around, InRegion, Result
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ def encounters_command(
     weights: Annotated[
         str | None, Option(metavar="MODEL=W,...", help="Exact P with other weights, without new futures.")
     ] = None,
+    region: InRegion = None,
+    around: Around = None,
 ) -> Answer:
     """List which vehicles meet in a run, the most critical first."""
     from scex_sumo.commands.answers import meeting_rows
@@ -31,16 +33,18 @@ def encounters_command(
     from scex_sumo.reports.encounter_rows import meetings
     from scex_sumo.reports.encounter_table import print_encounters, print_pair, print_weights
     from scex_sumo.results.info import as_written
+    from scex_sumo.results.region import parse_region
     from scex_sumo.results.run import open_run
 
     console = output_console(width=110)
     with as_written(folder):
         run = open_run(folder)
-        found = meetings(run)
+        part = parse_region(region, around)
+        found = meetings(run, part)
         if weights is not None:
             print_weights(run, parse_weights(weights), console)
         elif pair is None:
-            print_encounters(run, console, most=most)
+            print_encounters(run, console, most=most, region=part)
         else:
             found = _meetings(run, pair)
             for one in found:

@@ -106,6 +106,12 @@ Cache = Annotated[bool, typer.Option(help="Keep what is made of map and models f
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[int, typer.Option(help="Processes.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
+InRegion = Annotated[
+    str | None, typer.Option("--region", metavar="X,Y,R", help="Only pairs with a vehicle in this circle, m.")
+]
+Around = Annotated[
+    int | None, typer.Option(metavar="TRACK", help="Only pairs with a vehicle within 30 m of this one.")
+]
 Result = Annotated[
     Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)
 ]

@@ -15,10 +15,12 @@ from typer import Option
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import progress_bar, resumable, warn
 from scex_sumo.commands.options import (
+    Around,
     Cache,
     Case,
     Fcd,
     Force,
+    InRegion,
     MapPath,
     Metrics,
     Models,
@@ -82,6 +84,8 @@ def run_command(
     until_band: Annotated[
         float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")
     ] = None,
+    region: InRegion = None,
+    around: Around = None,
     preset: RunPreset = None,
     metrics: Metrics = None,
     threshold: Thresholds = None,
@@ -117,6 +121,7 @@ def run_command(
     from scex_sumo.extrapolation.reference import add_reference, drop_reference
     from scex_sumo.extrapolation.settings import RunSettings
     from scex_sumo.extrapolation.workers import Workers, succeeded
+    from scex_sumo.results.region import parse_region
     from scex_sumo.statistics.bands import MAX_CHILDREN
     from scex_sumo.views.children import write_critical, write_critical_of
     from scex_sumo.world.base import DEFAULT_WORLD
@@ -138,6 +143,7 @@ def run_command(
         thresholds=parse_thresholds(threshold),
         reflect=reflect,
         keep_plans=keep_plans,
+        region=parse_region(region, around),
     )
     if reference != NO_REFERENCE:
         parse_models(reference)  # an error now, not after the run
@@ -199,13 +205,13 @@ def _tell(run: Run, preset: str | None) -> None:
     from scex_sumo.reports.run_table import print_summary
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
-    print_summary(run, output_console(width=110), preset=preset)
-    if run.info["band"] is not None:
-        _print_band(run.info["band"])
     if run.baseline is not None:
         from scex_sumo.reports.under_test_table import print_under_test
 
-        print_under_test(run.under_test, output_console(width=110))
+        print_under_test(run, output_console(width=110), preset=preset)
+    print_summary(run, output_console(width=110), preset=preset)
+    if run.info["band"] is not None:
+        _print_band(run.info["band"])
 
 
 def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:

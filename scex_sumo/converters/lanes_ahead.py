@@ -10,10 +10,7 @@ from scex_sumo.road import Lane
 
 
 def lanes_ahead(lanes: Mapping[int, Lane], ids: Iterable[int], reach_m: float) -> Iterator[int]:
-    """Yield some lanes, then those that begin within ``reach_m`` behind their beginnings, nearest first.
-
-    Each lane comes once, so that the time stays short on maps with exponentially many ways.
-    """
+    """Yield some lanes, then those that begin within ``reach_m`` behind their beginnings, nearest first."""
     queue = sorted((0.0, i) for i in ids)
     reached: set[int] = set()
     while queue:

@@ -30,18 +30,15 @@ def read_map(
 ) -> Road:
     """Read a map of any registered format.
 
-    Formats here: a SUMO net (``.net.xml``), CommonRoad (other ``.xml``), Lanelet2 (``.osm``); OpenDRIVE
-    (``.xodr``) and OpenStreetMap (an ``.osm`` without lanelets) by way of netconvert; the straight lanes of a
-    highD recording (``NN_recordingMeta.csv``).
+    The format is a SUMO net (``.net.xml``), CommonRoad (other ``.xml``), Lanelet2 (``.osm``), OpenDRIVE
+    (``.xodr``), OpenStreetMap (an ``.osm`` without lanelets) or highD (``NN_recordingMeta.csv``).
 
     Args:
-        origin: latitude and longitude in degrees where its coordinates begin; None looks in the map and
-            beside it.
-        tracks: the recording that shall lie on the map; its ``meta_data.csv`` may give the origin.
-        own_corner: a Lanelet2 map without a known origin begins at its south-west corner; False makes that
-            an error, because tracks would not lie on it.
+        origin: latitude and longitude in degrees; None looks in the map and beside it.
+        tracks: the recording on the map; its ``meta_data.csv`` may give the origin.
+        own_corner: whether a map without a known origin begins at its south-west corner.
         country: its speed limits hold where a Lanelet2 map gives none; None takes that of the map's tags.
-        keep: take a Lanelet2 map's road from the user's cache, and leave it there.
+        keep: use the user's cache of roads.
 
     Raises:
         MapError: the map cannot be read.

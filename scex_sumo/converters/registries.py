@@ -78,8 +78,8 @@ class MapFormat:
     Attributes:
         is_mine: whether a path is such a map, by its name, else by its beginning; the file may be missing.
         read: ``read(path, **options)`` gives the road; the options are those of `read_map`.
-        tracks: recording that comes with a map, in it or beside it; None if there is none.
-        name: name of the place, for the names of its recordings and results.
+        tracks: recording that comes with a map; None if there is none.
+        name: name of the place.
         asks_for: options by which a user gives tracks for such a map, for messages.
     """
 
@@ -95,15 +95,15 @@ class Dataset:
     """Dataset: which files and folders it recognises, and how it reads a recording.
 
     Attributes:
-        is_mine: whether a file, or a folder that a user names, is a recording of this dataset.
-        read: ``read(paths, net=...)`` gives the recording, nothing repaired, and one phrase for each thing
-            left out; ``net`` is the SUMO net of the map, or None.
+        is_mine: whether a file or folder is a recording of this dataset.
+        read: ``read(paths, net=...)`` gives the recording, not repaired, and one phrase for each thing left
+            out.
         recordings: recordings, with their maps, of the files of this dataset below a folder.
-        files: files of the recording that a user names by one path; a folder may stand for several.
+        files: files of the recording that a user names by one path.
         name: name of a recording by its map and its files.
-        origin: latitude and longitude of the coordinates by tracks and map; None if the recording has none.
+        origin: latitude and longitude of the coordinates by tracks and map; None if there is none.
         siblings: other recordings by the same tracker at the same site.
-        repair: repair of this dataset's own defects before `repair_tracks`, with a phrase for each kind.
+        repair: repair of this dataset's own defects before `repair_tracks`.
     """
 
     is_mine: Callable[[Path], bool]
@@ -122,8 +122,8 @@ class SignalFormat:
 
     Attributes:
         is_mine: whether a file is such a recording.
-        read: ``read(layout, origin, path)`` with a `NetLayout` and the latitude and longitude of (0, 0) gives
-            a `Programme` (None if it controls no link of the net), and notes.
+        read: ``read(layout, origin, path)`` gives a `Programme` (None if it controls no link of the net) and
+            notes.
     """
 
     is_mine: Callable[[Path], bool]
@@ -137,11 +137,7 @@ def map_format(path: Path) -> MapFormat:
 
 
 def refuse_folder(path: Path) -> None:
-    """Refuse a folder that is given as a map.
-
-    Raises:
-        MapError: names one of the maps in it.
-    """
+    """Refuse a folder that is given as a map."""
     if path.is_dir():
         *others, _ = _entries(MapFormat)
         maps = (
@@ -160,11 +156,7 @@ def dataset_of(path: Path) -> Dataset:
 
 
 def signal_format(path: Path) -> SignalFormat:
-    """The format of recorded signal phases.
-
-    Raises:
-        MapError: no format recognises the file.
-    """
+    """The format of recorded signal phases."""
     formats: tuple[SignalFormat, ...] = _entries(SignalFormat)
     for entry in formats:
         if entry.is_mine(path):
@@ -179,10 +171,7 @@ def place_name(map_path: Path) -> str:
 
 @cache
 def _entries(kind: type[_Format]) -> tuple[_Format, ...]:
-    """All formats: those of other packages, then the wings', then the built-in one, which takes the rest.
-
-    A format that cannot be imported is left out with a warning on standard error.
-    """
+    """All formats: those of other packages, then the wings', then the built-in one, which takes the rest."""
     registry = {MapFormat: MAPS, Dataset: DATASETS, SignalFormat: SIGNALS}[kind]
     paths = registry.paths
     order = sorted(paths, key=lambda name: (name in registry.builtin, paths[name].startswith("scex_sumo.")))

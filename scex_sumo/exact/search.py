@@ -28,6 +28,9 @@ BASE_ROWS: Final = 64
 ROUND_ROWS: Final = 24
 """Futures of a round before it takes up later events: few rounds cost less than few futures."""
 
+MAX_GUESSED: Final = 1000
+"""Drawn futures that guess the next vehicle of a search."""
+
 FREE: Final = -1  # a vehicle that a row leaves open
 _LIKELY = 0.5  # a likely vehicle is asked first if it tells this part of what the best one tells
 _STEPS = (1, 2, 4)  # vehicles changed at once between two futures that differ
@@ -259,8 +262,9 @@ class Search:
 
     def _suspects(self, event: int, leaf: Node, without: IntArray, with_it: IntArray) -> list[int]:
         """Return the vehicles in which two futures of a leaf differ, most likely first."""
-        pool = np.concatenate([self.drawn, self.rows])
-        happens = np.concatenate([self.seen[:, event], self.outcomes[:, event]])
+        drawn, seen = self.drawn[:MAX_GUESSED], self.seen[:MAX_GUESSED, event]
+        pool = np.concatenate([drawn, self.rows])
+        happens = np.concatenate([seen, self.outcomes[:, event]])
         here = np.ones(len(pool), dtype=np.bool_)
         for vehicle, level in leaf.path:
             here &= pool[:, vehicle] == level

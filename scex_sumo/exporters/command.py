@@ -26,7 +26,7 @@ def _complete_formats(incomplete: str) -> list[str]:
 
 def export_command(
     folder: Result,
-    child: Annotated[int | None, Option(metavar="N", help="Number of a future.")] = None,
+    child: Annotated[int | None, Option(metavar="N", help="Number of the future.")] = None,
     critical: Annotated[str | None, metric_option("The futures most critical by this metric.")] = None,
     encounter: Annotated[
         str | None,

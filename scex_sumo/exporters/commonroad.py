@@ -45,7 +45,6 @@ def write_commonroad(request: Request) -> list[Path]:
 
 
 def _benchmark(road: str, child: int) -> str:
-    """Return CommonRoad's name of a scenario; ZAM is no country, the child is the configuration."""
     letters = "".join(c for c in road.title() if c.isalnum())
     return f"ZAM_{letters}-1_{child + 1}_T-1"
 

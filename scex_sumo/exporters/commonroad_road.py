@@ -74,7 +74,6 @@ def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
-    """Return a speed sign for each limit, and the signs and lights of the rules."""
     signals, free = _Signals(), max(numbers.values()) + 1
     driven = [i for i in numbers if road.lanes[i].kind == "vehicle"]
     for speed in sorted({road.lanes[i].speed_limit_mps for i in driven}):
@@ -107,7 +106,6 @@ def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
 
 
 def _intersections(road: Road, numbers: Mapping[int, int], first: int) -> list[ET.Element]:
-    """Return groups of overlapping lanes that are entered on several lanes; ids begin at ``first``."""
     lanes = {i: lane for i, lane in road.vehicle_lanes.items() if i in numbers}
     elements, ids, left = [], count(first), [i for i, lane in lanes.items() if lane.conflicts]
     while left:

@@ -133,7 +133,6 @@ def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> s
 
 
 def _written(file: Path) -> datetime:
-    """Return when the run was finished, for reproducible bytes."""
     moment = datetime.fromtimestamp(int(file.stat().st_mtime), tz=timezone.utc)
     return moment.replace(tzinfo=None)
 

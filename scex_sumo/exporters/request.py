@@ -48,11 +48,7 @@ class Request:
 
     @cached_property
     def road(self) -> Road:
-        """The map, read again.
-
-        Raises:
-            MapError: it is missing, or is another map.
-        """
+        """The map, read again."""
         from scex_sumo.converters.maps import read_map
 
         recorded = self.run.info["seed_scene"].get("map")
@@ -80,11 +76,7 @@ class Request:
         return f"{self.name}_child{child:04d}"
 
     def ego_index(self) -> int | None:
-        """Return the index of the ego in the seed scene, None without an ego.
-
-        Raises:
-            UsageError: it is not in the seed scene.
-        """
+        """Return the index of the ego in the seed scene, None without an ego."""
         if self.ego is None:
             return None
         ids = self.scene.track_ids.tolist()
@@ -99,11 +91,7 @@ class Request:
 
 
 def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
-    """Return the most critical children by a metric, the worst first.
-
-    Raises:
-        UsageError: the metric is unknown, or defined in no child.
-    """
+    """Return the most critical children by a metric, the worst first."""
     column = run.column(column)
     order = most_critical(run, run.children, column)
     defined = order[~np.isnan(run.values(column)[order])][:count]
@@ -113,11 +101,7 @@ def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
 
 
 def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[int, ...]:
-    """Return the typical child in which two vehicles meet, as `view` shows it, then the closest ones.
-
-    Raises:
-        UsageError: one of them is not in the seed scene.
-    """
+    """Return the typical child in which two vehicles meet, as `view` shows it, then the closest ones."""
     scene = run.scene
     ids = scene.track_ids.tolist()
     for track in (first, second):

@@ -36,12 +36,11 @@ def write_interaction(request: Request) -> list[Path]:
 
 
 def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
-    """Yield the rows of children; the whole table would need too much memory."""
     file, ordered = run.folder / "tracks.parquet", sorted(children)
     table = pq.read_table(file, filters=[("case_id", "in", ordered)])
     rows = run.states(children[0]).x.size
     if table.num_rows != rows * len(ordered):
-        raise ResultError(f"{file}: has not {rows} rows of each child; run again")
+        raise ResultError(f"{file}: does not have {rows} rows of each future; run again")
     for child in children:
         yield table.slice(ordered.index(child) * rows, rows)
 

@@ -45,11 +45,7 @@ _WINDSCREEN = np.array([[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]])
 
 
 def write_mp4(request: Request) -> list[Path]:
-    """Write each child as MP4 (H.264) in real time; several into a folder.
-
-    Raises:
-        UsageError: PyAV is not installed.
-    """
+    """Write each child as MP4 (H.264) in real time; several into a folder."""
     if importlib.util.find_spec("av") is None:
         raise UsageError("--to mp4 needs PyAV: pip install 'scex-sumo[video]'; --to gif needs nothing")
     return _write(request, "mp4", _encode_mp4)
@@ -149,7 +145,6 @@ class Film:
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _view(self, size: tuple[int, int]) -> tuple[FloatArray, FloatArray, float]:
-        """Return the lower left and upper right corner in view, m, and pixels per m."""
         states = self._states[self._pair] if self._pair else self._states
         places = np.stack([states.x, states.y])[:, :, LOGGED_HISTORY - 1 :].reshape(2, -1)
         low, high = places.min(axis=1), places.max(axis=1)
@@ -242,7 +237,6 @@ def _between(states: States, frame: float) -> States:
 
 
 def _apart(states: States) -> FloatArray:
-    """Return (N, 2) directions of vehicles from their middle, or along their headings in one place."""
     places = np.stack([states.x, states.y], axis=1)
     away = places - places.sum(axis=0) / max(len(places), 1)
     length = np.linalg.norm(away, axis=1, keepdims=True)

@@ -59,16 +59,13 @@ def all_assignments(choices: Sequence[int]) -> IntArray:
 
     Args:
         choices: (V,) number of models that each vehicle may get.
-
-    Raises:
-        UsageError: more than ten thousand combinations.
     """
     count = math.prod(int(choice) for choice in choices)
     if count > MAX_COMBINATIONS:
         raise UsageError(
             f"--children all: {_number(count)} combinations for {len(choices)} vehicles, at most "
             f"{MAX_COMBINATIONS:,} are run; name fewer models, fix some vehicles with --assign, "
-            "or give a number of children"
+            "or give a number of futures"
         )
     grid = np.indices(tuple(int(c) for c in choices), dtype=np.int64)
     return grid.reshape(len(choices), -1).T.copy()
@@ -97,9 +94,6 @@ def assignments(
         fixed: model by track id, the same in all children; it may lie beyond ``weights``.
         design: one of ``DESIGNS``. Fewer children are the first of more.
         keep: use the user's cache.
-
-    Raises:
-        UsageError: an unknown track id, or too many combinations.
     """
     ids = [int(t) for t in track_ids]
     fixed = dict(fixed or {})

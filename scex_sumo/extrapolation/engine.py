@@ -43,9 +43,6 @@ class RunOptions:
 
     Attributes:
         compared: compare a checked world with SUMO's.
-
-    Raises:
-        UsageError: fewer than one child in a batch.
     """
 
     batch: int | None = None
@@ -77,6 +74,7 @@ def run_scene(
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     settings.check_size(settings.count or 1, scene.vehicles)
+    vehicles = settings.region.vehicles(scene)
     watch, models = _Stopwatch(), ModelSet.of(settings)
     if options.cache:
         models.keep_images()
@@ -111,13 +109,23 @@ def run_scene(
         )
     watch.lap("simulate_and_measure")
     recorded = measure_recorded(
-        scene, settings.steps, replan=settings.replan, metrics=settings.measured, preset=settings.rule
+        scene,
+        settings.steps,
+        replan=settings.replan,
+        metrics=settings.measured,
+        preset=settings.rule,
+        vehicles=vehicles,
     )
     part = write_tables(folder, job, recorded, workers=workers)
     _write_exact(job, part, options, workers)
     watch.lap("exact")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
+    if vehicles is not None:
+        inside = [int(scene.track_ids[v]) for v in vehicles]
+        counted = f"only pairs with one of {len(inside)} of {scene.vehicles} vehicles count"
+        info["run_notes"].append(f"{counted}: those {settings.region.words()} at the seed moment")
+        info["region"] |= {"words": settings.region.words(), "vehicles": inside}
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
@@ -183,7 +191,6 @@ class _Stopwatch:
 
 
 def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
-    """Run all children, or as many as the band needs."""
     settings = job.settings
     if settings.until_band is None or settings.count is None:
         run(job)
@@ -208,7 +215,6 @@ def _without_test(job: Job) -> RunSettings:
 
 
 def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
-    """Return the progress of one of several equal parts."""
     if progress is None:
         return None
     return lambda done, total: progress(part * total + done, parts * total)

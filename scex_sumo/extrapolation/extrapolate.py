@@ -12,6 +12,7 @@ from scex_sumo.extrapolation.engine import RunOptions, run_scene
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.metric import Metric
+from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.designs import DEFAULT_DESIGN
@@ -37,6 +38,7 @@ def extrapolate(
     thresholds: Mapping[str, float] | None = None,
     reflect: bool = True,
     keep_plans: bool = False,
+    region: Region = EVERYWHERE,
     out: str | Path | None = None,
     overwrite: bool = False,
     workers: int = 1,
@@ -49,7 +51,7 @@ def extrapolate(
 ) -> Run:
     """Simulate many child scenarios of a seed scene with different drivers, and measure each.
 
-    `scex_sumo.extrapolation.settings.RunSettings` describes the arguments up to ``keep_plans``; the others
+    `scex_sumo.extrapolation.settings.RunSettings` describes the arguments up to ``region``; the others
     change no value. Notes on net and run are `ScexWarning`.
 
     Args:
@@ -91,6 +93,7 @@ def extrapolate(
         thresholds=thresholds or {},
         reflect=reflect,
         keep_plans=keep_plans,
+        region=region,
     )
     with (
         progress_of(progress, scene.name) as tick,

@@ -78,8 +78,8 @@ def fallback_lines(counts: Sequence[dict[str, Any]]) -> list[str]:
     """Return the counts as text, a line for each model."""
     return [
         f"{c['model']}: {c['replaced']} of {c['plans']} plans replaced by the path-following driver's, "
-        f"in {c['children']} {'child' if c['children'] == 1 else 'children'}; "
-        f"first (child {c['first']['child']}, vehicle {c['first']['track_id']}, "
+        f"in {c['children']} {'future' if c['children'] == 1 else 'futures'}; "
+        f"first (future {c['first']['child']}, vehicle {c['first']['track_id']}, "
         f"{c['first']['step'] * STEP_S:.1f} s): {c['first']['reason']}"
         for c in counts
     ]

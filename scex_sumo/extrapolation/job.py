@@ -164,7 +164,12 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
         world, job.road, job.scene, batch, steps=settings.steps, replan=settings.replan, on_step=on_step
     )
     outcome = measure_outcome(
-        job.scene, rollout, metrics=settings.measured, preset=settings.rule, counted=job.counted
+        job.scene,
+        rollout,
+        metrics=settings.measured,
+        preset=settings.rule,
+        counted=job.counted,
+        vehicles=settings.region.vehicles(job.scene),
     )
     values, hits = outcome.values, outcome.collisions
     ids = job.scene.track_ids

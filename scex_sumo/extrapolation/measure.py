@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -23,6 +24,8 @@ from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.scenes import Scenes
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
+
+P = TypeVar("P", Collisions, Encounters)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,6 +61,7 @@ def measure_outcome(
     preset: str = PAPER_PRESET,
     counted: BoolArray | None = None,
     limit_m2: float = CONTACT_M2,
+    vehicles: Collection[int] | None = None,
 ) -> Outcome:
     """Measure a batch of children by the metrics, or by the paper's six.
 
@@ -65,18 +69,26 @@ def measure_outcome(
         preset: car-following rule of the metrics that leave it open.
         counted: (T, V) steps in which a vehicle counts; None: all.
         limit_m2: overlap above which vehicles have collided; `OVERLAP_M2` for boxes as recorded.
+        vehicles: only pairs with one of these (indices) count; None: all.
     """
     present = None if counted is None else counted[None].repeat(len(rollout.children), axis=0)
     tracks, planned = _evaluated(scene, rollout, present)
-    hits = find_collisions(tracks, limit_m2=limit_m2)
+    hits = _of_pairs(find_collisions(tracks, limit_m2=limit_m2), vehicles)
     met: list[Encounters] = []
 
     def meet(start: int, scenes: Scenes) -> None:
-        met.append(encounters_of(scenes, hits, start))
+        met.append(_of_pairs(encounters_of(scenes, hits, start), vehicles))
 
-    values = evaluate(tracks, planned, preset=preset, metrics=metrics, also=meet)
+    values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles, also=meet)
     severity = severity_of(tracks, hits, scene.types, scene.road)
     return Outcome(values=values, collisions=hits, severity=severity, encounters=Encounters.join(met))
+
+
+def _of_pairs(rows: P, vehicles: Collection[int] | None) -> P:
+    """Select collisions or encounters with one of the vehicles."""
+    if vehicles is None:
+        return rows
+    return rows.take(np.flatnonzero(np.isin([rows.first, rows.second], list(vehicles)).any(axis=0)))
 
 
 def measure_rollout(
@@ -119,6 +131,7 @@ def measure_recorded(
     replan: int = 5,
     metrics: tuple[Metric, ...] | None = None,
     preset: str = PAPER_PRESET,
+    vehicles: tuple[int, ...] | None = None,
 ) -> Recorded | None:
     """Measure the recorded future as one row; return None if there is none.
 
@@ -127,22 +140,22 @@ def measure_recorded(
     if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
         return None
     assert scene.road is not None
-    one, vehicles = np.zeros(1, dtype=np.int64), scene.vehicles
+    one, count = np.zeros(1, dtype=np.int64), scene.vehicles
     batch = Batch(
         children=one,
-        assignment=np.zeros((1, vehicles), dtype=np.int64),
+        assignment=np.zeros((1, count), dtype=np.int64),
         models=[Replay(ReplayProfile())],
         names=["replay"],
         overridden=np.ones(1, dtype=np.bool_),
-        route_draw=np.zeros((1, vehicles)),
+        route_draw=np.zeros((1, count)),
         generators=[np.random.default_rng(0)],
     )
-    rollout = roll_out(PlainWorld(1, vehicles), scene.road, scene, batch, steps=steps, replan=replan)
+    rollout = roll_out(PlainWorld(1, count), scene.road, scene, batch, steps=steps, replan=replan)
     counted = recorded_steps_of(scene, steps)
     tracks, planned = _evaluated(scene, rollout, counted[None])
-    values = evaluate(tracks, planned, preset=preset, metrics=metrics)
-    last = counted.sum(axis=0)
-    return Recorded(values=values, overlaps=find_collisions(tracks), last_step=last, steps=steps)
+    values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles)
+    overlaps, last = _of_pairs(find_collisions(tracks), vehicles), counted.sum(axis=0)
+    return Recorded(values=values, overlaps=overlaps, last_step=last, steps=steps)
 
 
 def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:

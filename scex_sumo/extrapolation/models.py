@@ -87,7 +87,6 @@ class ModelSet:
                 model.driver.keeps = True
 
     def _bare(self) -> Iterator[tuple[ModelSpec, str, Behavior]]:
-        """Yield each model without its guard and fallback."""
         for spec, name, model in zip(self.specs, self.names, self.built, strict=True):
             while isinstance(model, Guarded | Fallible):
                 model = model.model
@@ -145,7 +144,6 @@ class ModelSet:
 
 
 def _built(spec: ModelSpec) -> Behavior:
-    """Build a model; one that may fail gets a fallback, inside its guard."""
     model = build(spec)
     if not may_fail(spec):
         return model

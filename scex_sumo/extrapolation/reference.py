@@ -43,6 +43,7 @@ def add_reference(
         metrics=settings.metrics,
         thresholds=settings.thresholds,
         reflect=settings.reflect,
+        region=settings.region,
         world="checked" if WORLDS.load(settings.world).has_sumo else "plain",
     )
     quiet = dataclasses.replace(options, batch=None, gui=False)

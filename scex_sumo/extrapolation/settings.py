@@ -14,6 +14,7 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, pars
 from scex_sumo.metrics.evaluate import PAPER_PRESET
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import COLUMNS, column_named, columns_of, describe_metrics, metrics_named
+from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
@@ -53,6 +54,7 @@ class RunSettings:
         thresholds: by metric column, on top of the defaults.
         reflect: separate values that many children share, and reflect densities at 0 if no value is negative;
             False gives the paper's plain kernel.
+        region: only pairs with a vehicle inside count; all vehicles are simulated.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
     Raises:
@@ -75,6 +77,7 @@ class RunSettings:
     thresholds: Mapping[str, float] = field(default_factory=dict)
     reflect: bool = True
     keep_plans: bool = False
+    region: Region = EVERYWHERE
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -103,7 +106,7 @@ class RunSettings:
             check_band(self.until_band)
             if self.count is None:
                 raise UsageError(
-                    "--until-band: all combinations leave nothing to estimate; give no --children all"
+                    "--until-band: not possible with --children all, which leaves nothing to estimate"
                 )
         if self.preset not in RUN_PRESETS:
             raise UsageError(f"--preset: unknown {self.preset!r}; known: {', '.join(RUN_PRESETS)}")
@@ -112,7 +115,6 @@ class RunSettings:
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     def _put_under_test(self) -> None:
-        """Put vehicles with an assigned model of the user under test."""
         assign, under_test = self.assign or {}, self.under_test or {}
         twice = sorted(set(under_test) & set(assign))
         if twice:
@@ -146,7 +148,7 @@ class RunSettings:
         states = children * vehicles * self.steps
         if states > MAX_STATES:
             raise UsageError(
-                f"{children:,} children x {vehicles:,} vehicles x {self.steps:,} steps are {states:,} "
+                f"{children:,} futures x {vehicles:,} vehicles x {self.steps:,} steps are {states:,} "
                 f"states, at most {MAX_STATES:,} are run; ask for fewer --children or --steps"
             )
 
@@ -185,6 +187,7 @@ class RunSettings:
             "preset": self.preset,
             "reflect": self.reflect,
             "keep_plans": self.keep_plans,
+            **self.region.to_json(),
         }
 
 

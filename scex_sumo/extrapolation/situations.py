@@ -87,7 +87,6 @@ def plan_inputs_of(model: Behavior) -> Sight | None:
 
 @owner_cache
 def _first_alike(history: SceneHistory) -> IntArray:
-    """Return for each child (C,) the first one whose vehicles have the same states."""
     states = history.states
     count = states.shape[0]
     values = np.concatenate(
@@ -99,7 +98,6 @@ def _first_alike(history: SceneHistory) -> IntArray:
 
 @owner_cache
 def _one_of_each(history: SceneHistory) -> tuple[SceneHistory, IntArray]:
-    """Return the history of one child of each kind, and their indices (k,)."""
     children = np.unique(_first_alike(history))
     few = replace(
         history,

@@ -1,10 +1,8 @@
 """Pool of worker processes: batches of a run, moments of a study.
 
-libsumo runs one simulation per process. A worker takes its next task when it is free; one that dies is
-replaced, and its task is done once more. A result depends on the task alone.
+libsumo runs one simulation per process. A worker that dies is replaced, and its task is done once more.
 
-Why not `concurrent.futures.ProcessPoolExecutor`: one dead worker breaks the pool and hides its task; workers
-outlive a killed process; each runs the user's script again.
+`concurrent.futures.ProcessPoolExecutor` breaks with one dead worker and hides its task.
 """
 
 from __future__ import annotations
@@ -56,12 +54,7 @@ class Workers:
     """Processes that do tasks; a context manager. They start at once."""
 
     def __init__(self, processes: int) -> None:
-        """Start all but one of the processes; this process is the other.
-
-        Raises:
-            UsageError: fewer than one, or more than a thousand.
-            SimulationError: the limit of address space is too low.
-        """
+        """Start all but one of the processes; this process is the other."""
         if not 1 <= processes <= MAX_PROCESSES:
             raise UsageError(f"--workers: got {processes}, needs 1 to {MAX_PROCESSES}")
         limit, _ = resource.getrlimit(resource.RLIMIT_AS)
@@ -142,21 +135,20 @@ class Workers:
     def _share(
         self, worker: _Worker, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
     ) -> None:
-        """Give a worker batches while there are any."""
 
         def tick(children: int) -> None:
             reports.put(("step", children))
 
         try:
-            self._try_twice(worker, "before its first children", partial(worker.open, work))
+            self._try_twice(worker, "before its first futures", partial(worker.open, work))
             for batch in _taken(left):
-                where = f"over children {int(batch[0])} to {int(batch[-1])}"
+                where = f"during futures {int(batch[0])} to {int(batch[-1])}"
                 order = partial(worker.do, work, batch, tick)
                 reports.put(("done", self._try_twice(worker, where, order)))
         except WorkersDied as died:
             where, ends = died.args
             reason = f"a worker died twice {where} ({ends[-1]})"
-            remedy = "finished children are kept, the same command goes on"
+            remedy = "finished futures are kept; run the same command again to go on"
             reports.put(("failed", SimulationError(f"{reason}; {remedy}")))
         except BaseException as error:  # raised again where the batches are awaited
             reports.put(("failed", error))
@@ -232,8 +224,6 @@ def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
 
 
 class _Worker:
-    """A worker process, and the thread that gives it tasks in order."""
-
     def __init__(self, folder: str) -> None:
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
         self._folder = folder  # temporary files of a killed worker are removed with it

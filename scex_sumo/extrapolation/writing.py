@@ -38,9 +38,6 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
 
     Returns:
         All children, with their first step only, without plans.
-
-    Raises:
-        ResultError: a file cannot be written, or children are missing.
     """
     these = folder, job.scene, len(job.assignment), job.settings
     written = workers.submit(partial(_write_tracks, *these), where="over the tracks")
@@ -86,7 +83,6 @@ def _encounters(job: Job, part: Part, intervals: DesignIntervals) -> pa.Table:
 def _each(
     folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings, *, plans: bool = True
 ) -> Iterator[Part]:
-    """Yield all children, some at a time, so that memory does not grow with their number."""
     rows = scene.vehicles * (LOGGED_HISTORY + settings.steps)
     return folder.in_order(children, size=max(ROWS_AT_ONCE // rows, 1), plans=plans)
 

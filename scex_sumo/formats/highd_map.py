@@ -34,13 +34,7 @@ def _tracks(path: Path) -> Path:
 
 
 def _read_road(path: Path, **_: object) -> Road:
-    """Build lanes, with highD's own ``laneId``, from ``upperLaneMarkings`` and ``lowerLaneMarkings``.
-
-    The upper lanes lead towards -x, the lower ones towards +x; y is turned upwards.
-
-    Raises:
-        MapError: the file is not a highD recording's, or its markings are no rising numbers.
-    """
+    """Build lanes, with highD's own ``laneId``, from ``upperLaneMarkings`` and ``lowerLaneMarkings``."""
     try:
         meta = read_meta(path)
     except TrackError as error:

@@ -43,9 +43,6 @@ def read_levelx(path: str | Path) -> TrackTable:
     """Read ``NN_tracks.csv`` with its two ``Meta`` files; nothing is repaired.
 
     highD has no headings: they are the course of the motion, and the driving direction below 3 m/s.
-
-    Raises:
-        TrackError: a file or column is missing, a value is missing or not a number, or there are no rows.
     """
     path = Path(path)
     meta = read_meta(_recording_file(path, "recordingMeta"))
@@ -89,11 +86,7 @@ def _recording_file(tracks_path: Path, kind: str) -> Path:
 
 
 def read_meta(path: Path) -> dict[str, str]:
-    """Read the row of a ``recordingMeta.csv``.
-
-    Raises:
-        TrackError: it cannot be read, or has no row.
-    """
+    """Read the row of a ``recordingMeta.csv``."""
     rows = _read_rows(path)
     if not rows:
         raise TrackError(f"{path}: no row in it; take the file as published")
@@ -157,11 +150,7 @@ def _middle(map_path: Path, _changed_ns: int) -> Place:
 
 
 def _origin(tracks_path: Path, map_path: Path) -> Place | None:
-    """Place of a recording's UTM origin; the zone is that of its location, else of the map.
-
-    Raises:
-        MapError: it is not a place near the recording's location.
-    """
+    """Place of a recording's UTM origin; the zone is that of its location, else of the map."""
     meta_path = _recording_file(tracks_path, "recordingMeta")
     meta = read_meta(meta_path)
     if not meta.get("xUtmOrigin") or not meta.get("yUtmOrigin"):

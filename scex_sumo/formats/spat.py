@@ -56,9 +56,6 @@ def recorded_programme(
     """Return the traffic light that replays a recording (None if it controls no link of the net), and notes.
 
     The recording begins at simulation time 0 and repeats.
-
-    Raises:
-        MapError: the CSV does not hold signal phases, or no KML lies beside it.
     """
     runs = _read_phases(signals)
     moves = _read_movements(_kml_beside(signals), origin)
@@ -113,7 +110,7 @@ def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:
 def _kml_beside(signals: Path) -> Path:
     candidates = sorted(signals.parent.glob("*.kml"))
     if not candidates:
-        raise MapError(f"{signals}: the intersection's KML must lie beside it to tell its lanes")
+        raise MapError(f"{signals}: no KML of the intersection beside it; put it into the same folder")
     return candidates[0]
 
 

@@ -105,8 +105,7 @@ class Polylines:
     Attributes:
         octagons: (4, N, H) coordinates of the nodes.
         arc: (N, H) length from the first node, m.
-        start: (2, N, M) of each segment; M is a multiple of the block size.
-        delta: (2, N, M) extent, m; 0 for padding.
+        start: (2, N, M) of each segment; ``delta`` its extent, m; 0 for padding.
         boxes: by level, segments first: (4, 2, N, M / block^level) octagons.
     """
 
@@ -188,7 +187,6 @@ class Polylines:
 
 
 def _merge(boxes: FloatArray) -> FloatArray:
-    """Return boxes around blocks of boxes; the last box fills up the last block."""
     missing = -boxes.shape[3] % BLOCK
     if missing:
         boxes = np.concatenate([boxes, np.repeat(boxes[..., -1:], missing, axis=3)], axis=3)

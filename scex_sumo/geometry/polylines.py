@@ -225,7 +225,6 @@ def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
 
 
 def _pass(start: FloatArray, end: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
-    """Return (N,) whether segments j lie on both sides of the lines through segments i."""
     along, ahead, behind = end[i] - start[i], start[j] - start[i], end[j] - start[i]
     sides = (along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0] for to in (ahead, behind))
     apart: BoolArray = np.multiply(*sides) < 0
@@ -243,8 +242,7 @@ def begin_inside(
 
     Args:
         shapes: (P, 2) centreline of every lane, m.
-        starts: lanes without predecessor.
-        loose: lanes without predecessor or successor.
+        starts: lanes without predecessor; ``loose`` without predecessor or successor.
         apart: by lane, its neighbours and successors.
     """
     low = {name: line.min(axis=0) - INSIDE_M for name, line in shapes.items()}

@@ -40,11 +40,7 @@ def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatAr
 
 
 def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
-    """Return the (N,) area that two rectangles share, m².
-
-    In the frame of the first one: the sum over the second one's edges of the integral of y over x, both
-    clamped to the first one's sides.
-    """
+    """Return the (N,) area that two rectangles share, m²."""
     x, y, cos, sin = relative_pose(one, two)
     along_x, along_y = two.half_length * cos, two.half_length * sin
     across_x, across_y = -two.half_width * sin, two.half_width * cos
@@ -71,7 +67,6 @@ def _clamped_integral(
 
 
 def _clamp_integral(y: FloatArray, b: FloatArray) -> FloatArray:
-    """Integrate the clamping to [-b, b] from 0 to y."""
     size = np.abs(y)
     return np.where(size <= b, 0.5 * y * y, b * size - 0.5 * b * b)
 

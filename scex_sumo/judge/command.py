@@ -46,9 +46,10 @@ def convert_command(
         bool, Option("--drive", help="With --check: let 120 of SUMO's cars drive all routes, too.")
     ] = False,
     json_report: Annotated[bool, Option("--json-report", help="Print the fidelity figures as JSON.")] = False,
-    strict: Annotated[bool, Option("--strict", help="Fail where anything of the map is lost.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Fail if anything of the map is lost.")] = False,
     country: Annotated[
-        str | None, Option(metavar="CODE", help="Whose speed limits hold where the map gives none, e.g. us.")
+        str | None,
+        Option(metavar="CODE", help="Country whose speed limits hold where the map gives none, e.g. us."),
     ] = None,
 ) -> None:
     """Convert a map to a SUMO net and judge it, or judge a net."""
@@ -112,7 +113,7 @@ def _verdict(
         print(f"{'warning: ' if loss.large else ''}lost: {loss}")
     problems = report.problems()
     if problems:
-        raise MapError(f"{net_path}: {len(problems)} of its figures miss what a faithful net has")
+        raise MapError(f"{net_path}: not faithful to the map: {len(problems)} figures are out of bounds")
     if not losses and not quiet:
         print("faithful: nothing of the map is lost, all figures are within their bounds")
     if strict and losses:

@@ -132,7 +132,6 @@ def _kind_of_run(lanes: Mapping[int, Lane], one: _Trace, other: _Trace, start: i
 
 
 def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane) -> bool:
-    """Return whether the second follows the first, at once or after at most `CHAIN` very short lanelets."""
     reached, level = {a.lane_id}, [a]
     for _ in range(CHAIN + 1):
         ahead = {i for lane in level for i in lane.successors}
@@ -144,10 +143,6 @@ def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane) -> bool:
 
 
 def _joined(lanes: Mapping[int, Lane], a: Lane, b: Lane, *, end: bool) -> bool:
-    """Return whether both lead into one lanelet, or come from one fork, and stay near until there.
-
-    Each pair of lanelets is tested once, because short lanelets may have exponentially many ways.
-    """
     reached, level = {frozenset((a.lane_id, b.lane_id))}, [(a, b)]
     for depth in range(CHAIN + 1):
         if any(_share(one, other, end=end) for one, other in level):

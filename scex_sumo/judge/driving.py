@@ -87,10 +87,6 @@ def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0) ->
 
     Args:
         vehicles: how many; they take all routes in turn, in a random order.
-
-    Raises:
-        InputError: the file is no SUMO net.
-        SimulationError: the net has no route, or SUMO stopped with an error.
     """
     net = read_net(net_path)
     routes = border_routes(net)
@@ -210,7 +206,6 @@ def _overlaps(fcd: Path) -> list[tuple[str, str, str, str, float]]:
 
 
 def _corners(poses: FloatArray) -> FloatArray:
-    """(n, 4, 2) corners of the footprints; SUMO's position is the middle of the front bumper."""
     heading = np.deg2rad(90.0 - poses[:, 2])  # SUMO: 0 = north, clockwise
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)[:, None]
     left = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)[:, None]
@@ -252,7 +247,6 @@ def border_routes(net: NetContent) -> list[tuple[str, ...]]:
 
 
 def _in_the_way(net: NetContent, starts: set[str]) -> set[str]:
-    """Edges among ``starts`` where a car that starts blocks others; head-on traffic does not count."""
     cars = {name: lane for name, lane in net.car_lanes.items() if length_of(lane.shape) > 0.0}
     apart = {name: set(net.edges[lane.edge_id]) for name, lane in cars.items() if lane.edge_id in starts}
     if not apart:  # a closed circuit

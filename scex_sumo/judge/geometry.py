@@ -24,10 +24,7 @@ Lanes = Mapping[int, list[SumoLane]]
 
 
 def judge_geometry(matching: Matching) -> dict[str, Any]:
-    """Compare shapes, widths and speeds lanelet by lanelet, sampled every 0.5 m.
-
-    The floor of the width error is what the best constant width of each lanelet leaves.
-    """
+    """Compare shapes, widths and speeds lanelet by lanelet, sampled every 0.5 m."""
     net, road = matching.net, matching.road
     vehicle = road.vehicle_lanes
     own = {i: [net.lanes[name] for name in matching.names(i)] for i in vehicle}
@@ -73,7 +70,6 @@ def _distances(points: FloatArray, lanes: list[SumoLane]) -> FloatArray:
 
 
 def _back(matching: Matching) -> tuple[dict[str, FloatArray], dict[str, float]]:
-    """Distance of each SUMO lane's points to its lanelets, and how far the lane overhangs."""
     back, overhang = {}, {}
     for name in matching.by_sumo_lane:
         lanelets = [matching.road.lanes[i] for i in matching.lanelets(name)]

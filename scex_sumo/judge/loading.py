@@ -153,7 +153,6 @@ def _drop_cars(connection: Any, edge: str, points: FloatArray, directions: Float
 
 
 def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direction: float) -> bool:
-    """Whether the lane found stands for the lanelet, or passes the same place in the same direction."""
     lanes, own, place = matching.net.lanes, matching.names(owner), shapely.Point(point)
     if found in own or found not in lanes:
         return found in own
@@ -168,7 +167,6 @@ def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direc
 
 
 def _covers(matching: Matching, found: str, place: shapely.Point, off: float) -> bool:
-    """Whether a lanelet under the lane found covers the place, too; of such lanes SUMO takes any."""
     for lane in (matching.road.lanes[i] for i in matching.lanelets(found)):
         distance = float(shapely.LineString(lane.centreline).distance(place))
         if distance <= lane.width_m / 2 and abs(distance - off) <= SAME_PLACE_M:

@@ -129,7 +129,6 @@ def _by_geometry(net: NetContent, road: Road) -> list[tuple[int, str]]:
 
 
 def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: float) -> bool:
-    """Whether a SUMO lane stays near wherever it passes beside a lanelet; branches of a fork do not."""
     line = shapely.LineString(lane.centreline)
     if line.length <= 0.0:
         return False

@@ -69,7 +69,6 @@ def _lit(net: NetContent, link: SumoLink) -> bool:
 def _missing_foes(
     links: Links, conflicts: Iterable[JudgedConflict]
 ) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
-    """Lanelet pairs on which SUMO lets two cars drive at once, and those without a common junction."""
     missing, apart = [], []
     for conflict in conflicts:
         pair = (conflict.first, conflict.second)
@@ -162,7 +161,6 @@ def _mutual(links: Links) -> Iterator[tuple[SumoLink, SumoLink]]:
 
 
 def _both(net: NetContent, one: SumoLink, other: SumoLink, letters: str) -> bool | None:
-    """Whether some phase shows two links one of the letters both; None without a common light."""
     states = net.phases.get(one.signal)
     if states is None or one.signal != other.signal:
         return None

@@ -125,10 +125,6 @@ def check_net(net_path: Path, road: Road, lanes: LaneNames | None = None) -> Fid
 
     Args:
         lanes: SUMO lanes of each lanelet; None to find them by geometry.
-
-    Raises:
-        InputError: the file is no SUMO net.
-        SimulationError: SUMO is not installed, or stopped with an error.
     """
     matching = match_lanelets(read_net(net_path).in_map(road.georeference), road, lanes)
     figures: dict[str, Any] = {"net": net_path.name, "map": road.name, "lane_table": lanes is not None}

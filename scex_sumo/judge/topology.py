@@ -74,7 +74,6 @@ def judge_topology(matching: Matching) -> dict[str, Any]:
 
 
 def _forward(matching: Matching, on_lanes: Stretches) -> dict[Stretch, set[Stretch]]:
-    """Moves straight ahead, over connections too; lanes that stand for nothing are passed through."""
     following = matching.net.following
     empty = {name: {*following.get(name, ())} for name, on in on_lanes.items() if not on}
     moves: dict[Stretch, set[Stretch]] = {}
@@ -152,7 +151,6 @@ def _routes_in_net(forward: Moves, changes: Changes) -> set[Pair]:
 
 
 def _edge_routes(matching: Matching, on_lanes: Stretches, border: Collection[Pair]) -> set[Pair]:
-    """Pairs for a router that knows connections between edges but no lanes."""
     lanes = matching.net.lanes
     ahead: dict[str, set[str]] = defaultdict(set)
     for link in matching.net.car_links:
@@ -203,7 +201,6 @@ def _groups(lanes: Mapping[int, Lane]) -> list[set[int]]:
 
 
 def _free(lanes: Mapping[int, Lane], lane_id: int, group: set[int]) -> BoolArray:
-    """(FRACTIONS,) where no conflicting lanelet outside the group comes near."""
     line = shapely.LineString(lanes[lane_id].centreline)
     points = shapely.line_interpolate_point(line, np.linspace(0.0, 1.0, FRACTIONS), normalized=True)
     others = [i for i in lanes[lane_id].conflicts if i in lanes and i not in group]

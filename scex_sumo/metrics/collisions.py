@@ -210,7 +210,6 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
 
 
 def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
-    """Return (N, T - 1) whether a point comes within reach of the origin in each step."""
     px, py = dx[:, :-1], dy[:, :-1]
     vx, vy = dx[:, 1:] - px, dy[:, 1:] - py
     square = vx * vx + vy * vy
@@ -222,7 +221,6 @@ def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
 
 
 def _contacts(moves: Moves) -> Moves:
-    """Select moves whose outlines may touch."""
     gap_way, _ = moves.way()
     zero = np.zeros(moves.child.shape)
     ends = moves.separation(zero) + moves.separation(zero + 1)
@@ -230,7 +228,6 @@ def _contacts(moves: Moves) -> Moves:
 
 
 def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Find the moves whose overlap exceeds their limit (N,) by branch and bound: (F,) share and index."""
     count = moves.child.size
     share = np.full(count, np.inf)
     start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
@@ -266,7 +263,6 @@ def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[FloatArray, IntArray]:
-    """Select the first move of every pair, unless the pair overlaps from its start."""
     vehicles = moves.tracks.states.shape[2]
     key = (moves.child[which] * vehicles + moves.first[which]) * vehicles + moves.second[which]
     order = np.lexsort((moves.step[which], key))
@@ -279,7 +275,6 @@ def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[Fl
 
 
 def _is_seen_first(moves: Moves) -> BoolArray:
-    """Return (N,) whether the earlier step is the pair's first."""
     before = moves.step - 1
     seen = before >= max(moves.tracks.first - 1, 0)
     present = moves.tracks.present
@@ -290,7 +285,6 @@ def _is_seen_first(moves: Moves) -> BoolArray:
 
 
 def _impact(hits: Moves, share: FloatArray, limit: FloatArray) -> tuple[Moves, FloatArray]:
-    """Find the start of the contact that grew to a collision; touching pairs collide at the limit."""
     step, end = hits.step.copy(), share.copy()
     going = np.flatnonzero(hits.separation(np.zeros(share.size)) <= 0)
     touching = np.zeros(share.size, dtype=bool)
@@ -366,7 +360,6 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
-    """Return (N,) largest overlap from the impact on less that of the seed moment, m²."""
     largest = hits.overlap(at)
     present = hits.tracks.present
     for step in range(start, hits.tracks.states.shape[1]):

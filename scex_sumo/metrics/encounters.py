@@ -113,7 +113,6 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encount
 
 
 def _approaches(scenes: Scenes) -> FloatArray:
-    """Return (P, C, 4): least body gap below 10 m, else inf; its step; least PET; whether plans cross."""
     children, steps = scenes.shape
     size = len(scenes.pairs[0]) * children
     gap, gap_step = _least_gaps(scenes)
@@ -137,7 +136,6 @@ def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
 
 
 def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Return (P * C) least TTC, its step (-1 without leader), largest DRAC, sign of the follower."""
     children, steps = scenes.shape
     size = len(scenes.pairs[0]) * children
     following = scenes.following
@@ -156,7 +154,6 @@ def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArra
 
 
 def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tuple[FloatArray, IntArray]:
-    """Return (size,) smallest value of each key, inf without any, and its first step."""
     least = np.full(size, np.inf)
     np.minimum.at(least, key, value)
     first = np.full(size, np.iinfo(np.int64).max)

@@ -115,7 +115,6 @@ def evaluate_pairs(
 
 
 def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
-    """Evaluate a metric; ``quick`` may leave out pairs that are no extremum."""
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
     seen = scenes if metric.preset is None else scenes.under(preset_named(metric.preset))
     try:
@@ -157,7 +156,6 @@ def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: 
 
 
 def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:
-    """Convert defined values to sorted rows; symmetric pairs give two."""
     entry, child, step = np.nonzero(samples.defined)
     value = samples.value[entry, child, step]
     vehicle = samples.row[entry]

@@ -118,7 +118,6 @@ def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, fini
 
 
 def _first_smallest(cost: FloatArray, defined: BoolArray) -> IntArray:
-    """Return (N,) first index of the defined smallest cost along the last axis."""
     smallest = cost.min(axis=-1, keepdims=True)
     index: IntArray = np.argmax(defined & (cost == smallest), axis=-1)
     return index

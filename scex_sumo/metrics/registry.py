@@ -111,7 +111,7 @@ def metric(
     if name in METRICS or name in _TAKEN:
         raise UsageError(f"metric {name!r}: the name is taken; choose another one")
     if not name or name.endswith("_mean") or any(c in name for c in ",:@=. \t\n"):
-        raise UsageError(f"metric {name!r}: a name has none of , : @ = . and no spaces, nor ends with _mean")
+        raise UsageError(f"metric {name!r}: a name must not contain , : @ = . or spaces, nor end with _mean")
     if critical not in ("min", "max"):
         raise UsageError(f"metric {name!r}: critical={critical!r}; choose min or max")
     if threshold is not None and not math.isfinite(threshold):
@@ -172,16 +172,11 @@ def _unknown(name: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Normalise a metric's written or printed name: ``1/TTC [1/s]`` becomes ``1/ttc``."""
     return text.partition("[")[0].strip().lower().replace("-", " ").replace("_", " ")
 
 
 def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
-    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``.
-
-    Raises:
-        UsageError: no column has that name.
-    """
+    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``."""
     columns = tuple(columns)
     if text in columns:
         return text

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from scex_sumo.evaluation.encounters import ENCOUNTERS, criticality, event_of, in_words, percent_of
+from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 
 STRESS_TEST: Final = "stress test"
@@ -65,8 +66,8 @@ def surely_above(value: float, low: float, other: float, other_high: float) -> b
     return bool(value - other > math.hypot(value - low, other_high - other))
 
 
-def meetings(run: Run) -> list[Meeting]:
-    """Return the pairs of both sets, the most critical first; the lines of a pair stand together.
+def meetings(run: Run, region: Region = EVERYWHERE) -> list[Meeting]:
+    """Return the pairs of both sets in a region, the most critical first; the lines of a pair stand together.
 
     A pair that meets in the stress test has a human-like line only if it is critical there.
     """
@@ -81,6 +82,10 @@ def meetings(run: Run) -> list[Meeting]:
         stress = possible.get(one.pair)
         if row["critical"] > 0 or stress is None:
             found.append(Meeting(futures=HUMAN_LIKE, run=human, row=row, stress=stress))
+    indices = None if region == EVERYWHERE else region.vehicles(run.scene)
+    if indices is not None:
+        inside = set(run.scene.track_ids[list(indices)].tolist())
+        found = [one for one in found if set(one.pair) & inside]
     found.sort(key=lambda one: criticality(one.row))
     first: dict[tuple[int, int], int] = {}
     for number, one in enumerate(found):

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.evaluation.outcomes import collided
 from scex_sumo.exact.tables import InfluenceTable
 from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import counted, print_line, print_table
 from scex_sumo.results.exact import EVENTS, Encounter, Exact
+from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 
 QUESTIONS = {
@@ -27,9 +30,18 @@ QUESTIONS = {
 """Questions about a pair, by column."""
 
 
-def print_encounters(run: Run, console: Console, *, most: int) -> None:
+def print_encounters(run: Run, console: Console, *, most: int, region: Region = EVERYWHERE) -> None:
     """Print at most ``most`` lines of both sets of futures, the most critical pair first."""
-    scene, found = run.info["seed_scene"]["name"], meetings(run)
+    scene, found = run.info["seed_scene"]["name"], meetings(run, region)
+    indices = None if region == EVERYWHERE else region.vehicles(run.scene)
+    if indices is not None:
+        inside = run.scene.track_ids[list(indices)].tolist()
+        line = (
+            f"{len(inside)} of {run.scene.vehicles} vehicles are {region.words()}; one of them collides in "
+        )
+        likely = run.reference
+        human = "" if likely is None else f", {_share(likely, inside)} of the human-like ones"
+        print_line(f"{line}{_share(run, inside)} of the futures{human}", console)
     pairs = counted(len({one.pair for one in found}), "pair")
     human = f" and {run.reference.children} human-like ones" if run.reference is not None else ""
     table = Table(
@@ -59,6 +71,13 @@ def print_encounters(run: Run, console: Console, *, most: int) -> None:
             f"{row['model']}, {row['other_model']}",
         )
     print_table(table, console)
+
+
+def _share(run: Run, vehicles: Sequence[int]) -> str:
+    """Return the share of the futures in which one of these vehicles collides."""
+    hits = run.collisions
+    own = np.isin([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], vehicles).any(axis=0)
+    return run.intervals.share(collided(hits.filter(pa.array(own)), np.arange(run.children))).percent
 
 
 def print_pair(one: Meeting, console: Console) -> None:

@@ -53,7 +53,7 @@ def answer_lines(run: Run) -> list[str]:
         lines.append(above)
     if always := always_critical(run):
         lines.append(f"always so in this traffic: {', '.join(always)}")
-    tested = [int(track) for track in run.info.get("under_test") or {}]
+    tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
     if worst := worst_of(meetings(run), _WORST, without=tested):
         which = "other" if tested else "worst"
         lines.append(
@@ -86,7 +86,9 @@ def human_above(run: Run) -> str:
             surely = surely_above(likely.value, likely.low, possible.value, possible.high)
             above[surely].append(f"{name} in {likely.value:.1%}, {possible.value:.1%}")
     above[True] += [words for one in meetings(run) if (words := one.above())][:_WORST]
-    whys = {True: "no model of the mix drives like this", False: "no more than by chance"}
+    never = all(words.endswith(", 0.0%") for words in above[True])
+    few = "no model of the mix drives" if never else "few models of the mix drive"
+    whys = {True: f"{few} like this", False: "no more than by chance"}
     parts = [f"{'; '.join(above[surely])} ({why})" for surely, why in whys.items() if above[surely]]
     shares = f"in shares of {human.children} and {run.children} futures"
     return f"human-like exceeds the stress test, {shares}: {'; '.join(parts)}" if parts else ""
@@ -154,6 +156,9 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     )
     if likely is not None:
         table.title = f"{table.title}, {likely.children} human-like ones"
+    if region := run.info.get("region"):
+        inside = counted(len(region["vehicles"]), "vehicle")
+        table.title = f"{table.title}\nonly pairs with one of {inside} {region['words']}"
     table.add_column("metric")
     possible = "P(critical)" if likely is None else "stress test"
     likely_head = () if likely is None else ("human-like",)

@@ -3,36 +3,96 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from scex_sumo.evaluation.encounters import criticality, event_of, percent_of
 from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
-from scex_sumo.reports.run_table import counted, print_line, print_table
+from scex_sumo.reports.run_table import MAIN, SEVERITY, counted, print_line, print_table, shown_columns
+from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import Difference, UnderTest
 from scex_sumo.statistics.density import Interval
-from scex_sumo.statistics.paired import holm
+from scex_sumo.statistics.paired import holm, signed_rank
+
+_CHANCE = 0.05  # p-value from which on a difference may be chance
+_MOST = 3  # encounters in words
 
 
-def print_under_test(tested: UnderTest, console: Console) -> None:
-    """Print the comparison, its explanation, and the answer."""
-    print_table(under_test_table(tested), console, breaks=(" better",))
+def print_under_test(run: Run, console: Console, *, preset: str | None = None) -> None:
+    """Print the verdict, the vehicle's own encounters, and the comparison with the baseline.
+
+    Args:
+        preset: metrics of the table, as of `run_table.print_summary`.
+    """
+    print_line(verdict(run.under_test), console)
+    if own := own_encounters(run):
+        print_line("its encounters, as drawn → under test:", console)
+    for line in own:
+        print_line(f"  {line}", console)
+    main, folded = shown_columns(run, preset)
+    print_table(under_test_table(run.under_test, [*main, *folded]), console, breaks=(" better",))
     for line in (
-        "only pairs that involve a vehicle under test; baseline: the same futures, driven as drawn",
-        "worse : better: futures that are more and less critical than in the baseline",
+        "only pairs that involve a vehicle under test; before: the same futures, as drawn; P: critical",
+        "worse : better: futures that are more and less critical than before",
         "p: of no difference; signed-rank test of values, McNemar's of shares, corrected after Holm",
-        *([verdict(tested)] if COLLISION in tested.columns else []),
+        "",
     ):
         print_line(line, console)
 
 
 def verdict(tested: UnderTest) -> str:
-    """Return how often the vehicles under test collide, with their models and without."""
-    one, other = tested.p_critical(COLLISION), tested.p_critical(COLLISION, "baseline")
-    assert one is not None and other is not None
-    shares = f"{one.percent} of futures, in {other.percent} if driven as drawn"
-    return f"under test, {tested.label}: collides in {shares}"
+    """Return collisions and severe injuries before and after, and whether the driver is better, in words."""
+    found = differences(tested)
+    hits = next(((one, p) for one, _, p in found if one.column == COLLISION), None)
+    main = [each for each in found if each[0].column in MAIN]
+    found = main or [each for each in found if each[0].column != COLLISION]
+    better = [metric_of(one.column).words for one, p, _ in found if p < _CHANCE and one.better > one.worse]
+    worse = [metric_of(one.column).words for one, p, _ in found if p < _CHANCE and one.worse > one.better]
+    parts = [f"{word} in {', '.join(n)}" for word, n in (("better", better), ("worse", worse)) if n]
+    found_words = {(True, True): "mixed", (True, False): "better", (False, True): "worse"}
+    word = found_words.get((bool(better), bool(worse)), "no difference shown")
+    text = f"under test, {tested.label}, as drawn → under test: "
+    if hits is not None:
+        one, p_value = hits
+        assert one.p_critical is not None and one.baseline_p_critical is not None
+        text += f"collides in {one.baseline_p_critical.percent} → {one.p_critical.percent} of futures"
+        text += f" (p {chance_text(p_value)})" if chance_text(p_value) else ""
+        if p_value < _CHANCE:
+            word = "worse" if one.newly_critical > one.no_longer_critical else "better"
+            parts = [f"collides {'more' if word == 'worse' else 'less'} often", *parts]
+    if tested.injuries is not None:
+        before, after = (1000 * tested.injuries[k].mean() for k in ("baseline", "under_test"))
+        text += f", severe injuries per 1000 {before:.2f} → {after:.2f}"
+    return f"{text}; verdict: {word}" + (f" ({'; '.join(parts)}; p < {_CHANCE:g})" if parts else "")
+
+
+def own_encounters(run: Run) -> list[str]:
+    """Return the most critical encounters of the vehicles under test, with their shares before and after."""
+    assert run.baseline is not None
+    ids = set(run.under_test.vehicles)
+    sides: list[dict[frozenset[int], dict[str, Any]]] = [
+        {frozenset(pair): row for row in one.encounters.to_pylist() if ids & (pair := {*track_ids(row)})}
+        for one in (run.baseline, run)
+    ]
+    worst = [min((side[p] for side in sides if p in side), key=criticality) for p in sides[0] | sides[1]]
+    lines = []
+    for row in sorted(worst, key=criticality)[:_MOST]:
+        event, words = event_of(row)
+        rows = [side.get(frozenset(track_ids(row))) for side in sides]
+        shares = ["0 %" if one is None else percent_of(one, event) for one in rows if event]
+        place = ", ".join(part for part in (row["kind"], row["place"], f"{row['time_s']:.1f} s") if part)
+        if shares:
+            lines.append(f"{row['track_id']} → {row['other_id']} ({place}): {words} in {' → '.join(shares)}")
+    return lines
+
+
+def track_ids(row: Mapping[str, Any]) -> tuple[int, int]:
+    """Return the two track ids of an encounter."""
+    return row["track_id"], row["other_id"]
 
 
 def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
@@ -43,23 +103,39 @@ def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
     return list(zip(by_metric, values, shares, strict=True))
 
 
-def under_test_table(tested: UnderTest) -> Table:
-    """Return medians, critical shares, worse and better futures, and p-values by metric."""
+def under_test_table(tested: UnderTest, columns: Sequence[str] | None = None) -> Table:
+    """Return medians, worse and better futures, critical shares and p-values by metric.
+
+    Args:
+        columns: of the metrics that are shown; None: all.
+    """
     children = counted(tested.metrics.num_rows, "future")
     table = Table(title=f"under test, {tested.label}: {children}", title_justify="left")
     table.add_column("metric")
-    for name in ("median", "baseline", "worse : better", "p", "critical", "baseline", "p"):
+    for name in ("before", "after", "worse : better", "p", "P before", "P after", "p"):
         table.add_column(name, justify="right", no_wrap=True)
     for one, p_value, p_share in differences(tested):
+        if columns is not None and one.column not in (COLLISION, *columns):
+            continue
+        is_share = one.column == COLLISION
         table.add_row(
             Text(metric_of(one.column).titled()),
-            *("–" if math.isnan(value) else f"{value:.2f}" for value in (one.under_test, one.baseline)),
+            *("–" if is_share or math.isnan(v) else f"{v:.2f}" for v in (one.baseline, one.under_test)),
             f"{one.worse} : {one.better}" if one.children else "–",
             chance_text(p_value) or "–",
-            _share(one.p_critical),
             _share(one.baseline_p_critical),
+            _share(one.p_critical),
             chance_text(p_share) or "–",
         )
+        if is_share and tested.injuries is not None:
+            before, after = tested.injuries["baseline"], tested.injuries["under_test"]
+            table.add_row(
+                Text(SEVERITY),
+                *(f"{1000 * side.mean():.2f}" for side in (before, after)),
+                f"{int((after > before).sum())} : {int((after < before).sum())}",
+                chance_text(signed_rank(after, before)) or "–",
+                *("–",) * 3,
+            )
     return table
 
 

@@ -22,6 +22,7 @@ from scex_sumo.results.info import read_info
 from scex_sumo.results.tables import (
     StateBlocks,
     as_pandas,
+    own_injuries,
     read_assignments,
     read_metrics,
     read_scene,
@@ -29,7 +30,7 @@ from scex_sumo.results.tables import (
     read_table,
     with_own_collisions,
 )
-from scex_sumo.results.under_test import BASELINE, UNDER_TEST, UnderTest
+from scex_sumo.results.under_test import BASELINE, UNDER_TEST, Driven, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -191,7 +192,22 @@ class Run:
         vehicles = {int(track): model for track, model in known.items()}
         limits, plain = self.thresholds | {COLLISION: 1.0}, self.baseline.intervals
         folded = bool(self.info.get("reflect", True))
-        return UnderTest(vehicles, tested, without, limits, self.intervals, without=plain, reflect=folded)
+        injuries = None
+        if "p_mais3" in self.collisions.column_names:
+            driven: dict[Driven, Run] = {"under_test": self, "baseline": self.baseline}
+            injuries = {
+                name: own_injuries(run.collisions, known, run.children) for name, run in driven.items()
+            }
+        return UnderTest(
+            vehicles,
+            tested,
+            without,
+            limits,
+            self.intervals,
+            without=plain,
+            reflect=folded,
+            injuries=injuries,
+        )
 
     @cached_property
     def scene(self) -> SeedScene:

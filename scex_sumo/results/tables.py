@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError, one_line
 from scex_sumo.metrics.registry import COLLISION, metric_of
 from scex_sumo.scene import SeedScene, States
@@ -132,6 +133,15 @@ def with_own_collisions(table: pa.Table, collisions: pa.Table, vehicles: Iterabl
     struck = np.asarray(collisions["child"])[either[0] | either[1]]
     hit = np.isin(np.asarray(table["child"]), struck).astype(np.float64)
     return table.add_column(1, COLLISION, pa.array(hit))
+
+
+def own_injuries(collisions: pa.Table, vehicles: Iterable[str], children: int) -> FloatArray:
+    """Return (C,) expected severe injuries in the collisions of some vehicles."""
+    own = np.array([int(track) for track in vehicles])
+    mine = np.isin([np.asarray(collisions[name]) for name in ("track_id", "other_id")], own).any(axis=0)
+    risks = [np.asarray(collisions[name].fill_null(0.0)) for name in ("p_mais3", "p_mais3_other")]
+    child, risk = np.asarray(collisions["child"])[mine], np.sum(risks, axis=0)[mine]
+    return np.bincount(child, risk, minlength=children).astype(np.float64)
 
 
 def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:

@@ -61,6 +61,8 @@ class UnderTest:
         vehicles: model by track id; None: as drawn.
         metrics: one row per child over the vehicles' own pairs, null where undefined.
         baseline: the same without the models under test.
+        injuries: (C,) expected severe injuries (MAIS 3+) in the vehicles' own collisions; None in older
+            results.
 
     Example:
         >>> tested = scex.extrapolate(scene, children=4, under_test={8: "emergency_brake"}).under_test
@@ -78,9 +80,10 @@ class UnderTest:
         *,
         without: DesignIntervals | None = None,
         reflect: bool = True,
+        injuries: Mapping[Driven, FloatArray] | None = None,
     ) -> None:
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
-        self.thresholds, self.reflect = thresholds, reflect
+        self.thresholds, self.reflect, self.injuries = thresholds, reflect, injuries
         self.intervals = {"under_test": intervals, "baseline": without or intervals}
         self.columns = [name for name in metrics.column_names if name != "child"]
 

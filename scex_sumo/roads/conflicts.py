@@ -168,7 +168,6 @@ def _run_around(s: FloatArray, close: BoolArray, low: float, high: float) -> tup
 
 
 def _kind(a: Lane, b: Lane, span_a: tuple[float, float], span_b: tuple[float, float], gap: FloatArray) -> str:
-    """Classify a conflict by its stretch alone."""
     if opposed(a.centreline, b.centreline, span_a, span_b):
         return "cross"
     ends = [length_of(a.centreline) - span_a[1], length_of(b.centreline) - span_b[1]]
@@ -220,7 +219,6 @@ def overlapping(lanes: Mapping[int, Lane], centres: Mapping[int, FloatArray]) ->
 
 
 def _area(lane: Lane) -> shapely.Geometry:
-    """Return the area between the bounds without a narrow rim; valid even if the bounds cross."""
     ring = np.concatenate([lane.right_bound, lane.left_bound[::-1]])
     return shapely.make_valid(shapely.Polygon(ring)).buffer(-TOUCH_M)
 

@@ -85,10 +85,8 @@ class Grid:
 
     Attributes:
         low: (2,) lower left corner of the map, m.
-        size: of a cell, m.
-        shape: cells along x and y.
-        first: (cells + 1,) begin of each cell in `segment`.
-        segment: (K,) indices, ascending within a cell.
+        shape: cells along x and y, each ``size`` m wide.
+        first: (cells + 1,) begin of each cell in `segment`, whose indices ascend within a cell.
     """
 
     low: FloatArray
@@ -111,7 +109,6 @@ class Grid:
 
 @owner_cache
 def _grid(road: Road) -> Grid:
-    """Enter each segment in the cells with a point within its lane's reach."""
     segments = lane_segments(road)
     if not len(segments.owner):
         nothing = np.zeros(1, dtype=np.int64)
@@ -180,7 +177,6 @@ def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matc
 
 
 def _first_of_the_cheapest(cost: FloatArray, starts: IntArray) -> IntArray:
-    """Return the row of the smallest cost of each group, the first of equals; groups begin at `starts`."""
     if not len(starts):
         return starts
     count = np.diff(np.append(starts, len(cost)))

@@ -19,8 +19,8 @@ PLACES = ("ring", "crossing", "merge", "lane")
 def places_of(road: Road, points: FloatArray) -> list[str | None]:
     """Return the kind of place of each point (N, 2), one of ``PLACES``; None off the lanes.
 
-    A way of at most 400 m leads from a ring lane back to it. A crossing or merge reaches 5 m beyond the
-    lanes' conflict. An acceleration lane and the next lane are a merge.
+    A crossing or merge reaches 5 m beyond the lanes' conflict. An acceleration lane and the next lane are a
+    merge.
     """
     rank = np.full(len(points), len(PLACES))
     rings, meetings = _rings(road), _meetings(road)
@@ -47,7 +47,6 @@ def _rings(road: Road) -> frozenset[int]:
 
 @owner_cache
 def _meetings(road: Road) -> dict[int, list[tuple[str, float, float]]]:
-    """Return where each lane crosses or merges with others: kind, arc lengths of start and end, m."""
     words = {"cross": "crossing", "merge": "merge"}
     meetings: dict[int, list[tuple[str, float, float]]] = {}
     lanes = road.vehicle_lanes

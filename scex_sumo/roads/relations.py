@@ -121,7 +121,6 @@ def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> 
 
 
 def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int, int, int]]:
-    """Return (lane, other lane, lanes to the left; right is negative), nearest first."""
     left: dict[int, int] = {}
     right: dict[int, int] = {}
     for k, lane in enumerate(lanes):
@@ -204,10 +203,7 @@ def _meetings(
 
 
 def _conflicts_ahead(lanes: dict[int, Lane]) -> list[Conflict]:
-    """Return the crossings and merges that drivers approach, without the branches of a fork.
-
-    A lane that overlaps from its start without crossing continues a fork.
-    """
+    """Return the crossings and merges that drivers approach, without the branches of a fork."""
     every = conflicts(lanes)
     forks = {c.lanes for c in every if c.kind == "diverge"}
     forks |= {  # forks at the map's border
@@ -235,10 +231,7 @@ def _parts_further(conflict: Conflict, lanes: dict[int, Lane], forks: set[tuple[
 
 
 def _meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, float]:
-    """Return where two lanes meet, as an arc length on each, m.
-
-    A merge begins there; else the centrelines cross first, or are closest, or in the middle of opposed lanes.
-    """
+    """Return where two lanes meet, as an arc length on each, m."""
     (first_a, last_a), (first_b, last_b) = conflict.spans
     if conflict.kind == "merge":
         return first_a, first_b

@@ -83,14 +83,12 @@ def _known(road: Road) -> dict[int, Lane]:
 
 @owner_cache
 def _lengths(road: Road) -> dict[int, float]:
-    """Return the lengths of the vehicle lanes, m; never zero, so that every search ends."""
     steps = {i: np.diff(lane.centreline, axis=0) for i, lane in _known(road).items()}
     return {i: max(float(np.hypot(*step.T).sum()), 0.01) for i, step in steps.items()}
 
 
 @owner_cache
 def _turn(road: Road, lane: int, other: int) -> float:
-    """Return the absolute change of direction from the end of a lane to 10 m down the other, rad."""
     there = along(road.lanes[other].centreline, np.array([0.0, min(10.0, _lengths(road)[other])]))
     towards = np.arctan2(*(there[1] - there[0])[::-1])
     return abs(float(wrap(towards - headings(road.lanes[lane].centreline)[-1])))
@@ -118,7 +116,6 @@ def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, 
 
 
 def _past(scene: SeedScene, vehicle: int) -> FloatArray:
-    """Return where the vehicle was 0.5 s and 1 s before (P, 2), as far as recorded."""
     back = [steps for steps in (5, 10) if scene.recorded_steps[vehicle] >= steps]
     track = scene.history[vehicle]
     return np.array([[track.x[-1 - steps], track.y[-1 - steps]] for steps in back]).reshape(-1, 2)
@@ -145,7 +142,6 @@ def _starts(road: Road, found: Matches, mine: IntArray, past: FloatArray) -> lis
 
 
 def _came_along(road: Road, lane: int, s: float, past: FloatArray) -> float:
-    """Return the likelihood that a vehicle on a lane was at these places before."""
     points, _ = centreline(road, (lane,), s, 60.0, 5.0)
     cost = 0.0
     for x, y in past:
@@ -229,7 +225,6 @@ def _pieces(known: dict[int, Lane], sequence: tuple[int, ...]) -> tuple[list[Flo
 
 
 def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tuple[FloatArray, IntArray]:
-    """Return the part of a line from an arc length on, continued straight if the line is too short."""
     arc = arc_lengths(points)
     ends = np.array([start, start + length])
     inside = slice(int(np.searchsorted(arc, ends[0], side="right")), int(np.searchsorted(arc, ends[1])))

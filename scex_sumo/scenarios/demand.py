@@ -104,7 +104,6 @@ class Network:
         return list(choices.values())
 
     def _reachable(self, here: Place) -> Iterator[Place]:
-        """Yield the lanes of an edge in reach of one of them, itself first."""
         yield here
         for step, may_change in ((1, "change_left"), (-1, "change_right")):
             edge, index = here
@@ -129,9 +128,6 @@ def random_trips(
             geometrically and differs between lanes.
         most_origins: number of entry lanes, drawn at random if the net has more.
         check: called often; may raise.
-
-    Raises:
-        SimulationError: the net has no route through it.
     """
     trips: list[Trip] = []
     origins = network.origins
@@ -192,7 +188,6 @@ def _place(name: str) -> Place:
 
 
 def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]:
-    """Return lanes that begin on other lanes: vehicles there would enter into traffic."""
     edges = {edge for edge, _ in starts}
     apart = {f"{edge}_{index}": set(net.edges[edge]) for edge, index in starts}
     for link in net.links:
@@ -204,7 +199,6 @@ def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]
 
 
 def _sharpest(shape: FloatArray) -> float:
-    """Return the largest curvature of a polyline over a car's length, 1/m."""
     step = np.diff(shape, axis=0)
     length = np.hypot(step[:, 0], step[:, 1])
     step, length = step[length > 1e-6], length[length > 1e-6]

@@ -118,9 +118,6 @@ def record(
         at_most: vehicles on the map at any time; others wait outside.
         every_s: mean time between vehicles on an entry lane, at the beginning and at the end.
         check: called often; may raise.
-
-    Raises:
-        SimulationError: SUMO refused the net.
     """
     origins = max(MIN_ORIGINS, at_most // 2)
     trips = random_trips(

@@ -54,11 +54,7 @@ def body_states(
 
 
 def _even(front: FloatArray) -> FloatArray:
-    """Smooth a drive over the map's kinks, by less than a tracker does.
-
-    Where lanes meet, steps are centimetres too long or short, and lanes have kinks. So arc length is averaged
-    over time, and the path over arc length.
-    """
+    """Smooth a drive over the map's kinks, by less than a tracker does."""
     s = arc_lengths(front)
     moving = np.concatenate([[True], np.diff(s) > 0])
     if moving.sum() < 2:

@@ -43,13 +43,9 @@ def synthetic_scene(
 
     Args:
         progress: called with the seconds spent and their limit.
-
-    Raises:
-        UsageError: fewer than one vehicle.
-        SimulationError: SUMO refused the net, the map cannot hold so many vehicles, or time is up.
     """
     if vehicles < 1:
-        raise UsageError(f"a synthetic seed needs at least 1 vehicle, not {vehicles}")
+        raise UsageError(f"--synthetic: got {vehicles}, needs at least 1 vehicle")
     if vehicles > MAX_VEHICLES:
         raise UsageError(f"--synthetic: got {vehicles:,}, at most {MAX_VEHICLES:,} vehicles are placed")
     if seed < 0:
@@ -130,10 +126,7 @@ def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location
 def _moments(
     recording: Drive, ready: BoolArray, vehicles: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, IntArray]]:
-    """Yield moments with enough vehicles and the chosen ones, by surplus, then at random.
-
-    Only the faster half: on a full map most moments are queues.
-    """
+    """Yield moments with enough vehicles and the chosen ones, by surplus, then at random."""
     steps = np.arange(round(WARM_UP_S / STEP_S), len(ready) - FUTURE_STEPS)
     steps = steps[ready[steps].sum(axis=1) >= vehicles]
     if not len(steps):
@@ -150,7 +143,6 @@ def _moments(
 
 
 def _sharpest(scene: SeedScene) -> float:
-    """Return the largest curvature of a moving vehicle, 1/m; maps have kinks no car can follow."""
     assert scene.future is not None
     states = States.concatenate([scene.history, scene.future], 1)
     turned = np.abs(np.angle(np.exp(1j * np.diff(states.heading))))
@@ -159,10 +151,7 @@ def _sharpest(scene: SeedScene) -> float:
 
 
 def _overlap(scene: SeedScene) -> bool:
-    """Return whether two vehicles overlap from 1 s before the moment to 3 s after it.
-
-    SUMO looks for collisions along lanes only, and misses conflicts that a junction hides.
-    """
+    """Return whether two vehicles overlap from 1 s before the moment to 3 s after it."""
     assert scene.future is not None
     states = States.concatenate([scene.history, scene.future[:, :CHECKED_STEPS]], 1)[:, ::CHECKED_STRIDE]
     length, width = scene.length[:, None], scene.width[:, None]

@@ -1,7 +1,4 @@
-"""Atoms: values that many children share exactly, separate from the density of the rest.
-
-A kernel would smear the WTTC of 0 of half of the children over values of no child.
-"""
+"""Atoms: values that many children share exactly, separate from the density of the rest."""
 
 from __future__ import annotations
 
@@ -56,7 +53,7 @@ def mixed_density(
     """
     values = checked(samples, "density")
     if values.size == 0:
-        raise InputError("density: no samples; the metric is defined in no child")
+        raise InputError("density: no samples; the metric is defined in no future")
     atoms, rest = split_atoms(values, least)
     folded = bool(values.min() >= 0) if reflect is None else reflect
     finite = values[np.isfinite(values)]

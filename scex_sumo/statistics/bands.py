@@ -23,8 +23,7 @@ class Look:
     """Certainty of the metrics after some children.
 
     Attributes:
-        width: half-width of the widest band.
-        metric: its column; empty without any.
+        width: half-width of the widest band, that of ``metric``.
         left_out: columns that are defined too rarely to count.
     """
 

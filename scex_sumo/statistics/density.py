@@ -40,10 +40,9 @@ class Density:
 
     Attributes:
         x: (G,) ascending, in the metric's unit.
-        pdf: (G,) density, 1 / unit.
-        cdf: (G,) cumulative distribution with the same kernel.
+        pdf: (G,) density, 1 / unit; it integrates to the share of samples outside ``atoms``.
+        cdf: (G,) cumulative distribution with the same kernel, and a step at each atom.
         band: (G,) lower and (G,) upper limit of ``cdf``.
-        atoms: ascending; ``pdf`` integrates to the share of the other samples, ``cdf`` has a step at each.
     """
 
     x: FloatArray
@@ -100,8 +99,7 @@ def density(
     """Return the Gaussian kernel density with an absolute bandwidth.
 
     f(x) = sum of phi((x - x_i) / h) / (n h), F(x) = mean of Phi((x - x_i) / h). The band is F +- the
-    Dvoretzky-Kiefer-Wolfowitz half-width. It holds for the smoothed truth, too: smoothing does not increase
-    the distance of two distributions.
+    Dvoretzky-Kiefer-Wolfowitz half-width, which holds for the smoothed truth, too.
 
     Args:
         samples: (n,) values; inf allowed.
@@ -114,7 +112,7 @@ def density(
     if not (np.isfinite(bandwidth) and bandwidth > 0):
         raise InputError(f"density: bandwidth {bandwidth}; choose one above 0, in the metric's unit")
     if values.size == 0:
-        raise InputError("density: no samples; the metric is defined in no child")
+        raise InputError("density: no samples; the metric is defined in no future")
     if reflect and values.min() < 0:
         raise InputError(f"density: reflection at 0 of a negative sample, {values.min()}; turn it off")
     finite = values[np.isfinite(values)]
@@ -196,7 +194,6 @@ def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:
 
 
 def _kernel_sums(finite: FloatArray, grid: FloatArray, bandwidth: float) -> tuple[FloatArray, FloatArray]:
-    """Return (G,) sums over the samples of phi((x - x_i) / h) and of Phi((x - x_i) / h)."""
     reach = _KERNEL_REACH * bandwidth
     start = np.searchsorted(grid, finite - reach)
     stop = np.searchsorted(grid, finite + reach)
@@ -212,7 +209,6 @@ def _kernel_sums(finite: FloatArray, grid: FloatArray, bandwidth: float) -> tupl
 
 
 def _ranges(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
-    """Return row numbers and columns of half-open ranges, one range per row."""
     length = stop - start
     row = np.repeat(np.arange(length.size), length)
     offset = np.repeat(np.cumsum(length) - length, length)

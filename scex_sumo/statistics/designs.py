@@ -26,11 +26,9 @@ Shares = Sequence[Sequence[float]] | Sequence[FloatArray]
 def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: float = DECAY) -> IntArray:
     """Draw balanced rows one by one, so that each prefix is balanced, too.
 
-    With the product kernel k(x, z) = prod over factors of (1 + decay * ([x = z] / share - 1)), the squared
-    discrepancy of the rows from the product of the shares is the mean of k over all pairs of rows, less one:
-    the squared deviations of the shares of all combinations of k factors, weighted by decay^k. The next row
-    is the best one of a coordinate search from random starts (kernel herding). Blocks of 1024 rows are
-    independent.
+    With the product kernel k(x, z) = prod over factors of (1 + decay * ([x = z] / share - 1)), the next row
+    lowers the mean of k over all pairs of rows most: the squared discrepancy from the product of the shares.
+    A coordinate search from random starts finds it (kernel herding). Blocks of 1024 rows are independent.
 
     Args:
         shares: per factor, the share of each of its levels; each sums to 1, none is 0.
@@ -128,7 +126,6 @@ def _edges(shares: Shares) -> list[FloatArray]:
 
 
 def _between(edges: Sequence[FloatArray], points: FloatArray) -> IntArray:
-    """Return (R, F) levels of (R, F) numbers in [0, 1)."""
     levels = np.empty(points.shape, dtype=np.int64)
     for factor, bounds in enumerate(edges):
         levels[:, factor] = bounds.searchsorted(points[:, factor], side="right")

@@ -1,15 +1,10 @@
 """Intervals of means over the children of a design.
 
-Independent draws have Wilson's interval and the band of Dvoretzky, Kiefer and Wolfowitz. A balanced design
-leaves less uncertainty. With y = mean + effects of single vehicles' models + interactions of two, three and
-more, the variance of the mean over the rows of the design is
-
-    sum over orders k of s²(k) · b(k),
-
-s²(k) the variance of interactions of k vehicles, b(k) the mean of the normed kernel of order k over all pairs
-of rows (1 / N for independent rows, 0 if the design balances the order). s² is estimated from products of
-residuals of pairs of rows; typical components count like a few children. p (1 - p) / variance is the number
-of children in Wilson's interval. The band is proportional to the standard deviation.
+Independent draws have Wilson's interval and the band of Dvoretzky, Kiefer and Wolfowitz. In a balanced design
+the variance of the mean is the sum over orders k of s²(k) · b(k): s²(k) is the variance of interactions of k
+vehicles, b(k) the mean of the normed kernel of order k over all pairs of rows. s² is estimated from products
+of residuals; typical components count like a few children. p (1 - p) / variance is the number of children in
+Wilson's interval.
 
 Source: Rao 1971 (MINQUE); Wilson 1927. ``benchmarks/intervals.py`` measures the coverage.
 """
@@ -109,7 +104,6 @@ class DesignIntervals:
         return np.asarray(np.maximum(self._weight() @ components, 0.0))
 
     def _weight(self) -> FloatArray:
-        """Return (K + 1,) variances of the mean for components of 1."""
         parts = [block.kernel_means * (block.size / self.count) ** 2 for block in self._blocks]
         return np.asarray(np.sum(parts, axis=0))
 
@@ -178,7 +172,6 @@ class DesignIntervals:
 
 
 def _linearised(values: FloatArray, known: BoolArray) -> FloatArray:
-    """Return (C, thresholds) each child's linearised part of the share below thresholds."""
     levels = np.arange(1, _THRESHOLDS + 1) / (_THRESHOLDS + 1)
     limits = np.unique(np.quantile(values[known], levels, method="inverted_cdf"))
     below = np.where(known[:, None], values[:, None] <= limits, 0.0)
@@ -187,7 +180,6 @@ def _linearised(values: FloatArray, known: BoolArray) -> FloatArray:
 
 
 def _factors(levels: IntArray, shares: Sequence[FloatArray] | None) -> list[tuple[IntArray, FloatArray]]:
-    """Return levels and their shares of the vehicles that are drawn at all."""
     found = []
     for vehicle in range(levels.shape[1] if levels.size else 0):
         names, level = np.unique(levels[:, vehicle], return_inverse=True)
@@ -263,7 +255,6 @@ def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]
 
 
 def _nonnegative(design: FloatArray, forms: FloatArray) -> FloatArray:
-    """Return the (K, M) least squares solution of design @ x = forms with x >= 0."""
     count = len(design)
     best, found = np.zeros(forms.shape[1]), np.zeros(forms.shape)
     for size in range(1, count + 1):

@@ -52,9 +52,7 @@ class Scale:
 def pooled_scale(columns: Columns) -> Scale:
     """Return the scale of a metric from the finite values of all runs, each run with the same weight.
 
-    The unit is the width of the middle 80 % of the values, or of all values if that is 0, or 1. The fences
-    lie
-    one unit beyond the middle 80 %.
+    The unit is the width of the middle 80 % of the values. The fences lie one unit beyond it.
     """
     finite = [np.clip(column[np.isfinite(column)], -_LARGEST, _LARGEST) for column in columns]
     pool = np.concatenate(finite)
@@ -165,13 +163,7 @@ def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray) -> Errors:
 
 
 def _divergence(at: FloatArray, share: FloatArray, whole: FloatArray) -> FloatArray:
-    """Return divergences (D,) of weighted samples from the truth.
-
-    Args:
-        at: (U,) values, ascending.
-        share: (D, U) weights of the values in each draw.
-        whole: (U,) weights of the values in the truth.
-    """
+    """Return divergences (D,) of weighted samples from the truth."""
     from scipy.sparse import csr_matrix
 
     grid = density(at).x

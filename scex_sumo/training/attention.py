@@ -79,7 +79,6 @@ def _plan(scene: SeedScene, model: str, weights: str | Path) -> Plan:
 
 
 def _most_different(plans: Sequence[Plan]) -> list[int]:
-    """Return the vehicles by the spread of their plans' ends, largest first."""
     ends = np.stack([np.stack([plan.x[:, -1], plan.y[:, -1]], -1) for plan in plans])
     spread = np.hypot(*(ends.max(axis=0) - ends.min(axis=0)).T)
     return [int(v) for v in np.argsort(-spread, kind="stable")]
@@ -124,7 +123,6 @@ def _color(w: float) -> tuple[float, float, float, float]:
 
 
 def _middle(scene: SeedScene, plans: Sequence[Plan], vehicle: int) -> FloatArray:
-    """Return the point halfway to the end of a vehicle's longest plan, (2,) m."""
     here = np.array([scene.now.x[vehicle], scene.now.y[vehicle]])
     ends = np.array([(plan.x[vehicle, -1], plan.y[vehicle, -1]) for plan in plans])
     middle: FloatArray = (here + ends[np.argmax(np.hypot(*(ends - here).T))]) / 2

@@ -33,22 +33,22 @@ def train_command(
         Path | None, Option("-o", "--out", metavar="WEIGHTS", help="File of weights to write.")
     ] = None,
     seed: Seed = 0,
-    epochs: Annotated[int | None, Option(help="Passes over all samples; else as shipped.")] = None,
-    rounds: Annotated[int | None, Option(help="Rounds in closed loop; else as shipped.")] = None,
-    minutes: Annotated[float, Option(help="Stop after so many minutes; 0 does not.")] = 0.0,
+    epochs: Annotated[int | None, Option(help="Passes over all samples; default: as shipped.")] = None,
+    rounds: Annotated[int | None, Option(help="Rounds in closed loop; default: as shipped.")] = None,
+    minutes: Annotated[float, Option(help="Time limit in minutes; 0: none.")] = 0.0,
     every: Annotated[float, Option(metavar="S", help="Seconds between two scenes.")] = 0.5,
     leave_out: Annotated[
         list[str] | None, Option(metavar="NAME", help="Do not train on this site or recording; repeatable.")
     ] = None,
     validation: Annotated[
         list[str] | None,
-        Option(metavar="NAME", help="Choose by this short recording (under 20 s); repeatable."),
+        Option(metavar="NAME", help="Validate on this short recording (under 20 s); repeatable."),
     ] = None,
     edges: Annotated[bool, Option(help="Vehicles see each other through the graph.")] = True,
     device: Annotated[str, Option(metavar="auto|cpu|cuda", help="Where to train.")] = "auto",
     resume: Annotated[bool, Option("--resume", help="Go on from the checkpoint beside --out.")] = False,
     cache: Annotated[
-        Path | None, Option(metavar="FOLDER", help="Samples are kept here; else ~/.cache/scex-sumo.")
+        Path | None, Option(metavar="FOLDER", help="Folder for samples; default: ~/.cache/scex-sumo.")
     ] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
 ) -> None:
@@ -106,7 +106,6 @@ def train_command(
 
 
 def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, overwrite: bool) -> Path:
-    """Check the options; return the file of weights to write."""
     if kind not in NETWORKS:
         raise UsageError(f"train {kind}: unknown network; known: {', '.join(NETWORKS)}")
     if out is None:

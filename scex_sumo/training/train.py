@@ -266,7 +266,6 @@ def _write_checkpoint(folder: Path, state: dict[str, Any], drifted: list[Trainin
 def _read_checkpoint(
     folder: Path, identity: dict[str, Any]
 ) -> tuple[dict[str, Any], list[TrainingSamples]] | None:
-    """Return the state in a folder and the samples of its rounds; None without a checkpoint."""
     file = folder / FILE
     if not file.exists():
         return None

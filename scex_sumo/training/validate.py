@@ -62,7 +62,6 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
 
 
 def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
-    """Return (k, 4) site, ADE, FDE, best of six."""
     off = _distances(modes, batch)
     node, ends = batch.path.node, off[..., -1]
     count = int(node.max()) + 1
@@ -77,13 +76,11 @@ def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
 
 
 def _distances(modes: ModeTensors, batch: Batch) -> Tensor:
-    """Return (n, M, H) m between each mode and the recorded future."""
     way = displacement(batch.start[:, 0], modes.acceleration)
     return torch.hypot(way - batch.s[:, None], modes.offset - batch.d[:, None])
 
 
 def _best(modes: ModeTensors, node: Tensor, ends: Tensor, count: int) -> Tensor:
-    """Return (N,) smallest distances after 3 s of the six likeliest combinations."""
     highest = torch.full((count,), -torch.inf, device=node.device)
     highest = highest.scatter_reduce(0, node, modes.path_logit, "amax")
     each = torch.exp(modes.path_logit - highest[node])

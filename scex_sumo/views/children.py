@@ -94,16 +94,14 @@ def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
-    """Write a typical child in which two vehicles meet, and return the file to open.
-
-    Raises:
-        ResultError: they meet in no child.
-    """
+    """Write a typical child in which two vehicles meet, and return the file to open."""
     rows: list[dict[str, Any]] = run.encounters.to_pylist()
     row = next((row for row in rows if {row["track_id"], row["other_id"]} == {first, second}), None)
     if row is None:
-        pairs = ", ".join(f"{row['track_id']},{row['other_id']}" for row in rows[:5]) or "nobody"
-        raise ResultError(f"{run.folder}: {first} and {second} meet in no child; those who do most: {pairs}")
+        pairs = ", ".join(f"{row['track_id']},{row['other_id']}" for row in rows[:5]) or "none"
+        raise ResultError(
+            f"{run.folder}: {first} and {second} meet in no future; pairs that meet most often: {pairs}"
+        )
     what, share = ("collides", row["collision"]) if row["collision"] > 0 else ("critical", row["critical"])
     step, title = round(row["time_s"] / STEP_S), f"{what} in {100 * share:.0f} %"
     return _write(run, [_event_view(run, row["child"], [first, second], step, title)])
@@ -114,12 +112,9 @@ def write_grid(run: Run, count: int, column: str | None = None) -> Path:
 
     Args:
         column: most critical children by this metric; None: most different children.
-
-    Raises:
-        UsageError: fewer than two children, or more than the run has.
     """
     if not 2 <= count <= run.children:
-        raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of children")
+        raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of futures")
     numbers = most_different(run, count) if column is None else most_critical(run, count, column)
     views = [_child_view(run, int(n), title=_value(run, int(n), column)) for n in numbers]
     return _write(run, views)

@@ -54,12 +54,10 @@ def _write(out: Path, tag: str, root: ElementTree.Element, children: Iterable[El
 
 
 def _into(box: Box, x: float, y: float) -> tuple[float, float]:
-    """Return the nearest place in a box, a dot's length from its eastern border."""
     return min(max(x, box[0]), box[2] - _DOT_M), min(max(y, box[1]), box[3])
 
 
 def _crop_shape(element: ElementTree.Element, box: Box, *, closed: bool) -> bool:
-    """Crop a shape to its longest part within the box; False if nothing is left."""
     points = points_of(element.get("shape", ""))
     if len(points) < (4 if closed else 2):
         return False

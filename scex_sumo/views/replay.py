@@ -123,7 +123,6 @@ def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[P
 def _choose_ids(
     path: Path, groups: Sequence[FcdTracks], child: ChildView, letter_m: float, frame: Frame
 ) -> str:
-    """Select the vehicle ids that are readable at the stop, and return drawings of overprinted event ids."""
     at, here = child.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
     here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in child.event)
     here = [(group, n) for group, n in here if group.present[n, at]]
@@ -179,7 +178,6 @@ def _groups(scene: SeedScene, tiled: TiledChild) -> list[FcdTracks]:
 
 
 def _without_gaps(present: BoolArray) -> BoolArray:
-    """Return presence from first to last appearance: SUMO would jump over a gap in time."""
     return (
         np.logical_or.accumulate(present, axis=1)
         & np.logical_or.accumulate(present[:, ::-1], axis=1)[:, ::-1]

@@ -51,7 +51,7 @@ class Pose:
 
 
 class SharedVehicles:
-    """Vehicles of N with bit-equal poses so far, which share one vehicle in SUMO.
+    """Vehicles with bit-equal poses so far, which share one vehicle in SUMO.
 
     Attributes:
         held: (k,) vehicles in SUMO, ascending; none leaves.

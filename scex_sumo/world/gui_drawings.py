@@ -86,8 +86,7 @@ class Frame:
     """Visible frame: tiles, titles above them, legend below.
 
     Attributes:
-        net: smallest x, y and largest x, y of all tiles, m.
-        view: the same of the visible part.
+        net: smallest x, y and largest x, y of all tiles, m; ``view`` of the visible part.
         line_m: height of a letter, m.
         entries: names and colours of the legend.
     """
@@ -177,7 +176,7 @@ def draw_children(shown: Sequence[TiledChild], colors: Mapping[str, Rgb], frame:
             way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
             lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=frame.way_m))
-        title = f"child {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
+        title = f"future {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
         x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
         lines.append(_text(title, x, y, frame.line_m))
         lines += [_ring(s, vehicle) for vehicle in s.child.event]
@@ -226,7 +225,6 @@ def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str
 
 
 def _text(text: str, x: float, y: float, line_m: float) -> str:
-    """Return text that begins at x: the id of an invisible point; sumo-gui centres it there."""
     middle = x + 0.5 * _LETTER * len(text) * line_m
     # SUMO's ids have no blanks and no separators.
     key = re.sub(r"[|\\'\";,<>&]", "_", re.sub(r"\s", "\N{NO-BREAK SPACE}", text))

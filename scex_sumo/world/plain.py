@@ -94,8 +94,8 @@ class _CheckedWorld:
             ours, sumos = getattr(held, name)[: self._sample], getattr(theirs, name)
             if not np.array_equal(ours, sumos):
                 raise SimulationError(
-                    f"the plain world and SUMO differ in {name} by {np.abs(ours - sumos).max():.3g}; "
-                    "use --world sumo and please report this with the seed scene"
+                    f"the plain world and SUMO differ in {name} by {np.abs(ours - sumos).max():.3g}; use "
+                    "--world sumo and please report this with the seed scene"
                 )
         return held
 

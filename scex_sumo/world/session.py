@@ -44,10 +44,7 @@ _open = False
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleCalls:
-    """SUMO's vehicle functions of each step.
-
-    libsumo's own wrappers take a fifth of the getters' time: these are the inner functions. traci has none.
-    """
+    """SUMO's vehicle functions of each step."""
 
     moveToXY: Callable[..., None]
     getPosition: Callable[[str], tuple[float, float]]
@@ -76,10 +73,7 @@ def load_sumo(*, gui: bool = False) -> Any:
 
 @contextmanager
 def _silence() -> Iterator[Callable[[], list[str]]]:
-    """Silence SUMO and traci; yields a function that returns SUMO's messages.
-
-    SUMO writes to the process's error stream, not to Python's.
-    """
+    """Silence SUMO and traci; yields a function that returns SUMO's messages."""
     sys.stderr.flush()
     stream = os.dup(2)
     with tempfile.TemporaryFile() as file, redirect_stdout(StringIO()):
@@ -110,11 +104,7 @@ class SumoSession:
         delay_ms: int,
         legend: Sequence[tuple[str, Rgb]],
     ) -> None:
-        """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later.
-
-        Raises:
-            SimulationError: the net cannot be read.
-        """
+        """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later."""
         self.slots = sorted({int(slot) for slot in slots})
         self._types = types
         self._folder = folder
@@ -131,18 +121,14 @@ class SumoSession:
         self._errors: tuple[type[Exception], ...] = ()
 
     def ready(self, module: Any) -> Any:
-        """Return libsumo or traci, connected to an empty simulation with all vehicle types.
-
-        Raises:
-            SimulationError: SUMO does not start, or another simulation runs in this process.
-        """
+        """Return libsumo or traci, connected to an empty simulation with all vehicle types."""
         if self._sumo is not None and self._types.complete and not self._types.random:
             with self.refusals("return to the start"):
                 self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
             return self._sumo
         self.stop()
-        # SUMO has a random generator for each lane, by number. All tiles with all generators: a random
-        # driver gets the same numbers in its slot, whatever else is simulated.
+        # All tiles with all of SUMO's generators (one a lane): a random driver gets the same numbers in its
+        # slot.
         self.slots = list(range(TILE_SLOTS)) if self._types.random else self.slots
         generators = self._template.lanes * TILE_SLOTS if self._types.random else 1
         with writing(self._folder):

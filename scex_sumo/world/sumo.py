@@ -1,7 +1,4 @@
-"""SUMO's world: vehicles in tiles of libsumo or sumo-gui, moved to their planned states and read back.
-
-A world opens its tiles once. Each batch begins at time 0 with new vehicles, independent of other batches.
-"""
+"""SUMO's world: vehicles in tiles of libsumo or sumo-gui, moved to their planned states and read back."""
 
 from __future__ import annotations
 
@@ -56,10 +53,6 @@ class SumoWorld:
         Args:
             slots: tile slots of all batches, each below ``TILE_SLOTS``.
             gui: show sumo-gui; the last bits of positions may differ.
-            legend: names and colours for sumo-gui.
-
-        Raises:
-            SimulationError: the net cannot be read.
         """
         self._scene = scene
         self._temporary = TemporaryFolder()
@@ -99,10 +92,6 @@ class SumoWorld:
             start: (C, V) states of the seed scene.
             slots: (C,) tile slots; children without SUMO drivers may share one.
             driven: vehicles that SUMO drives; all others must be moved before each step.
-
-        Raises:
-            SimulationError: a slot has no tile, or SUMO refuses something, e.g. a route.
-            UsageError: an unknown SUMO model or parameter.
         """
         wanted, tiles = [int(slot) for slot in slots], self._session.slots
         if missing := sorted(set(wanted) - set(tiles)):
@@ -118,7 +107,7 @@ class SumoWorld:
         batch = new_batch(start, driven, ids=ids, slots=wanted, offsets=offsets, watched=self._gui)
         self._running = batch
         batch.refuse_shared_slots()
-        with self._session.refusals(f"set up a batch of {len(wanted)} children"):
+        with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
             poses = self._poses(start)
             self._add_vehicles(batch.split(poses), driven)
             self._place(poses, batch.everybody, start.speed, np.zeros(start.shape))
@@ -129,13 +118,7 @@ class SumoWorld:
             batch.hand_over(driven, self._sumo)
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive.
-
-        SUMO has no negative speeds: a reversing vehicle has a speed of 0 m/s.
-
-        Raises:
-            SimulationError: the mask is another one.
-        """
+        """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive."""
         batch = self._batch
         if not np.array_equal(mask, batch.overridden):
             raise SimulationError(
@@ -149,10 +132,7 @@ class SumoWorld:
         np.copyto(batch.speed, states.speed, where=mask)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
-        """Set the states (O,) of pedestrians and cyclists after the next step, for SUMO's drivers.
-
-        SUMO estimates their speed along the lane: a crossing pedestrian stands still for the vehicles on it.
-        """
+        """Set the states (O,) of pedestrians and cyclists after the next step, for SUMO's drivers."""
         batch, others = self._batch, self._scene.obstacles
         if others is None:
             return
@@ -172,11 +152,7 @@ class SumoWorld:
                         batch.obstacles.remove(key)
 
     def step(self) -> None:
-        """Advance by 0.1 s.
-
-        Raises:
-            SimulationError: SUMO lost a vehicle, or stopped.
-        """
+        """Advance by 0.1 s."""
         batch = self._batch
         with self._session.refusals("move vehicles on beyond the end of their route"):
             for pose in batch.go_straight_on():
@@ -231,7 +207,6 @@ class SumoWorld:
     def _place(
         self, poses: Sequence[FloatArray], some: Selection, speed: FloatArray, acceleration: FloatArray
     ) -> None:
-        """Queue poses for the next step, and for after it the speeds in watched children."""
         x, y, degrees = (values.reshape(-1)[some.index].tolist() for values in poses)
         move = self._call.moveToXY
         for key, to_x, to_y, turned, lanes in zip(some.ids, x, y, degrees, some.lanes, strict=True):
@@ -245,11 +220,7 @@ class SumoWorld:
         self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, ANY_LANE, _MATCH_M)
 
     def _advance(self, batch: RunningBatch) -> None:
-        """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles.
-
-        SUMO takes the motion along the lane for the speed, which is wrong at an angle to it. SUMO's drivers
-        see the speed that is set here.
-        """
+        """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles."""
         with self._session.refusals("advance"):
             self._sumo.simulation.step()
             if self._sumo.vehicle.getIDCount() != len(batch.everybody.ids) + len(batch.obstacles):

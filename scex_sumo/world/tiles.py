@@ -1,7 +1,6 @@
 """Tiles: copies of a SUMO net side by side, one for each child of a batch.
 
-A tile has prefixed ids and coordinates moved by whole metres, so that decimals stay exact. Its offset depends
-on the slot alone: a child has the same numbers, whatever else is simulated.
+A tile has prefixed ids and coordinates moved by whole metres. Its offset depends on the slot alone.
 """
 
 from __future__ import annotations
@@ -80,11 +79,7 @@ class TileTemplate:
     """Net or additional file (``poly``, ``poi``), parsed once for all copies."""
 
     def __init__(self, path: Path) -> None:
-        """Read the file.
-
-        Raises:
-            SimulationError: the file cannot be read, or an element cannot be copied.
-        """
+        """Read the file."""
         try:
             root = ElementTree.parse(path).getroot()
         except (OSError, ElementTree.ParseError) as error:
@@ -109,11 +104,7 @@ class TileTemplate:
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Smallest x, y and largest x, y of all coordinates, m.
-
-        Raises:
-            SimulationError: the file holds no coordinates.
-        """
+        """Smallest x, y and largest x, y of all coordinates, m."""
         xs, ys = ([float(value) for value in self._parts[k::4]] for k in (1, 3))
         if not xs:
             raise SimulationError(f"{self._path}: holds no lanes; convert the map again")
@@ -121,11 +112,7 @@ class TileTemplate:
 
     @property
     def plainest_edge(self) -> str:
-        """Id of the edge with the fewest points: SUMO scans a vehicle's route at every move.
-
-        Raises:
-            SimulationError: the file holds no edges.
-        """
+        """Id of the edge with the fewest points: SUMO scans a vehicle's route at every move."""
         if not self._edges:
             raise SimulationError(f"{self._path}: holds no edges; convert the map again")
         return min(self._edges, key=lambda edge: self._edges[edge])
@@ -178,7 +165,6 @@ def _points(edge: ElementTree.Element) -> int:
 
 
 def _mark(element: ElementTree.Element) -> None:
-    """Put placeholders into the ids and coordinates of an element."""
     attributes = element.attrib
     for key in _LOGIC:
         attributes.pop(key, None)

@@ -206,7 +206,7 @@ def test_names_that_are_taken_or_cannot_be_written_are_refused() -> None:
         with pytest.raises(UsageError, match="belongs to a built-in model"):
             behavior(name)(Parked)
     for name in ("", "my driver", "a:b", "a@2", "a,b"):
-        with pytest.raises(UsageError, match="a name has none of"):
+        with pytest.raises(UsageError, match="a name must not contain"):
             behavior(name)(Parked)
 
 

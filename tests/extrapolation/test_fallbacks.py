@@ -54,10 +54,10 @@ def test_counts_are_out_of_all_plans_of_the_model() -> None:
     assert (count["model"], count["replaced"], count["plans"], count["children"]) == ("mine", 3, 24, 2)
     assert count["first"] == {"child": 1, "track_id": 23, "step": 15, "reason": "lost"}
     assert fallback_lines([count]) == [
-        "mine: 3 of 24 plans replaced by the path-following driver's, in 2 children; "
-        "first (child 1, vehicle 23, 1.5 s): lost"
+        "mine: 3 of 24 plans replaced by the path-following driver's, in 2 futures; "
+        "first (future 1, vehicle 23, 1.5 s): lost"
     ]
-    assert ", in 1 child; first (" in fallback_lines([{**count, "children": 1}])[0]
+    assert ", in 1 future; first (" in fallback_lines([{**count, "children": 1}])[0]
 
 
 def test_batches_of_any_size_leave_the_same_table(tmp_path: Path) -> None:

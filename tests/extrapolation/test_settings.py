@@ -29,7 +29,7 @@ from scex_sumo.extrapolation.settings import RunSettings
         ({"steps": 10**5}, "--steps: got 100,000, at most 6,000 are run"),
         ({"children": "some"}, "--children: got 'some', needs a number or 'all'"),
         ({"design": "best"}, "unknown design 'best'"),
-        ({"until_band": 0.05, "children": "all"}, "--until-band: all combinations leave nothing to estimate"),
+        ({"until_band": 0.05, "children": "all"}, "--until-band: not possible with --children all"),
         ({"thresholds": {"speed": 3.0}}, "--threshold: unknown metric 'speed'; nearest: "),
         ({"thresholds": {"ttc": float("nan")}}, "--threshold ttc=nan: not a finite number"),
     ],

@@ -107,7 +107,7 @@ def test_a_file_of_something_else_is_refused(recording: Path, tmp_path: Path) ->
 
 def test_a_recording_without_its_intersection_is_refused(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "crossing.kml").unlink()
-    with pytest.raises(MapError, match="KML must lie beside it"):
+    with pytest.raises(MapError, match="no KML of the intersection"):
         convert(crossing(), tmp_path / "net.net.xml", signals=recording)
 
 

@@ -120,7 +120,7 @@ def test_runs_of_another_length_are_refused(folders: list[Path], tmp_path: Path)
     info = json.loads((other / "run.json").read_text())
     (other / "run.json").write_text(json.dumps({**info, "steps": 50}))
     line = refused(folders[0], other)
-    assert "ring: steps per child 30, but longer has 50" in line
+    assert "ring: steps per future 30, but longer has 50" in line
 
 
 def test_a_runs_own_pictures_are_not_overwritten(folders: list[Path]) -> None:

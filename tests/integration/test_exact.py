@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.sample_size.reduction import choose_vehicles, reduced
 from tests.exact.queues import queues
+from tests.integration.test_cli import refused, scex
 
 RULES = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 
@@ -50,6 +51,17 @@ def test_other_weights_follow_from_the_tables(roundabout: Run) -> None:
     assert alone == 1 / 4
     with pytest.raises(UsageError, match="unknown event"):
         roundabout.encounter(16, 15).probability("hit")
+
+
+def test_the_terminal_says_the_same(roundabout: Run) -> None:
+    weights = scex("encounters", roundabout.folder, "--weights", "standard_driver=0.9").stdout
+    assert f"{100 * roundabout.p_collision(weights={'standard_driver': 0.9}):.2f}%" in weights
+    pair = scex("encounters", roundabout.folder, "--pair", "15,16").stdout
+    told = scex("explain", roundabout.folder, "--encounter", "15,16", "--no-report").stdout
+    words = "15 brakes hard (emergency_brake) and 16 keeps its speed (constant_velocity)"
+    assert words in pair and words in told and "none differs (remainder 0.8%)" in pair
+    for given, reason in (("x=1", "unknown model 'x'"), ("standard_driver", "needs MODEL=WEIGHT")):
+        assert reason in refused("encounters", roundabout.folder, "--weights", given, status=2)
 
 
 def test_a_whole_queue_counts(tmp_path: Path) -> None:
@@ -97,6 +109,16 @@ def test_the_drawn_futures_stay_the_same_and_do_not_depend_on_the_workers(tmp_pa
     )
     extra = runs[0].table("exact/assignments.parquet")
     assert np.asarray(extra["child"]).min() == 100 and extra.num_rows == 4 * runs[0].exact.extra
+
+
+@pytest.mark.parametrize(
+    "content", ["{", "[]", '{"models": ["a"], "shares": [1], "checked": 9, "extra": 1, "events": [{}]}']
+)
+def test_a_damaged_table_is_one_error(tmp_path: Path, content: str) -> None:
+    run = run_of(queues(2), tmp_path / "out", 4)
+    (run.folder / "exact.json").write_text(content)
+    with pytest.raises(ResultError, match=r"exact\.json: cannot be read"):
+        _ = scex_sumo.open_run(run.folder).exact
 
 
 def test_random_models_and_few_futures_keep_sampled_values(tmp_path: Path) -> None:

@@ -66,8 +66,8 @@ def test_a_run_tells_the_vehicle_under_test_apart(folder: Path) -> None:
     assert "Under test, vehicle 3: drivers:Straight" in (folder / "out" / "report.html").read_text()
     # One vehicle, 6 children of 6 plans; 3 of these children lose the last 3.
     line = (
-        "drivers:Straight: 9 of 36 plans replaced by the path-following driver's, in 3 children; "
-        "first (child 1, vehicle 3, 1.5 s): raised RuntimeError: lost the lane (__init__.py, line 15)"
+        "drivers:Straight: 9 of 36 plans replaced by the path-following driver's, in 3 futures; "
+        "first (future 1, vehicle 3, 1.5 s): raised RuntimeError: lost the lane (__init__.py, line 15)"
     )
     assert line in printed
     info = json.loads((folder / "out" / "run.json").read_text())

@@ -65,7 +65,7 @@ def test_an_encounter_stops_where_the_two_meet(run: Run) -> None:
     file = write_encounter(run, row["other_id"], row["track_id"])
     assert file.name == f"child_{row['child']:04d}.sumocfg"
     assert stops_at(file) == pytest.approx(1.0 + row["time_s"], abs=0.051)
-    with pytest.raises(ResultError, match="3 and 3 meet in no child"):
+    with pytest.raises(ResultError, match="3 and 3 meet in no future"):
         write_encounter(run, 3, 3)
 
 

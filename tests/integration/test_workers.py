@@ -120,7 +120,7 @@ def test_a_worker_that_dies_twice_over_a_batch_ends_the_run_resumably(tmp_path: 
     done = ran(tmp_path, "FLAG.touch(); os._exit(3)")
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
-    assert "SimulationError: a worker died twice over children" in last and "exit status 3" in last
+    assert "SimulationError: a worker died twice during futures" in last and "exit status 3" in last
     assert (tmp_path / "2" / "incomplete.json").exists()
 
 

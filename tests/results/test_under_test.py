@@ -12,10 +12,11 @@ import pytest
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.commands.run import parse_under_test
+from scex_sumo.evaluation.encounters import QUESTIONS, SCHEMA
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.reports.page.under_test import under_test_card, under_test_rows
-from scex_sumo.reports.under_test_table import under_test_table
+from scex_sumo.reports.under_test_table import own_encounters, under_test_table, verdict
 from scex_sumo.results.run import Run
 from tests.metrics.scenes import random_run
 
@@ -70,6 +71,7 @@ def folder_of(path: Path, tested: Columns, baseline: Columns) -> Run:
         pq.write_table(pa.table({"child": list(range(count)), **columns}), folder / "under_test.parquet")
         pq.write_table(pa.table({"child": list(range(count))}), folder / "metrics.parquet")
         hits = {"child": [0, 0, 3], "track_id": [17, 8, 9], "other_id": [9, 9, 8]}
+        hits |= {"p_mais3": [0.1, 0.5, 0.5], "p_mais3_other": [0.02, None, 0.5]}
         pq.write_table(pa.table(hits).slice(0 if vehicles["17"] else 1), folder / "collisions.parquet")
         info = {
             "under_test": vehicles,
@@ -127,9 +129,15 @@ def test_a_metric_without_values_or_threshold_is_left_open(run: Run) -> None:
 def test_table_and_report_show_every_metric(run: Run) -> None:
     table = under_test_table(run.under_test)
     assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 futures"
-    assert table.row_count == 1 + 6
-    assert list(table.columns[3].cells) == ["1 : 0", "2 : 1", "–", "–", "–", "–", "2 : 0"]
-    assert list(table.columns[5].cells)[:2] == ["20.0%", "40.0%"]
+    assert table.row_count == 2 + 6
+    assert list(table.columns[3].cells) == ["1 : 0", "1 : 0", "2 : 1", "–", "–", "–", "–", "2 : 0"]
+    assert [list(table.columns[k].cells)[:3] for k in (5, 6)] == [
+        ["0.0%", "–", "40.0%"],
+        ["20.0%", "–", "40.0%"],
+    ]
+    # Of five futures one has a collision of vehicle 17, with 0.12 severe injuries; others' do not count.
+    assert [list(table.columns[k].cells)[1] for k in (1, 2)] == ["0.00", "24.00"]
+    assert under_test_table(run.under_test, ["ttc"]).row_count == 3
     text, shown = under_test_card(run), under_test_rows(run)
     assert "vehicle 17: mypkg:MyDriver" in text
     assert text.count("<figure>") == 6 and text.count("defined in no future") == 4
@@ -138,6 +146,38 @@ def test_table_and_report_show_every_metric(run: Run) -> None:
     assert [row[3] for row in cells] == ["1 : 0", "2 : 1", None, None, None, None, "2 : 0"]
     assert [row[5] for row in cells][:2] == [0.2, 0.4]
     assert [share for row in cells for share in row[5:7]].count(0.4) == 3
+
+
+def test_the_verdict_says_whether_the_driver_is_better(tmp_path: Path) -> None:
+    """Twenty futures; the distance is worse in each, 1/TTC as before, or better."""
+    near, far = [3.0] * 20, [8.0 + 0.1 * k for k in range(20)]
+    for number, (values, words) in enumerate(
+        (
+            ({"distance": near, "ttc": near}, "verdict: worse (worse in distance; p < 0.05)"),
+            ({"distance": far, "ttc": near}, "verdict: no difference shown"),
+            (
+                {"distance": near, "ttc": [1.0] * 20},
+                "verdict: mixed (better in 1/TTC; worse in distance; p < 0.05)",
+            ),
+        )
+    ):
+        run = folder_of(tmp_path / str(number), values, {"distance": far, "ttc": near})
+        said = verdict(run.under_test)
+        assert said.startswith(
+            "under test, vehicle 17: mypkg:MyDriver, as drawn → under test: collides in 0 % [0–16]"
+        )
+        assert said.endswith(f"severe injuries per 1000 0.00 → 6.00; {words}")
+
+
+def test_the_vehicles_own_encounters_are_told_before_and_after(run: Run) -> None:
+    usual = {"time_s": 1.0, "child": 0, "gap": 2.0, "gap_p05": 2.0, "model": "m", "other_model": "o"}
+    for folder, share in ((run.folder, 0.5), (run.folder / "baseline", 0.0)):
+        event = {q: 0.0 for question in QUESTIONS for q in (question, f"{question}_low", f"{question}_high")}
+        event |= {"collision": share, "critical": share, "collision_low": share, "collision_high": share}
+        pairs = ((17, 9, event), (8, 9, event), (17, 8, event | {"collision": 0.0, "critical": 0.0}))
+        rows = [usual | shares | {"track_id": a, "other_id": b} for a, b, shares in pairs]
+        pq.write_table(pa.Table.from_pylist(rows, schema=SCHEMA), folder / "encounters.parquet")
+    assert own_encounters(Run(run.folder)) == ["17 → 9 (1.0 s): collides in 0.0 % → 50.0 %"]
 
 
 def test_a_run_without_vehicles_under_test_or_baseline_says_so(run: Run) -> None:

@@ -77,7 +77,7 @@ def test_ways_begin_at_the_seed_scene_in_the_colour_of_the_model() -> None:
     assert way.get("shape") == "1101.00,-460.00 1102.00,-460.00 1103.00,-460.00"
     assert way.get("color") == "214,64,58"
     # SUMO refuses ids with blanks, commas or angle brackets; a title has to be one.
-    assert set(drawn) == {"t4_way.0", "child 7 · wttc _ 0.3_ say".replace(" ", "\N{NO-BREAK SPACE}")}
+    assert set(drawn) == {"t4_way.0", "future 7 · wttc _ 0.3_ say".replace(" ", "\N{NO-BREAK SPACE}")}
 
 
 def test_the_legend_says_whose_colour_is_which() -> None:

@@ -21,9 +21,8 @@ CORRIDOR_MARGIN_M = 0.3  # of the driver's corridor, beyond its width on each si
 class Leaders:
     """The leader of each of n vehicles."""
 
-    # (n,) bumper to bumper along the path, m; inf without a leader, negative on overlap
-    gap: FloatArray
-    speed: FloatArray  # (n,) component along the path, m/s; 0 without a leader
+    gap: FloatArray  # (n,) bumper to bumper, m; inf without a leader, negative on overlap
+    speed: FloatArray  # (n,) along the path, m/s; 0 without a leader
     index: IntArray  # (n,) column: vehicles first, then obstacles; -1 without a leader
 
 
@@ -78,17 +77,12 @@ def find_ahead(
 ) -> Ahead:
     """Find the vehicles and obstacles on or near each driver's path, within the perception radius.
 
-    One counts in these cases:
-
-    - Its nearest end is ahead of the driver's front bumper, it does not face the driver (within 60 degrees),
-      and its centre is within the clearance of the path or its body inside the driver's corridor.
-    - Its centre is ahead of the driver's, and its body is inside the corridor.
+    One counts if its body is in the driver's corridor and its centre ahead of the driver's; or if its nearest
+    end is ahead of the driver's front, it does not face the driver (within 60 degrees), and its centre is
+    near the path.
 
     Args:
-        row: (n,) path of each driver.
-        s_centre: (n,) arc length of the driver's centre, m.
         clearance: of a vehicle's centre from the path, m.
-        radius: perception radius, m.
         obstacle_clearance: of an obstacle's centre from the path, m.
         aside: (n,) offset of each driver's line, m, left positive; None is 0.
         margin: of the corridor beyond the driver's width, on each side, m.
@@ -165,7 +159,6 @@ def _ahead_of(
 def _first_guess(
     paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (n, M) nearest coarse arc length, m, and (n, M) squared distance, m²."""
     spacing = COARSE * DS_M
     samples = paths.coarse.shape[2]
     span = min(samples, int(radius / spacing) + 4)

@@ -2,9 +2,8 @@
 
 The reference point is the rear axle. Each step is an arc.
 
-Steering feeds back offset d, heading error e and curvature error k in arc length, with nested limits. The
-heading error aims at -ω/3·d, the curvature error at ω·(aim - e), and moves there at rate 3ω, with ω = 1/max(3
-m, v·0.67 s). Without limits the offset decays like (A + Bs + Cs²)·exp(-ωs).
+Steering feeds back offset d, heading error e and curvature error k in arc length. Without limits the offset
+decays like (A + Bs + Cs²)·exp(-ωs), ω = 1/max(3 m, v·0.67 s).
 """
 
 from __future__ import annotations
@@ -67,10 +66,7 @@ def _present_bend(
     heading: FloatArray,
     v: FloatArray,
 ) -> FloatArray:
-    """Return (n,) curvatures of the vehicles' motion minus those of their paths, 1/m.
-
-    In the seed scene over half a second, because recorded headings are noisy.
-    """
+    """Return (n,) curvatures of the vehicles' motion minus those of their paths, 1/m."""
     steps = 1 if history.step > 0 else 5
     length = history.scene.length[who.vehicle]
     now = history.states[who.child, who.vehicle, -1]
@@ -82,8 +78,7 @@ def _present_bend(
     way = chord * (1 + turned**2 / 24)  # arc over a chord
     then, _, _ = refine(paths, row, s - way, px, py, 2)
     bend = turned / np.maximum(way, 0.02) - bend_at(paths, row, then + way / 2)
-    # A padded history is straight in a curve: limit the value to what
-    # steering can correct. A standing vehicle can turn its wheels first.
+    # A padded history is straight in a curve; a standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
     return np.where(way > 0.02, clipped(bend, -most, most), 0.0)
 
@@ -102,9 +97,7 @@ def drive(
     """Drive vehicles along their paths.
 
     Args:
-        row: (n,) path of each.
         accelerate: vehicles stop instead of reversing.
-        start: (n,) initial states; None for the present ones.
         aside: (n, H + 1) wanted offset now and after each step, m, left positive; None is 0.
     """
     length = history.scene.length[who.vehicle]
@@ -173,7 +166,6 @@ def _along_arc(
 
 
 def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two derivatives of wanted offsets (H + 1, n) in arc length."""
     way = np.maximum(moved, SLOPE_SPEED * STEP_S)
     change = wanted[step + 1] - wanted[step]
     further = wanted[min(step + 2, len(wanted) - 1)] - wanted[step + 1]
@@ -238,7 +230,6 @@ def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> Float
 def _slowing_for_curves(
     accelerate: Accelerate, paths: SeedPaths, row: IntArray, ahead: FloatArray
 ) -> Accelerate:
-    """Limit accelerations in curves; `ahead` (n,) is from the rear axle to the centre, m."""
     speeds = curve_speeds(paths, CURVE_ACCELERATION, CURVE_DECELERATION)
 
     def allowed(s: FloatArray) -> FloatArray:

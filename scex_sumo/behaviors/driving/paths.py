@@ -140,8 +140,6 @@ def seed_paths(
 
 @dataclass(frozen=True)
 class _Line:
-    """A path before smoothing; `owner` is the lane under each point."""
-
     points: FloatArray
     owner: IntArray | None
     lanes: tuple[int, ...]
@@ -214,7 +212,6 @@ def _tabulate(
 
 
 def _straightest(lines: list[_Line]) -> int:
-    """Return the straightest path from the likeliest lane; the leftmost of equals."""
     by_lane: dict[tuple[int, ...], float] = {}
     for line in lines:
         by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share
@@ -223,7 +220,6 @@ def _straightest(lines: list[_Line]) -> int:
 
 
 def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) widths and speed limits of the lanes under the samples."""
     ids, inverse = np.unique(owner, return_inverse=True)
     at = np.searchsorted(arc_lengths(points), DS_M * np.arange(samples), side="right") - 1
     at = inverse[np.clip(at, 0, len(owner) - 1)]

@@ -17,9 +17,7 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
     """Smooth paths of evenly spaced points.
 
     Args:
-        points: (K, N, 2) m.
         half_width: (K, N) of the lane, m; no point moves further than 0.95 of it.
-        ds: spacing, m.
 
     Returns:
         (K, N, 2) m, with the smallest limit of `CURVATURES` that keeps the path in the lane.
@@ -40,7 +38,6 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
 
 
 def _relaxed(points: FloatArray, limit: float) -> FloatArray:
-    """Round tight places: move points towards the middle of their neighbours by the excess of curvature."""
     tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
     first, last = max(0, tight[0] - 80), min(points.shape[1], tight[-1] + 81)
     moved = points.copy()
@@ -91,7 +88,6 @@ def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatAr
 
 
 def _dilate(mask: BoolArray, reach: int) -> BoolArray:
-    """Return (K, N) True within `reach` samples of a True."""
     n = mask.shape[1]
     total = np.cumsum(np.pad(mask, ((0, 0), (reach + 1, reach))), axis=1)
     near: BoolArray = total[:, 2 * reach + 1 :] > total[:, :n]

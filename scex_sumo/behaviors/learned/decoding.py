@@ -36,7 +36,6 @@ def plan_along(
     """Drive along paths with given accelerations and offsets.
 
     Args:
-        row: (n,) path of each.
         acceleration: (n, H) m/s²; vehicles stop instead of reversing.
         offset: (n, H) wanted distance left of the path after each step, m; None returns to the path like
             exp(-t / RETURN_S).
@@ -54,8 +53,7 @@ def plan_along(
         wanted = _smoothed(wanted)
     else:
         least, most = _bounds(history, who, paths, row, s, way, road, clear=clear)
-        # Smooth after bounding, so that the vehicle does not still move outwards at the edge. Do not bound
-        # again: bounds jump by centimetres, and steering follows their second derivative.
+        # Bounding again would let offsets jump by centimetres, and steering follows their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
     # the rear axle follows the path
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
@@ -83,7 +81,6 @@ def _bounds(
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
-    """Smooth the corners at the knots; ends go on straight."""
     for _ in range(2):
         reach = np.arange(1, SMOOTHING_STEPS + 1)
         before = offset[:, :1] - (offset[:, 1:2] - offset[:, :1]) * reach[::-1]
@@ -107,7 +104,6 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
-    """Return (n, H + 1) changes per metre of way; 0 for standing vehicles."""
     change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
     whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
@@ -117,14 +113,7 @@ def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
 def bounds_along(
     road: Road, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray, half_width: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m.
-
-    Args:
-        row: (n,) path of each vehicle.
-        s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) way from now on, m.
-        half_width: (n,) m.
-    """
+    """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m."""
     left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
     half = half_width[:, None]
     return _consistent(half - reached(right), reached(left) - half)
@@ -144,7 +133,6 @@ def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> P
 
 
 def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:
-    """Return (n, H) headings; standing vehicles keep that of their last moving step, 0 before the first."""
     padded = np.concatenate([np.zeros((len(turn), 1)), turn], axis=1)
     step = np.where(moving, np.arange(1, turn.shape[1] + 1), 0)
     last = np.maximum.accumulate(step, axis=1)
@@ -163,8 +151,6 @@ ASIDE_M, ASIDE_S = 0.5, 1.0  # largest shift, and its time constant, away from a
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Boxes:
-    """Boxes relative to paths, (p,) each."""
-
     s: FloatArray  # arc length of the centre, m
     offset: FloatArray  # of the centre from the path, m, left positive
     sine: FloatArray  # of the angle to the path
@@ -201,8 +187,7 @@ def offsets_beside(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Two boxes share the space between them; others keep their speed and straighten up. Leaders and crossing
-    vehicles are handled by braking. Arguments as in `bounds_along`.
+    Two boxes share the space between them; others keep their speed and straighten up.
     """
     everybody = everyone(history)
     now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
@@ -234,11 +219,7 @@ def offsets_beside(
 
 
 def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:
-    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m.
-
-    Args:
-        side: (p,) 1 if the other is on the left, else -1.
-    """
+    """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m."""
     ahead = np.abs(other.ahead)
     straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)
     left = np.exp(-ahead[:, None] * t / straightens[:, None])

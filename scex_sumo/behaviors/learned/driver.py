@@ -64,12 +64,7 @@ def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
 
 @lru_cache(maxsize=4)
 def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
-    """Load the network of a file, made exact (see `layers`), and its meta data.
-
-    Raises:
-        InputError: see `load_weights`; or the file has changed since its hash was taken, or the weights are
-            too large for exact sums.
-    """
+    """Load the network of a file, made exact (see `layers`), and its meta data."""
     weights = load_weights(file, kind)
     if weights.meta["sha256"] != sha256:
         raise InputError(f"{file}: has changed since the run began; run again")
@@ -94,9 +89,6 @@ class LearnedDriver:
     Attributes:
         keeps: whether image features of maps stay in the user's cache.
         clear: whether it steers away from vehicles beside it.
-
-    Raises:
-        InputError: the weights cannot be used.
     """
 
     keeps = False
@@ -213,7 +205,6 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
 
 
 def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
-    """Return (V, K) cumulative probabilities of paths from (P,) logits."""
     upper = np.ones((len(paths.count), int(paths.count.max(initial=1))))
     for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
         part = logit[first : first + count]
@@ -225,8 +216,7 @@ def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
 def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
     """Return (n,) whether a vehicle stands and does not start.
 
-    The expected mode starts too early: the network does not see what the head of a queue waits for. With
-    `waits` vehicles start only behind a moving leader.
+    The expected mode starts too early: the network does not see what the head of a queue waits for.
     """
     speed = inputs.features[:, SPEED]
     stands = speed < STANDING_MPS
@@ -251,7 +241,6 @@ def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:
 
 
 def _merged(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:
-    """Merge plans of (k,) vehicles each; vehicles with a reason fell back."""
     whole = States.empty((len(reasons), parts[0][1].shape[1]))
     for index, plan in parts:
         whole.assign(index, plan)

@@ -91,7 +91,6 @@ def _framed(values: FloatArray) -> FloatArray:
 
 
 def _convolved(values: FloatArray, layer: Convolution, weight: FloatArray) -> FloatArray:
-    """Return (R', C', out) of (R, C, in), by one matrix product."""
     pad, step, apart = layer.padding, layer.stride, layer.dilation
     padded = np.pad(values, ((pad, pad), (pad, pad), (0, 0)))
     reach = apart * (layer.side - 1)
@@ -105,7 +104,6 @@ def _convolved(values: FloatArray, layer: Convolution, weight: FloatArray) -> Fl
 
 
 def _sampled(framed: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Return (K, channels, points) bilinear at columns u and rows v; 0 beyond the map."""
     channels, rows, columns = framed.shape
     u, v = np.clip(u + 1, 0, columns - 1), np.clip(v + 1, 0, rows - 1)
     j = np.minimum(u.astype(np.int64), columns - 2)

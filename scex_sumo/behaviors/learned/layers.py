@@ -1,8 +1,7 @@
 """Layers of the networks, with exact sums that make results independent of the batch.
 
-A float sum depends on its order, and libraries change the order with the number of rows. So networks compute
-in float64, with weights and inputs of every matrix product rounded to multiples of powers of two: every
-partial sum fits into 53 bits.
+Float sums depend on their order, which libraries change with the number of rows. So weights and inputs are
+rounded to multiples of powers of two: every partial sum fits into a float64.
 """
 
 from __future__ import annotations

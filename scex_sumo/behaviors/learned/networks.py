@@ -124,7 +124,6 @@ class PlanHead:
         )
 
     def _acceleration(self, knots: FloatArray, present: FloatArray) -> FloatArray:
-        # The present acceleration fades within half a second; the network learns only how far to trust it.
         wanted = knots + present[:, None, None] * np.exp(-np.arange(float(KNOTS)))
         limit = np.where(wanted > 0, STRONGEST_ACCELERATION, STRONGEST_BRAKING)
         wanted /= limit

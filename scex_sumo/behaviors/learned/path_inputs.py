@@ -26,7 +26,6 @@ TREND = (PAST_S - PAST_S.mean()) / ((PAST_S - PAST_S.mean()) ** 2).sum()  # weig
 
 
 def _end_of_fit(degree: int, states: int) -> FloatArray:
-    """Return (11,) weights of speeds for the end of a fitted polynomial."""
     fit = np.linalg.pinv(np.vander(PAST_S[-states:], degree + 1, increasing=True))[0]
     weights: FloatArray = np.concatenate([np.zeros(HISTORY_STEPS + 1 - states), fit])
     return weights
@@ -99,12 +98,10 @@ def path_inputs(
 ) -> PathInputs:
     """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame; SI units.
 
-    - `OWN_COLUMNS`: errors are against the path, offset left positive; `end` is the way to the end of the
-      mapped road; `STEADIER` speeds are minus the present one.
-    - `ROAD_COLUMNS`: heading relative to the vehicle's, without jumps.
+    - `OWN_COLUMNS`: errors against the path, offset left positive; `end` is the way to the end of the mapped
+      road; `STEADIER` speeds are minus the present one.
     - `LEADER_COLUMNS`: without a leader a gap of 100 m and the vehicle's speed. From `ahead` on they are of
-      the vehicles ahead in the same direction; without any, the mean speed is the vehicle's. Without a
-      standing one the first gap is 100 m, the last one 0 m.
+      the vehicles ahead in the same direction.
 
     Args:
         row: (n,) path of each; a vehicle may occur with several paths.
@@ -160,7 +157,6 @@ def rates(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatAr
 def _road_ahead(
     paths: SeedPaths, row: IntArray, s: FloatArray, now: States, reference: FloatArray
 ) -> FloatArray:
-    """Return (n, 5 * K) `ROAD_COLUMNS`; `reference` is the vehicle's heading plus a multiple of 2 pi."""
     n, k = len(row), len(AHEAD_M)
     rows = np.repeat(row, k)
     at = (s[:, None] + np.array(AHEAD_M)).ravel()
@@ -175,7 +171,6 @@ def _road_ahead(
 
 
 def _unsteady(speed: FloatArray) -> FloatArray:
-    """Return (n,) mean deviations of speeds (n, 11) from a line, m/s."""
     line = speed.mean(axis=1, keepdims=True) + (speed @ TREND)[:, None] * (PAST_S - PAST_S.mean())
     off: FloatArray = np.abs(speed - line).mean(axis=1)
     return off
@@ -190,7 +185,6 @@ def _others(
     speed: FloatArray,
     radius: float,
 ) -> FloatArray:
-    """Return (n, 11) `LEADER_COLUMNS`."""
     ahead = find_ahead(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
     nearest = ahead.leaders(len(who))
     there = nearest.index >= 0
@@ -207,7 +201,6 @@ def _others(
 
 
 def _queue(ahead: Ahead, same_way: BoolArray, speed: FloatArray) -> FloatArray:
-    """Return (n, 5) last `LEADER_COLUMNS`, of the vehicles ahead in the same direction."""
     n, driver, gap = len(speed), ahead.driver[same_way], np.clip(ahead.gap[same_way], -5.0, FURTHEST_M)
     stands = ahead.speed[same_way] < QUEUEING_MPS
     count, queue = np.bincount(driver, minlength=n), driver[stands]

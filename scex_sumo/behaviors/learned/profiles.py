@@ -36,7 +36,7 @@ class GraphPredictorProfile:
 
 @dataclass(frozen=True, kw_only=True)
 class GraphImagePredictorProfile:
-    """Parameters of `GraphImagePredictor`, besides those of `GraphPredictorProfile`.
+    """Parameters of `GraphImagePredictor`.
 
     Attributes:
         head: ``bounded`` drives along the path at the network's offset, within the road and the vehicle's

@@ -25,8 +25,7 @@ CROSSING = ("crosswalk", "zebra")
 class Raster:
     """A map seen from above."""
 
-    # (7, R, C) `CHANNELS`, each about -1 to 1; row 0 is the lowest y; cos and sin are of the lanes'
-    # direction, times the drivable share
+    # (7, R, C) `CHANNELS`, about -1 to 1; row 0 is the lowest y; cos and sin are times the drivable share
     values: FloatArray
     corner: FloatArray  # (2,) centre of the pixel in row 0, column 0, m
 
@@ -61,7 +60,6 @@ def raster_of(road: Road) -> Raster:
 
 
 def _draw_lane(fine: FloatArray, count: FloatArray, lane: Lane, corner: FloatArray) -> None:
-    """Add a lane to drivable share, and to sums of cos, sin and limit over `count` lanes."""
     rows, columns, hit = cells_of(
         lane_outline(lane), corner, PIXEL_M / FINE, (count.shape[0], count.shape[1])
     )

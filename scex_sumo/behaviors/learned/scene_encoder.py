@@ -15,8 +15,8 @@ PAIRS = 1024  # of vehicles at a time, which fit the processor's cache
 class EdgeAttention:
     """Graph attention layer with several heads (GATv2).
 
-    The score of the edge from j to i is a . leaky_relu(L x_j + R x_i + E e_ij), with a softmax over the edges
-    to i. The new vector of i is the sum of L x_j with these weights, plus a bias.
+    The score of the edge from j to i is a . leaky_relu(L x_j + R x_i + E e_ij), with a softmax over i's
+    edges.
 
     Source: Brody, Alon, Yahav 2022.
     """
@@ -63,7 +63,6 @@ class EdgeAttention:
 
 
 def _softmax(score: FloatArray) -> FloatArray:
-    """Return (C, V, heads, V) softmax in place; 0 for scores of -inf."""
     score -= np.maximum(score.max(axis=-1, keepdims=True), -1e300)  # for rows of -inf alone
     raised = np.exp(score, out=score)
     raised /= raised.sum(axis=-1, keepdims=True) + 1e-16
@@ -100,7 +99,6 @@ class SceneEncoder:
         return h[wanted]
 
     def _reach(self, graph: SceneGraph, wanted: IntArray) -> list[BoolArray]:
-        """Return (N,) required nodes of each layer's input and of the last output."""
         needed = np.zeros(len(graph.node), dtype=np.bool_)
         needed[wanted] = True
         reach = [needed]

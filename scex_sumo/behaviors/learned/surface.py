@@ -117,10 +117,7 @@ def fill(grid: BoolArray | FloatArray, outline: FloatArray, low: FloatArray, cel
 
 @owner_cache
 def path_room(paths: SeedPaths, road: Road) -> PathRoom:
-    """Measure the room beside all paths of a seed scene by rays to both sides.
-
-    A sample off the surface has the room of the last one on it.
-    """
+    """Measure the room beside all paths of a seed scene by rays to both sides."""
     surface = surface_of(road)
     table = paths.table.reshape(len(paths.lanes), paths.samples, -1)[:, ::STRIDE]
     x, y, cos, sin = (table[..., k] for k in range(4))
@@ -138,7 +135,6 @@ def path_room(paths: SeedPaths, road: Road) -> PathRoom:
 
 
 def _march(surface: Surface, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
-    """Return how far the surface reaches in a direction, m, in steps of the distance to the edge."""
     way, inside = np.zeros_like(x), np.ones(x.shape, dtype=np.bool_)
     for _ in range(MARCH_STEPS):
         depth = surface.at(x + way * dx, y + way * dy)

@@ -86,7 +86,7 @@ def load_weights(path: str | Path, kind: str) -> Weights:
         if zipfile.is_zipfile(file):
             raise InputError(f"{file}: a PyTorch file, as earlier versions wrote it; {again}") from None
         raise InputError(
-            f"{file}: no file of weights ({type(error).__name__}); give one that 'scex-sumo train' wrote"
+            f"{file}: not a file of weights ({type(error).__name__}); give one that 'scex-sumo train' wrote"
         ) from None
     except (TypeError, ValueError) as error:
         words = " ".join(str(error).split())[:160]
@@ -100,7 +100,6 @@ def load_weights(path: str | Path, kind: str) -> Weights:
 
 
 def _about(header: Mapping[str, str] | None) -> dict[str, Any] | None:
-    """Return the header's content; None if it is not from scex-sumo."""
     try:
         about = json.loads((header or {}).get(ABOUT, "0"))
     except (ValueError, RecursionError):
@@ -124,13 +123,12 @@ def _check_inputs(file: Path, kind: str, about: Mapping[str, Any], again: str) -
         if given != [*columns]:
             count = len(given) if isinstance(given, list) else "no"
             raise InputError(
-                f"{file}: weights for {count} {name} inputs of version {about['version'][:40]}, version "
-                f"{__version__} makes {len(columns)} others; {again}"
+                f"{file}: trained by version {about['version'][:40]} with {count} {name} inputs; version "
+                f"{__version__} has {len(columns)} others; {again}"
             )
 
 
 def _sizes(kind: str, numbers: Any, opened: Any) -> Architecture:
-    """Return the architecture; raise a `ValueError` for arrays of other shapes."""
     if not isinstance(numbers, dict):
         raise ValueError(f"a {type(numbers).__name__} instead of numbers by name")
     unknown = set(numbers) - {field.name for field in fields(Architecture)}

@@ -29,7 +29,7 @@ Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether
 class Fallible:
     """A model with a fallback: the path-following driver plans for vehicles without a usable plan.
 
-    A call that raises is repeated child by child, then vehicle by vehicle: the batch has no influence.
+    A call that raises is repeated child by child, then vehicle by vehicle.
     """
 
     def __init__(self, model: Behavior, name: str) -> None:
@@ -89,7 +89,6 @@ class Fallible:
         part: IntArray,
         rng: Sequence[np.random.Generator],
     ) -> Answer:
-        """Ask once for each number in (n,) `part`."""
         count = len(who)
         whole = _blank(count)
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
@@ -139,7 +138,6 @@ def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[s
 
 
 def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
-    """Return (n, H) distances from straight continuation, m."""
     now = history.now[who.child, who.vehicle]
     step = now.speed * STEP_S
     x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], made.x], axis=1)
@@ -171,7 +169,6 @@ def source_file(model: Any) -> Path | None:
 
 
 def _unwrapped(model: Any) -> Any:
-    """Return the class, function or file adapter of the user."""
     inner = getattr(model, "function", model.model if isinstance(model, SingleVehicle) else model)
     inner = inner.func if isinstance(inner, partial) else inner
     return inner if inspect.isfunction(inner) or hasattr(inner, "file") else type(inner)

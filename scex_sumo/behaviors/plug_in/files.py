@@ -62,11 +62,7 @@ class FileFunction(ABC):
 
 
 class OnnxFunction(FileFunction):
-    """An ONNX file, run on one thread; its first output holds the trajectories.
-
-    Raises:
-        InputError: it is no ONNX file, or its number of vehicles is fixed.
-    """
+    """An ONNX file, run on one thread; its first output holds the trajectories."""
 
     def __init__(self, file: str) -> None:
         super().__init__(file)
@@ -98,7 +94,7 @@ class OnnxFunction(FileFunction):
         try:
             return onnxruntime.InferenceSession(self.file, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # its errors have no common class
-            raise InputError(f"{self.file}: no ONNX file: {' '.join(str(error).split())}") from None
+            raise InputError(f"{self.file}: not an ONNX file: {' '.join(str(error).split())}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
         """Return trajectories."""
@@ -109,11 +105,7 @@ class OnnxFunction(FileFunction):
 
 
 class ScriptedFunction(FileFunction):
-    """A TorchScript file, run on one thread with float32 numbers.
-
-    Raises:
-        InputError: it is no TorchScript file.
-    """
+    """A TorchScript file, run on one thread with float32 numbers."""
 
     def __init__(self, file: str) -> None:
         super().__init__(file)
@@ -131,7 +123,7 @@ class ScriptedFunction(FileFunction):
             return jit.load(self.file, map_location="cpu").eval()
         except Exception as error:  # torch has no common class of errors
             first = str(error).strip().splitlines()[:1] or ["no message"]
-            raise InputError(f"{self.file}: no TorchScript file: {first[0]}") from None
+            raise InputError(f"{self.file}: not a TorchScript file: {first[0]}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
         """Return trajectories."""
@@ -158,7 +150,6 @@ _KINDS: Mapping[str, tuple[type[FileFunction], str, str]] = {
 
 
 def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
-    """Load a predictor; given sizes of the surroundings win over those of the file."""
     make, package, extra = _KINDS[kind]
     if importlib.util.find_spec(package) is None:
         raise MissingExtraError(f"{kind}: needs {package}; install it with pip install 'scex-sumo[{extra}]'")

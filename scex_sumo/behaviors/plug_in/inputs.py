@@ -148,7 +148,6 @@ def _others(
 
 
 def _nearest(distance: FloatArray, count: int, radius: float) -> tuple[IntArray, BoolArray]:
-    """Return (n, count) nearest columns, and whether each is within the radius."""
     order = np.argsort(distance, axis=1, kind="stable")[:, :count]
     mask = np.take_along_axis(distance, order, axis=1) <= radius
     short = count - order.shape[1]

@@ -35,7 +35,7 @@ class Predictor:
     returns (n, H >= 30, 2 to 4): x, y (m), and optionally heading (rad) and speed (m/s), one row per step of
     0.1 s. Missing headings and speeds follow the motion.
 
-    It is called once per child, because the last digits of matrix products depend on the number of rows.
+    Without ``batched`` it is called once per child, because matrix products depend on the number of rows.
 
     Example:
         >>> def straight(history):
@@ -58,9 +58,6 @@ class Predictor:
         Args:
             inputs: names of its arguments; None takes its parameters.
             batched: call it once for all children; its rows must not depend on each other.
-
-        Raises:
-            UsageError: it asks for unknown inputs.
         """
         self.function = function
         self.inputs = tuple(inputs) if inputs is not None else wanted_inputs(function)
@@ -126,8 +123,7 @@ def trajectories(predicted: Any, count: int) -> FloatArray:
 def completed(values: FloatArray) -> FloatArray:
     """Add missing headings and speeds: (n, 30, 2 to 4) to (n, 30, 4) x, y, heading, speed.
 
-    A heading follows the motion, and stays below 0.5 m/s. A vehicle that moves against its heading reverses,
-    at a negative speed.
+    A heading follows the motion, and stays below 0.5 m/s; a vehicle that moves against its heading reverses.
     """
     columns = values.shape[2]
     way = np.diff(values[..., :2], axis=1, prepend=0.0)
@@ -142,7 +138,6 @@ def completed(values: FloatArray) -> FloatArray:
 
 
 def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
-    """Return (n, H) headings along the steps (n, H, 2), starting at 0."""
     heading = np.zeros(length.shape)
     before = np.zeros(len(length))
     for step in range(length.shape[1]):

@@ -1,7 +1,7 @@
 """External driving function: a program in any language that answers lines of JSON.
 
-The program reads one line per question on standard input and answers with one line on standard output. The
-first line is the road; any JSON object as answer means that the program is ready.
+It reads one line per question and answers with one line. The first line is the road; any JSON object as
+answer means that the program is ready.
 """
 
 from __future__ import annotations
@@ -34,11 +34,8 @@ class ProcessDriver:
     """Single-vehicle model that asks a program.
 
     Args:
-        command: as on a shell's command line; no shell is used. The program starts at the first question.
+        command: as on a shell's command line, but without a shell.
         deadline_s: a later answer counts as none, and ends the program.
-
-    Raises:
-        UsageError: the command is empty, or the deadline is not positive.
     """
 
     def __init__(self, command: str, deadline_s: float = 1.0) -> None:
@@ -59,7 +56,10 @@ class ProcessDriver:
         """Ask the program; raise a `ScexError` if it gives no plan in time."""
         if self._program is None:
             if self._starts >= MAX_STARTS:
-                raise ScexError(f"{self.command}: ended or was late {MAX_STARTS} times; given up")
+                raise ScexError(
+                    f"{self.command}: the program ended or missed its deadline {MAX_STARTS} times; "
+                    "it is not started again"
+                )
             self._starts += 1
             self._program = _Program(self.command, _setup(road))
         try:
@@ -103,24 +103,24 @@ class _Program:
                     raise late
                 left = left[os.write(self._in.fileno(), left) :]
         except OSError:
-            raise ScexError(f"{self._command}: has ended{self._status()}") from None
+            raise ScexError(f"{self._command}: the program has ended{self._status()}") from None
         read = b""
         while b"\n" not in read[-_PIPE:]:
             if not _wait(self._selector, until):
                 raise late
             part = os.read(self._out.fileno(), _PIPE)
             if not part:
-                raise ScexError(f"{self._command}: has ended{self._status()}")
+                raise ScexError(f"{self._command}: the program has ended{self._status()}")
             read += part
             if len(read) > _MAX_ANSWER:
-                raise ScexError(f"{self._command}: answered no line within {_MAX_ANSWER} bytes")
+                raise ScexError(f"{self._command}: answered {_MAX_ANSWER} bytes without the end of a line")
         answer, _, more = read.partition(b"\n")
         if more:
             raise ScexError(f"{self._command}: answered with more than one line: {more[:60]!r}")
         try:
             return json.loads(answer)
         except ValueError:
-            raise ScexError(f"{self._command}: answered no JSON: {answer[:60]!r}") from None
+            raise ScexError(f"{self._command}: its answer is not JSON: {answer[:60]!r}") from None
 
     def _status(self) -> str:
         try:
@@ -142,7 +142,6 @@ class _Program:
 
 
 def _wait(selector: selectors.BaseSelector, until: float) -> bool:
-    """Wait for a pipe; return False if the time is over."""
     left = until - time.monotonic()
     return left > 0 and bool(selector.select(left))
 
@@ -187,7 +186,9 @@ def _states(command: str, answer: Any) -> States:
         rows = {key: np.array(answer[key], dtype=np.float64) for key in _KEYS}
     except (KeyError, TypeError, ValueError):
         keys = ", ".join(_KEYS)
-        raise ScexError(f"{command}: answered no plan; needs {keys}, {PLAN_STEPS} numbers each") from None
+        raise ScexError(
+            f"{command}: its answer is not a plan; needs {keys}, {PLAN_STEPS} numbers each"
+        ) from None
     if any(row.shape != rows["x"].shape or row.ndim != 1 or len(row) < PLAN_STEPS for row in rows.values()):
         raise ScexError(f"{command}: answered fewer than {PLAN_STEPS} steps, or not as many of each")
     return States(**rows)

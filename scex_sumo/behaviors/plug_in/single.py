@@ -29,8 +29,6 @@ class SingleVehicleBehavior(Protocol):
                 vehicle's, ``history.states[child]`` (V, 11) those of all.
             road: the map; if the model has a `radius`, only the part around the vehicle.
             child: index into the history, 0; ``history.children[child]`` is the child's number.
-            vehicle: index into the seed scene.
-            rng: the child's generator.
 
         Returns:
             (H,) states of the centre; column 0 is the next step.
@@ -51,7 +49,6 @@ class SingleVehicle:
         """Ask the model for one vehicle after the other; see `Behavior.plan`."""
         now = history.now
         plans = []
-        # One child, so that the others have no influence and cost nothing.
         alone = {c: _child_history(history, c) for c in np.unique(who.child).tolist()}
         for c, v in zip(who.child.tolist(), who.vehicle.tolist(), strict=True):
             visible = road

@@ -28,11 +28,8 @@ class UserModel:
 def user_model(given: Any, name: str) -> UserModel:
     """Return a class, function or object as a model.
 
-    A class makes the model, as does a function that returns one. A function with inputs of a predictor,
-    such as ``history``, predicts. An object with ``plan`` or ``plan_one`` is the model.
-
-    Raises:
-        UsageError: it is none of these.
+    A function with inputs of a predictor, such as ``history``, predicts; another one makes the model, as does
+    a class. An object with ``plan`` or ``plan_one`` is the model.
     """
     if not inspect.isclass(given):
         if hasattr(given, "__scex_predictor__"):

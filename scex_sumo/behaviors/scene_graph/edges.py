@@ -63,8 +63,6 @@ class Edges:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Relation:
-    """Relation of M targets and sources; `kind` is -1 without one."""
-
     kind: IntArray
     path_distance: FloatArray
     target_to_crossing: FloatArray
@@ -133,7 +131,6 @@ def _features(
 
 
 def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[IntArray, IntArray, IntArray]:
-    """Return pair, match of its target and match of its source, for all lanes of both."""
     second = place.probability[1] >= SECOND_MATCH
     of_target, of_source = np.flatnonzero(second[target]), np.flatnonzero(second[source])
     of_both = of_target[second[source[of_target]]]
@@ -180,11 +177,7 @@ def _relate(
 def _along(
     lane_t: IntArray, lane_s: IntArray, lead: FloatArray, relations: LaneRelations
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (M,) ways from target to source and back, m; inf without one.
-
-    Args:
-        lead: (M,) arc length of the source minus that of the target, each on its lane, m.
-    """
+    """Return (M,) ways from target to source and back, m; inf without one."""
     ahead = relations.ahead[lane_t, lane_s] + lead
     behind = relations.ahead[lane_s, lane_t] - lead
     same = np.flatnonzero(lane_t == lane_s)
@@ -195,7 +188,6 @@ def _along(
 
 
 def _relative(now: States, target: IntArray, source: IntArray) -> tuple[FloatArray, ...]:
-    """Return (E,) x, y, cos, sin of the sources in their targets' frames."""
     dx, dy = now.x[source] - now.x[target], now.y[source] - now.y[target]
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     cos_t, sin_t, cos_s, sin_s = cos[target], sin[target], cos[source], sin[source]

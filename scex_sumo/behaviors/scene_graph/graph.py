@@ -30,16 +30,13 @@ class SceneGraph:
         child: (N,) index into the batch.
         vehicle: (N,) index into the seed scene's vehicles.
         node: (N, F) features, columns as in `NODE_COLUMNS`.
-        node_columns: names of the F columns.
         history: (N, 11, 5) the last second in the node's present frame, oldest first, columns as in
             `HISTORY_COLUMNS`.
-        history_columns: names of the 5 columns.
         edge_index: (2, E) source and target, sorted by target, then by source. The source influences the
             target.
         edge_kind: (E,) index into `KINDS`: the source is ahead of the target (0), behind it (1), on a lane
             beside (2), or their ways meet ahead of both (3).
         edge: (E, G) features, columns as in `EDGE_COLUMNS`.
-        edge_columns: names of the G columns.
         on_road: (N,) False for a vehicle without a fitting lane; it has no edges.
         lane_id: (N,) most probable lane; arbitrary off the road.
         arc: (N,) arc length on that lane, m; 0 off the road.
@@ -165,8 +162,8 @@ NODE_COLUMNS = (
 )
 HISTORY_COLUMNS = SEEN_COLUMNS
 SLOPE_STEPS = 5  # 0.5 s
-CORRIDOR_M = 30.0  # ahead of the front bumper: where a car at 50 km/h stops comfortably
-CORRIDOR_HALF_WIDTH_M = 3.0  # to either side, with pedestrians at the edge of the lane
+CORRIDOR_M = 30.0  # ahead of the front bumper
+CORRIDOR_HALF_WIDTH_M = 3.0  # to either side
 _WORDS = {"motor": 2, "truck": 1, "bus": 1, "trailer": 1, "car": 0, "van": 0}
 
 
@@ -209,7 +206,6 @@ def slope(values: FloatArray) -> FloatArray:
 
 
 def _obstacle_ahead(history: SceneHistory) -> FloatArray:
-    """Return (C, V, 3) whether an obstacle is in the corridor ahead, and the nearest's place."""
     now, obstacles, present = history.now, history.obstacle_states, history.obstacle_present
     nearest = np.zeros((*now.shape, 3))
     if obstacles is None or present is None or not present.any():

@@ -18,18 +18,15 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
 MOVING_MPS = 2.0  # slower samples tell nothing about lanes
-SAMPLE_M = 1.0  # driven path per sample
+SAMPLE_M = 1.0
 MAX_SAMPLES = 2000  # more are thinned out evenly
-OWN_TRACKS, ENOUGH_TRACKS = 100, 200  # with fewer own tracks, the site's other recordings are read, up to 200
+OWN_TRACKS, ENOUGH_TRACKS = 100, 200  # with fewer own tracks, other recordings of the site are read
 MIN_SAMPLES, MIN_TRACKS = 500, 20  # with fewer nothing is done
-# Share of the samples that must be more than 45° off the main direction: on a road of one direction an offset
-# looks like a habit of driving beside the middle.
 MIN_OTHER_DIRECTIONS = 0.1
 LANE_SIGMA_M = 0.5  # samples farther off the middle count less
-SHIFT_SIGMA_M = 1.0  # usual offsets: the prior where the lanes say nothing (along a straight road)
+SHIFT_SIGMA_M = 1.0  # usual offsets
 TURN_SIGMA_RAD = math.radians(1.5)
-# Number of independent observations at most: samples of one track share its error, tracks of one lane the
-# map's error there.
+# Number of independent observations at most: samples of one track share its error.
 INDEPENDENT = 30
 MIN_OFFSET_M = 0.3  # across the lanes; smaller offsets are left alone
 MIN_GAIN = 0.2  # by which the spread within lanes must shrink, for tracks that the estimate has not seen
@@ -75,9 +72,8 @@ def align_tracks(
 ) -> tuple[TrackTable, str | None]:
     """Move a recording onto the lanes of its map if its vehicles drive beside them.
 
-    Shift and rotation are the least-squares fit of moving vehicles' centres to the centrelines that they
-    match. A track counts by the root of its samples; samples far off count less. A common habit of driving
-    left or right of the middle is estimated and kept.
+    Shift and rotation are the least-squares fit of moving vehicles' centres to the centrelines. A track
+    counts by the root of its samples. A common habit of driving left or right of the middle is kept.
 
     Args:
         siblings: name and evidence of other recordings of the site; read only if the own evidence is thin.
@@ -117,10 +113,7 @@ def evidence(rows: TrackRows) -> Evidence:
 
 
 def _find_alignment(samples: Evidence, road: Road) -> tuple[_Alignment, float, float] | None:
-    """Return the offset of samples to their lanes, and the median distance to the middle before and after, m.
-
-    None with too few samples or directions, or if the offset is too small or explains too little.
-    """
+    """Return the offset of samples to their lanes, and the median distance before and after, m."""
     if len(samples.x) < MIN_SAMPLES or samples.tracks < MIN_TRACKS or _one_way(samples.heading):
         return None
     fit = _fit(samples, road)
@@ -129,7 +122,6 @@ def _find_alignment(samples: Evidence, road: Road) -> tuple[_Alignment, float, f
     moved_m = float(np.median(np.abs(_across(samples, fit))))
     if moved_m < MIN_OFFSET_M or math.hypot(fit.dx, fit.dy) > MAX_OFFSET_M:
         return None
-    # The gain must show on tracks that the estimate has not seen.
     even: BoolArray = samples.track % 2 == 0
     unseen = [_offsets(samples.take(~half), road, _fit(samples.take(half), road)) for half in (even, ~even)]
     if _spread(np.concatenate(unseen)) > (1.0 - MIN_GAIN) * _spread(before):
@@ -162,7 +154,6 @@ def lane_distance(samples: Evidence, road: Road) -> float:
 
 
 def _fit(samples: Evidence, road: Road) -> _Alignment:
-    """Fit by Gauss-Newton on weighted offsets; samples are matched again in every round."""
     centre = float(samples.x.mean()), float(samples.y.mean())
     fit = _Alignment(dx=0.0, dy=0.0, turn=0.0, centre=centre)
     habit = 0.0
@@ -196,7 +187,6 @@ def _fit(samples: Evidence, road: Road) -> _Alignment:
 def _matched(
     samples: Evidence, road: Road, alignment: _Alignment
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray]:
-    """Return moved x, y (n,); of the matched (m,) the lane's direction, the sample's index, its offset."""
     x, y = alignment.points(samples.x, samples.y)
     heading = wrap(samples.heading + alignment.turn)
     matches = match(road, x, y, heading)
@@ -206,7 +196,6 @@ def _matched(
 
 
 def _offsets(samples: Evidence, road: Road, alignment: _Alignment) -> FloatArray:
-    """Return how far left of the lane's middle the samples on lanes are (m,), in m."""
     return _matched(samples, road, alignment)[4]
 
 
@@ -215,7 +204,6 @@ def _spread(offsets: FloatArray) -> float:
 
 
 def _across(samples: Evidence, alignment: _Alignment) -> FloatArray:
-    """Return by how much samples are moved across their heading (n,), in m."""
     x, y = alignment.points(samples.x, samples.y)
     return (y - samples.y) * np.cos(samples.heading) - (x - samples.x) * np.sin(samples.heading)
 

@@ -15,10 +15,8 @@ FIT_M = 1.5  # a sample this close to the middle between its neighbours in time 
 def drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     """Keep one sample per track and time stamp, with a phrase for each kind of defect.
 
-    - The sample nearest to the middle of those before and after is kept. If these are doubled too, the first
-      is kept, so that kept samples are equally far apart in time.
-    - Samples far apart belong to two road users if none fits, or if those before or after are doubled too.
-      All are then left out while stamps are doubled.
+    The sample nearest to the middle of those before and after is kept. Samples far apart belong to two road
+    users if none fits: all are then left out while stamps are doubled.
     """
     again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
     if not again.any():
@@ -47,7 +45,6 @@ def drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
 
 
 def _whole_runs(unclear: BoolArray, doubled: BoolArray, track: IntArray) -> BoolArray:
-    """Return which groups (G,) lie in an uninterrupted run of doubled stamps with an unclear one."""
     begins = np.append(True, (np.diff(track) != 0) | (doubled[1:] != doubled[:-1]))
     run: IntArray = np.cumsum(begins) - 1
     has = np.zeros(int(run[-1]) + 1, bool)

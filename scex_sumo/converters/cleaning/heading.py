@@ -18,9 +18,8 @@ SIDEWAYS_RAD = np.deg2rad(45.0)
 def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[TrackRows, list[str]]:
     """Set headings along the motion, and hold them while a vehicle stands.
 
-    - A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course.
-    - If the heading turns by more than 10° during a stop, the vehicle keeps the last heading of its motion;
-      else the next one; without any motion the most frequent.
+    A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course. A
+    standing vehicle keeps the last heading of its motion, else gets the next one.
     """
     heading = rows.psi_rad.copy()
     course = np.arctan2(rows.vy, rows.vx)
@@ -47,11 +46,7 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
 
 
 def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the headings (N,) of the last, else the next moving sample; without motion the most frequent.
-
-    Also returns how far off (N,) a steady heading is wrong: 45° off the last one, 135° (a flip) off the next,
-    as a vehicle may turn while starting; inf without either.
-    """
+    """Return the headings (N,) of the last, else the next moving sample; without motion the most frequent."""
     moving = rows.speed >= MOVING_MPS
     piece = rows.piece
     begin, end = rows.pieces[0][piece], rows.pieces[1][piece] + 1

@@ -22,8 +22,7 @@ CELL_M, COURSES, MAX_CELLS = 4.0, 8, 1500
 def explain_mismatch(samples: Evidence, road: Road) -> str:
     """Explain why tracks do not lie on a map's lanes: a phrase with the remedy.
 
-    If one shift puts all tracks onto lanes, the origin is wrong; else the map is of another site. Few tracks
-    or directions fit any map and give no phrase.
+    If one shift puts all tracks onto lanes, the origin is wrong; else the map is of another site.
     """
     used = f"(used: {road.origin[0]:g},{road.origin[1]:g})"
     wrong = f"the map's origin is not the recording's {used}"
@@ -36,7 +35,7 @@ def explain_mismatch(samples: Evidence, road: Road) -> str:
             f"{wrong}: moved by {dx:+.0f} m, {dy:+.0f} m, {share:.0%} of its driving is on lanes; give "
             "--origin LAT,LON"
         )
-    return "and no other origin would put them there: the tracks are of another map; give theirs"
+    return "no other origin puts them on lanes, so the tracks belong to another map; give that map"
 
 
 def doubt_place(samples: Evidence, road: Road) -> str | None:
@@ -73,7 +72,7 @@ def _course(heading: FloatArray) -> FloatArray:
 
 
 def _best_shift(samples: Evidence, road: Road) -> tuple[float, float] | None:
-    from scipy.signal import fftconvolve  # as slow to import as all the rest, and hardly ever needed
+    from scipy.signal import fftconvolve  # slow to import
 
     lanes = [_dense(lane.centreline) for lane in road.vehicle_lanes.values() if len(lane.centreline) > 1]
     if not lanes:

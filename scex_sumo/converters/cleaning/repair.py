@@ -16,18 +16,17 @@ from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 
 # A step this long is a jump, if it is also so much longer than the track's usual step there.
 JUMP_M, JUMP_EXCESS_M = 3.0, 1.5
-MIN_PIECE = 5  # samples of a piece between jumps; shorter pieces are a tracker's first guesses
-# A tracker warms up if two of a track's first five steps have exactly the same position at a rising speed,
-# and the speed rises by more than this within the first second.
+MIN_PIECE = 5  # samples of a piece between jumps
+# A tracker warms up if two of a track's first five steps have the same position at a rising speed.
 FROZEN_STEPS, WARM_UP_RISE_MPS = 2, 0.5
 WARM_UP_S = 2.0  # dropped then
 # Velocities contradict the motion if their integral is off by more than this factor, or points elsewhere.
 VELOCITY_RATIO, VELOCITY_COSINE = 1.2, 0.9
-JUDGED_PATH_M = 3.0  # displacements summed over a track's seconds must reach this to judge velocities
+JUDGED_PATH_M = 3.0  # least summed displacement of a judged track
 NOISE_M = 0.02  # positions with more white noise than this per axis are smoothed
-MAX_LENGTH_M, MAX_WIDTH_M = 60.0, 8.0  # trams reach 54 m, abnormal loads 7 m of width
+MAX_LENGTH_M, MAX_WIDTH_M = 60.0, 8.0  # trams reach 54 m
 MIN_SIZE_M = 0.1
-MAX_SPEED_MPS = 100.0  # 360 km/h; a track that is faster after all repairs is an error
+MAX_SPEED_MPS = 100.0  # 360 km/h
 
 
 def repair_tracks(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
@@ -35,8 +34,7 @@ def repair_tracks(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
 
     In order: duplicates, tracker warm-up, jumps, velocities and noise, headings, implausible sizes or speeds.
 
-    Returns:
-        The repaired table, and a phrase with counts for each kind of defect.
+    Returns a phrase with counts for each kind of defect, too.
     """
     vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS)
     # Pedestrians and cyclists face where they go.
@@ -68,11 +66,7 @@ def _repair(rows: TrackRows, table: TrackTable, forward_mps: float) -> tuple[Tra
 
 
 def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Drop the start of tracks whose filter had not yet converged.
-
-    Such a filter starts from standstill: the position stays the same for some steps while the speed rises,
-    then both catch up at up to 10 m/s². Cases are exempt: they are cut out of longer tracks.
-    """
+    """Drop the start of tracks whose filter had not yet converged."""
     start, piece = rows.pieces[0], rows.piece
     since = np.arange(len(rows)) - start[piece]
     still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & (since[1:] > 0) & (since[1:] <= 5)
@@ -163,7 +157,6 @@ def _renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
             f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
     jitter = noise > NOISE_M
-    # With most tracks wrong, also those that are too short or too slow to judge.
     everything = jitter or 2 * wrong.sum() > judged.sum()
     if not everything and not wrong.any():
         return rows, found
@@ -200,12 +193,7 @@ def _accelerations(velocity: FloatArray, time_s: FloatArray, rows: TrackRows) ->
 def _contradictions(
     rows: TrackRows, points: FloatArray, time_s: FloatArray
 ) -> tuple[BoolArray, BoolArray, FloatArray]:
-    """Compare displacements over up to one second with the integral of the velocities.
-
-    Returns:
-        For each track (K,): whether it moves enough to be judged, whether its velocities are wrong, and the
-        factor by which they are too small; 0 if they point elsewhere.
-    """
+    """Compare displacements over up to one second with the integral of the velocities."""
     reach = max(1, round(1.0 / max(float(np.median(np.diff(time_s)[np.diff(rows.segment) == 0])), 1e-3)))
     velocity = np.stack((rows.vx, rows.vy), axis=1)
     area = (velocity[1:] + velocity[:-1]) / 2.0 * np.diff(time_s)[:, None]

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 
-# Power spectral density of a road user's jerk, m²/s⁵. Measured on k733 (2020): with it the 1st and 99th
-# percentile of the acceleration are -4 and +3 m/s², before -19 and +19.
+# Power spectral density of a road user's jerk, m²/s⁵.
 JERK_DENSITY = 0.25
 MIN_STEP_S = 1e-6
 _HUBER = 2.5  # residuals beyond this many sigmas count linearly
@@ -24,8 +23,6 @@ def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) ->
     0 with too few samples.
 
     Args:
-        points: (N, 2) m.
-        time_s: (N,) s.
         segment: (N,) number of the piece of a track, rows in order of time.
     """
     if len(points) < 4:
@@ -48,13 +45,8 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
     banded linear system for all tracks at once (Whittaker 1923), with Huber weights in three iterations.
 
     Args:
-        points: (N, 2) m.
-        time_s: (N,) s, rising within a segment.
         segment: (N,) number of the piece; pieces under four rows stay.
         noise_m: standard deviation of the noise per axis, m.
-
-    Raises:
-        TrackError: samples are too close in time for double precision.
     """
     from scipy.linalg import LinAlgError, solveh_banded
 
@@ -80,7 +72,6 @@ def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: f
 
 
 def _penalty(time_s: FloatArray, segment: IntArray) -> NDArray[Any]:
-    """Return the (4, N) lower bands of the matrix of the integral of the squared third derivative."""
     size = len(time_s)
     windows = size - 3
     inside = segment[3:] == segment[:-3]

@@ -49,12 +49,8 @@ def find_recordings(roots: Sequence[str | Path]) -> tuple[Recording, ...]:
 def find_tracks(map_path: str | Path) -> Path:
     """Find the recording of a map, plain or packed.
 
-    The first that exists: ``MAP.csv`` beside the map; the recording of the map's own format, e.g. CommonRoad;
-    INTERACTION's layouts in the folder above ``maps/`` or in the map's own.
-
-    Raises:
-        MapError: the map does not exist.
-        TrackError: none of these exists.
+    The first that exists: ``MAP.csv`` beside the map; the recording of the map's own format; INTERACTION's
+    layouts in the folder above ``maps/``.
     """
     path = Path(map_path)
     if not path.exists():
@@ -66,7 +62,6 @@ def find_tracks(map_path: str | Path) -> Path:
         return beside
     if (own := map_format(path).tracks(path)) is not None:
         return own
-    # The folder above may be "..": resolve it, but show what the user can recognise.
     above = path.parent.parent if path.parent.name else path.parent.resolve().parent
     for folder in (above, path.parent):
         recordings = folder / "recorded_trackfiles" / name

@@ -25,9 +25,6 @@ def read_recorded(paths: Sequence[Path], net: Path | None = None) -> tuple[Track
 
     Returns:
         The recording, and a phrase for each thing left out.
-
-    Raises:
-        TrackError: it cannot be read, or has an impossible value.
     """
     table, notes = dataset_of(paths[0]).read(paths, net=net)
     check_values(table)
@@ -43,9 +40,6 @@ def read_clean(
         road: the map; without it nothing is aligned.
         repair: as `repair_tracks`. Cases of INTERACTION v1.2 are repaired when one is taken.
         align: as `align_tracks`, with the other recordings of the folder if the evidence is thin.
-
-    Raises:
-        TrackError: it cannot be read, or a track is in two places at once.
     """
     table, findings = _repaired(paths, repair=repair, net=None if road is None else road.net)
     if align and road is not None:

@@ -41,8 +41,8 @@ class LoadedRecording:
 
     Attributes:
         road: the map; recordings of one site loaded one after the other share it.
-        table: the tracks, repaired, aligned to the map, at 10 Hz; cases of INTERACTION v1.2 are only aligned.
-        findings: one phrase for each kind of defect that was repaired, with figures.
+        table: the tracks at 10 Hz; cases of INTERACTION v1.2 are only aligned.
+        findings: one phrase for each kind of defect that was repaired.
         notes: a warning if the tracks seem to lie at a wrong place of the map; seed scenes have it, too.
 
     Example:
@@ -61,7 +61,7 @@ class LoadedRecording:
 def load_recording(recording: Recording, origin: tuple[float, float] | None = None) -> LoadedRecording:
     """Read a recording and its map, repair it and align it to the map.
 
-    ``origin`` is the latitude and longitude of the map's coordinates; None looks beside the tracks.
+    ``origin``: latitude and longitude of the map's coordinates; None looks beside the tracks.
 
     Raises:
         MapError: the map is missing or cannot be read, or its origin is not known.
@@ -147,16 +147,14 @@ def recorded_scene(
 ) -> SeedScene:
     """Read one moment of a recording.
 
-    Without ``case`` and ``time_s`` it is the earliest of the moments with most vehicles that move and are
-    recorded from 1 s before to 3 s after; the moment of a case (INTERACTION v1.2) is its frame 10.
+    Without ``case`` and ``time_s`` it is the moment with most vehicles that move and are recorded from 1 s
+    before to 3 s after; that of a case (INTERACTION v1.2) is its frame 10.
 
     Args:
-        map_path: the map; names the seed scene, and finds the tracks if none are given.
         tracks: a track file, or a folder with consecutive chunks of one CommonRoad recording.
         case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
         time_s: the moment in the recording's clock; the nearest frame, of the first case if none is given.
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
-        repair: see `repair_tracks`.
         road: the map as read; tracks beside its lanes are moved onto them.
         align: False leaves the tracks where they are, see `align_tracks`.
         force: accept a moment with over half of its vehicles on no lane.

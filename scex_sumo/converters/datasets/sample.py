@@ -19,11 +19,9 @@ class Sampled:
 
     Attributes:
         track: (n,) index into the rows' labels.
-        length: (n,) m.
-        width: (n,) m.
         states: (n, T); at constant velocity before and after what is recorded.
         recorded: (n, T) True within the recorded piece of the track.
-        interpolated: number of steps without a sample of their own within the recorded pieces.
+        interpolated: number of steps without a sample of their own.
     """
 
     track: IntArray
@@ -37,8 +35,8 @@ class Sampled:
 def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sampled:
     """Sample the road users of one case present at a moment, in the order of the rows.
 
-    A sample within 0.6 ms of a step is taken unchanged. Between samples positions follow a cubic through both
-    positions and velocities; headings turn the shorter way.
+    A sample within 0.6 ms of a step is taken unchanged; others follow a cubic through positions and
+    velocities.
     """
     begin, end = rows.pieces
     stamps = rows.timestamp_ms
@@ -90,8 +88,6 @@ def resample_tracks(rows: TrackRows) -> TrackRows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Interpolated:
-    """Columns of rows at other times; ``nearest``: the nearest row; ``exact``: that row has the time."""
-
     x: FloatArray
     y: FloatArray
     vx: FloatArray
@@ -102,7 +98,6 @@ class _Interpolated:
 
 
 def _interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: FloatArray) -> _Interpolated:
-    """Columns at times within pieces from first to last rows; constant beyond their ends."""
     stamps = rows.timestamp_ms
     right = np.clip(_search(rows, first, time_ms), first, last)
     left = np.maximum(right - 1, first)
@@ -128,7 +123,6 @@ def _interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: Flo
 def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:
     if not len(rows):
         return np.zeros(np.broadcast_shapes(first.shape, time_ms.shape), np.int64)
-    # Pieces one after the other on one axis, so that one search finds all.
     start = rows.timestamp_ms.min() - 1e6
     length = rows.timestamp_ms.max() + 1e6 - start
     piece = np.cumsum(np.append(0, np.diff(rows.segment) != 0))
@@ -148,13 +142,11 @@ def _usual_size(rows: TrackRows, track: int) -> tuple[float, float]:
 
 
 def _hermite(p: FloatArray, q: FloatArray, dp: FloatArray, dq: FloatArray, u: FloatArray) -> FloatArray:
-    """Cubic through p and q with slopes dp and dq per unit of u."""
     bend = dp * (1.0 - u) - dq * u + (q - p) * (2.0 * u - 1.0)
     return p + u * (q - p) + u * (1.0 - u) * bend
 
 
 def _extend(states: States, recorded: BoolArray, time_s: FloatArray) -> States:
-    """(n, T) states, at constant velocity before the first and after the last recorded step."""
     steps = np.arange(recorded.shape[1])
     first = np.argmax(recorded, axis=1)[:, None]
     last = recorded.shape[1] - 1 - np.argmax(recorded[:, ::-1], axis=1)[:, None]

@@ -43,11 +43,7 @@ def take_scene(
     time_s: float | None = None,
     min_history: int = 0,
 ) -> SeedScene:
-    """Take the seed scene of one moment; see `recorded_scene`.
-
-    Raises:
-        TrackError: an unknown case, a moment outside the recording or without vehicles.
-    """
+    """Take the seed scene of one moment; see `recorded_scene`."""
     table, findings = clean.table, clean.findings
     if not len(table.vehicles):
         kinds = ", ".join(sorted(set(table.others.types)))
@@ -70,11 +66,7 @@ def take_scene(
 
 
 def _choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
-    """Index of the case by its id; else the first one if a time is given; else the busiest one.
-
-    Raises:
-        TrackError: there is no such case.
-    """
+    """Index of the case by its id; else the first one if a time is given; else the busiest one."""
     if case is None:
         if time_s is not None:
             return int(table.vehicles.case.min())
@@ -101,11 +93,7 @@ def _as_number(text: str) -> float | str:
 
 
 def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
-    """Stamp of the moment, ms: the nearest frame to a time, else the busiest moment.
-
-    Raises:
-        TrackError: it lies outside the recording, or no vehicle is there.
-    """
+    """Stamp of the moment, ms: the nearest frame to a time, else the busiest moment."""
     rows = table.vehicles
     where = f"{table.path}: case {case_id}" if case_id else f"{table.path}"
     if not len(rows):

@@ -20,8 +20,7 @@ class Split:
     """Split by time into three continuous parts: training, validation, test.
 
     Attributes:
-        validation: share of the recording's time.
-        test: share of the recording's time, at its end.
+        validation: share of the recording's time; ``test`` too.
         history_s: time before its moment that a sample sees.
         future_s: time after its moment that a sample uses: 3 s of target and 2 s of driving in between.
         kept_validation: names of short recordings (`whole_part`) for validation.

@@ -16,9 +16,6 @@ def write_tracks(path: str | Path, scene: SeedScene) -> Path:
     """Write a seed scene and its recorded future atomically as one INTERACTION v1.2 case.
 
     Frame 10 (1000 ms) is the moment; frames 0 to 9 are the history. The format itself starts at frame 1.
-
-    Raises:
-        ResultError: the file cannot be written.
     """
     import pyarrow as pa
     from pyarrow import csv

@@ -98,11 +98,7 @@ def list_ids(ids: Iterable[int | str]) -> str:
 
 
 def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
-    """Parse a map's XML, packed or not, and return its root; ``kind`` and ``ending`` are for messages.
-
-    Raises:
-        MapError: the file is missing, a folder, or not XML.
-    """
+    """Parse a map's XML, packed or not, and return its root; ``kind`` and ``ending`` are for messages."""
     if path.is_dir():
         raise MapError(f"{path}: is a folder; name the {ending} file in it")
     if not path.is_file():
@@ -137,11 +133,8 @@ class Findings:
 def read_map_file(path: str | Path) -> MapFile:
     """Read the elements of an ``.osm`` or ``.osm.gz`` file, without deleted ones.
 
-    Of elements with one id the first is kept. Elements without an id or a place on Earth are left out. Both
-    are noted. Most nodes with ``local_x`` and ``local_y`` make these the coordinates, as in Autoware.
-
-    Raises:
-        MapError: the file is missing, not XML, or no OSM file.
+    Of elements with one id the first is kept; elements without an id or a place on Earth are noted. If most
+    nodes have ``local_x`` and ``local_y``, these are the coordinates, as in Autoware.
     """
     path = Path(path)
     nodes: dict[int, MapPoint] = {}
@@ -161,7 +154,7 @@ def read_map_file(path: str | Path) -> MapFile:
             if element.tag == "node":
                 new = _put(nodes, _id(element, "id"), _node(element, local))
                 if _height_m(element) is None:
-                    findings.note("heights not understood, taken for 0", name)
+                    findings.note("nodes with a height that is no number, height 0 used", name)
             elif element.tag == "way":
                 nodes_of_way = tuple(_id(nd, "ref") for nd in element.findall("nd"))
                 new = _put(ways, _id(element, "id"), Way(nodes=nodes_of_way, tags=_tags(element)))

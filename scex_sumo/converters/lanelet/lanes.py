@@ -1,7 +1,6 @@
 """Lanes of a Lanelet2 map, related by Lanelet2's routing graph.
 
-Two gaps of Lanelet2 are filled here: lanelets of unknown subtype or location are closed to all, and lanelets
-are linked by shared end points only.
+Lanelets of unknown subtype or location are closed to all; lanelets are linked by shared end points only.
 """
 
 from __future__ import annotations
@@ -165,8 +164,7 @@ def unknown_subtypes(
 ) -> tuple[dict[str, set[int]], dict[str, set[int]]]:
     """Find the lanelets of unknown subtype or location: those that are roads, and the others.
 
-    A road is as wide as a car needs and connected to a known road, directly or over others; then connected
-    lanelets of its subtype are roads too. Without any known road all connected ones are.
+    A road is as wide as a car needs and connected to a known road, directly or over others.
 
     Returns:
         Lanelet ids of the roads, and of the others, each by the unknown tag in words.
@@ -204,7 +202,6 @@ def as_roads(map_file: MapFile, lanelets: Iterable[int]) -> MapFile:
 
 
 def _unknown_tag(lanelet: Relation) -> str:
-    """Return the unknown subtype or location in words; empty if cars may not use it for another reason."""
     subtype, location = lanelet.tags.get("subtype", ""), lanelet.tags.get("location", "")
     if lane_kind(lanelet.tags, vehicle=False) != "other" or subtype.lower() in _TRACKS:
         return ""
@@ -304,7 +301,6 @@ def _begun_at(line: FloatArray, start: FloatArray) -> FloatArray:
 
 
 def _inside(lanes: Mapping[int, Lane], starts: set[int], loose: set[int]) -> list[int]:
-    """Return the lanes in ``starts`` that begin on another lane, away from that lane's loose ends."""
     inside = []
     for i in sorted(starts):
         others = [lanes[j] for j in lanes[i].conflicts if j in lanes]

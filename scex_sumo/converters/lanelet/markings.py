@@ -55,7 +55,6 @@ def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[
 
 
 def _rings(parts: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Join node sequences end to end into closed rings; sequences that do not close are left out."""
     rings = []
     rest = [part for part in parts if len(part) > 1]
     while rest:
@@ -72,7 +71,6 @@ def _rings(parts: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
 
 
 def _ring_points(ring: tuple[int, ...], relation: Relation, map_file: MapFile, lines: Points) -> FloatArray:
-    """Return the (P, 2) outline of a ring of nodes, m, without its first point repeated."""
     where: dict[int, FloatArray] = {}
     for way_id in relation.refs("outer", "way"):
         if way_id in lines and len(lines[way_id]) == len(map_file.ways[way_id].nodes):

@@ -35,20 +35,13 @@ def find_origin(
 
     Args:
         own_corner: fall back on the map's south-west corner instead of an error; no tracks need to match.
-
-    Raises:
-        MapError: the origin is not known, or a file gives an invalid one.
     """
     origin = origin or recorded_origin(map_path, tracks_path=tracks_path)
     return origin or map_origin(read_map_file(map_path), own_corner=own_corner)
 
 
 def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = None) -> Place | None:
-    """Return the origin in files beside the tracks or the map; None without any.
-
-    Raises:
-        MapError: a file gives an invalid origin.
-    """
+    """Return the origin in files beside the tracks or the map; None without any."""
     if tracks_path is not None:
         found = dataset_of(Path(tracks_path)).origin(Path(tracks_path), Path(map_path))
         if found is not None:
@@ -58,11 +51,7 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
 
 
 def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
-    """Return the origin by the map's coordinates: 0, 0 for local or near ones, else the south-west corner.
-
-    Raises:
-        MapError: the map lies elsewhere and ``own_corner`` is False, or it has no nodes.
-    """
+    """Return the origin by the map's coordinates: 0, 0 for local or near ones, else the south-west corner."""
     centre = middle(map_file)
     if map_file.local or distance_m(centre, (0.0, 0.0)) < NEAR_ZERO_M:
         return 0.0, 0.0

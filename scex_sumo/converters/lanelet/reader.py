@@ -44,19 +44,18 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     """Read a Lanelet2 map: its lanelets, how they connect, and the rules between them.
 
     Centrelines, bounds, successors, lane changes and conflicts are Lanelet2's own, under German traffic rules
-    for cars. Four things differ:
-    - Heights are left out, but lanes more than 3 m above one another do not conflict.
+    for cars, with these differences:
+    - Lanes more than 3 m above one another do not conflict; heights are left out.
     - A lanelet that cars may drive both ways gives two lanes; the second has ``reverse_of`` set.
     - Connected lanelets of unknown subtype that a car fits on are roads.
     - Stops and lights that no lanelet names hold the lanes at their stop lines.
-    Defects are repaired or left out and listed in the road's notes; what is lost is listed in its losses.
+    Defects are listed in the road's notes; what is lost is listed in its losses.
 
     Args:
         map_path: an ``.osm`` or ``.osm.gz`` file.
-        origin: latitude and longitude in degrees for the UTM projection; None for that of a
-            ``meta_data.csv`` near the map, 0, 0 for a map drawn there, else the map's south-west corner.
-        country: whose default speed limits apply, e.g. ``us``; None for the country that the map's
-            ``region`` tags name, else Germany.
+        origin: latitude and longitude in degrees; None looks near the map, and takes 0, 0 or its south-west
+            corner.
+        country: whose default speed limits apply, e.g. ``us``; None: by the ``region`` tags, else Germany.
 
     Raises:
         MapError: the file is missing, no Lanelet2 map, far from the origin, or has no usable lanelet.
@@ -82,8 +81,8 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     rules, attached, lost = attach(regulations(map_file, lanes, lines), lanes, map_file, lines)
     doubts = _doubts(lanes, map_file, country)
     doubts.note("lanelets that meet without shared points, linked", *linked)
-    doubts.note("lanelets that begin within other traffic", *inside)
-    doubts.note("stops and lights that no lanelet names, attached where they lie", *attached)
+    doubts.note("lanelets that begin on another lane", *inside)
+    doubts.note("stop lines and lights that no lanelet names, attached to the lane at their place", *attached)
     broken: tuple[int | str, ...] = (*sorted(drawn - {v.lanelet_id for v in vertices}), *unread)
     losses += [MapLoss(kind="lanelets", why="left out, broken", elements=broken)] if broken else []
     losses = [replace(loss, of=len(drawn) + len(unread)) for loss in losses]
@@ -121,7 +120,6 @@ def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findi
 
 
 def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str]) -> Place:
-    """Return the origin as given, recorded or by the map itself; an arbitrary one is noted."""
     if map_file.local:
         if origin not in (None, (0.0, 0.0)):
             notes.append(f"origin {origin[0]:g},{origin[1]:g} not used: the map's coordinates are local")
@@ -142,15 +140,7 @@ def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str
 def _load(
     map_file: MapFile, origin: Place, rules: Rules, mended: bool, notes: list[str]
 ) -> tuple[Map, list[Vertex], MapFile, list[MapLoss]]:
-    """Load the map with Lanelet2, without lanelets that its routing graph would crash on.
-
-    Args:
-        mended: whether the map differs from its file.
-        notes: extended by Lanelet2's complaints and by what was left out.
-
-    Returns:
-        Lanelet2's map, the usable lanelets, the file with new road tags, the lanelets not driven.
-    """
+    """Load the map with Lanelet2, without lanelets that its routing graph would crash on."""
     lanelet_map, errors = _parse(map_file, origin, mended)
     vertices = drawn_vertices(lanelet_map, rules, map_file)
     flat = {v.lanelet_id for v in vertices if not v.usable}

@@ -102,10 +102,7 @@ def attach(
 ) -> tuple[tuple[Regulation, ...], list[int], list[int]]:
     """Attach stops, yields and lights that no lanelet names to the lanes at their stop lines.
 
-    A light without a regulatory element belongs to the nearest free stop line.
-
-    Returns:
-        All rules; ids of those attached here; ids of the lights that got no lane.
+    Returns all rules, ids of those attached here, and ids of the lights that got no lane.
     """
     named = {m.ref for r in map_file.of_type("regulatory_element").values() for m in r.members}
     bare = [i for i in _of_type(map_file, "traffic_light", lines) if i not in named]
@@ -131,10 +128,6 @@ def attach(
 
 
 def _lanes_at(stop: FloatArray, lanes: Mapping[int, Lane]) -> Iterator[int]:
-    """Yield the lanes that a stop line holds back: those that end or begin at it.
-
-    Lanes that cross it on their way out of an intersection are not held.
-    """
     across = shapely.LineString(_prolonged(stop))
     direction = stop[-1] - stop[0]
     for i, lane in lanes.items():

@@ -13,7 +13,7 @@ from scex_sumo.converters.lanelet.file import Findings, MapFile, MapPoint, Membe
 
 Place: TypeAlias = tuple[float, float]  # latitude and longitude, degrees
 METRES_PER_DEGREE = 111_195.0  # of latitude, on the sphere of 6371 km
-STRAY_M = 50_000.0  # a recorded site spans a few km; one UTM zone 300 km to either side
+STRAY_M = 50_000.0  # a recorded site spans a few km
 SIDES = ("left", "right")
 
 
@@ -79,10 +79,7 @@ def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
 
 
 def _joined_ends(map_file: MapFile, ways: Mapping[int, Way], done: Findings) -> dict[int, Way]:
-    """Return the ways with one node for all ends at one place, and without steps of zero length.
-
-    Lanelet2 links lanelets by shared nodes, and computes no centreline along a step of zero length.
-    """
+    """Return the ways with one node for all ends at one place, and without steps of zero length."""
     ends = {node: map_file.nodes[node] for way in ways.values() for node in (way.nodes[0], way.nodes[-1])}
     first: dict[MapPoint, int] = {}
     same = {node: first.setdefault(place, node) for node, place in ends.items()}

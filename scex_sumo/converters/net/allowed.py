@@ -1,8 +1,7 @@
 """Allow-list of SUMO nets: roads and lights only.
 
-SUMO reads a net like an additional file: detectors, outputs, ``include`` and calibrators in it take effect
-and write files. A net is therefore reduced to the elements below when it is read, and checked before SUMO
-loads it.
+SUMO reads a net like an additional file: detectors, outputs and ``include`` in it take effect and write
+files.
 """
 
 from __future__ import annotations
@@ -83,9 +82,6 @@ def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
     """Return a net or drawing reduced to what is allowed, and what was left out, e.g. ``2 <inductionLoop>``.
 
     A file that is allowed as a whole keeps its bytes.
-
-    Raises:
-        MapError: it cannot be read, or is not XML.
     """
     content = unpacked(path)
     try:
@@ -131,7 +127,6 @@ def _light_parameter(param: Element) -> bool:
 
 
 def _plain(content: bytes) -> bool:
-    """Whether every XML reader sees the same in it: UTF-8, no declarations, no schema but SUMO's."""
     encoding = _ENCODING.search(content[:1000])
     if b"\0" in content or (encoding is not None and encoding[1].lower() not in (b"utf-8", b"us-ascii")):
         return False
@@ -152,10 +147,6 @@ def allowed_copy(path: Path) -> Iterator[Path]:
 
 
 def refuse_outputs(path: Path) -> None:
-    """Refuse a file that this project once wrote and that now holds more than roads.
-
-    Raises:
-        MapError: something in it is not allowed.
-    """
+    """Refuse a file that this project once wrote and that now holds more than roads."""
     if left_out := allowed_content(path)[1]:
         raise MapError(f"{path}: changed since it was written: {listed(left_out)} in it; run again elsewhere")

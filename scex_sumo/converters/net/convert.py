@@ -1,7 +1,6 @@
 """Conversion of a road to a SUMO net.
 
-The net is written directly, not by netconvert, to keep the map's shapes. Coordinates are the map's own; less
-netOffset they are those of the projection, if known.
+The net is written directly, not by netconvert, to keep the map's shapes and coordinates.
 """
 
 from __future__ import annotations
@@ -73,7 +72,9 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     walks = plan_walks(ways, topology, layout)
     lights, unlit = with_crossings(_with_fixed_programmes(recorded, fixed), recorded, walks, layout)
     if unlit:
-        notes.append(f"crosswalks that the recorded lights never leave free: {', '.join(map(str, unlit))}")
+        notes.append(
+            f"crosswalks without green for people, because the lights never stop the cars: {listed(unlit)}"
+        )
     layout = layout.beside(_side_lanes(road))
     net_path.write_text(net_text(layout, lights, road.georeference, walks), encoding="utf-8")
     table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
@@ -82,7 +83,15 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     extras.write_text(extras_text(road), encoding="utf-8")
     changes = tuple(f"{a} to {b}" for a, b in lost)
     losses = (
-        [MapLoss(kind="lane changes", why="without a place in a SUMO edge", elements=changes)] if lost else []
+        [
+            MapLoss(
+                kind="lane changes",
+                why="not possible in SUMO, because the lanes lie in different edges",
+                elements=changes,
+            )
+        ]
+        if lost
+        else []
     )
     return SumoNet(
         path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=(*road.losses, *losses)
@@ -90,7 +99,6 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
 
 
 def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
-    """Copy the net that a road was read from, unpacked; write its lane table and drawing."""
     write_atomic(net_path, allowed_content(source)[0])
     root = net_root(source)
     places = lane_places(root)
@@ -99,7 +107,7 @@ def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
     extras = net_file(net_path, ".add.xml")
     extras.write_text(extras_text(road), encoding="utf-8")
     lit = [light.get("id", "") for light in root.iter("tlLogic") if light.find("condition") is not None]
-    note = f"traffic lights with conditions: {listed(lit)}; children see their phases without conditions"
+    note = f"traffic lights with conditions: {listed(lit)}; in the futures their phases ignore the conditions"
     return SumoNet(path=net_path, extras=extras, lanes=table, notes=(note,) if lit else ())
 
 

@@ -18,9 +18,9 @@ MEET_M = 0.5  # between footways that meet
 END_M = 2.0  # another footway this close to an end joins there
 KERB_M = 1.0  # between the edge of a lane and where people wait
 ISLAND_M = 4.0  # between lanes that are crossed at one go
-ALONG = 3.0  # a lane that runs over more than so many widths of a walkway runs along it
+ALONG = 3.0  # a lane that runs over more than so many widths runs along the walkway
 PASS_M = 1.3  # half a car and some room
-TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m, and jam where there is only one
+TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
 OUTWARD_M = 0.7  # how far a crosswalk may be moved off a lane
 SHORTEST_M = 0.5  # of a footway, and of what a vehicle lane has in common with a crosswalk
 
@@ -129,10 +129,7 @@ def _tip(lane: Lane, s: float) -> shapely.Geometry:
 
 
 def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
-    """Arc length at which a footway's end joins another footway, or None.
-
-    ``whole``: the other footway can be entered at its ends only.
-    """
+    """Arc length at which a footway's end joins another footway, or None."""
     at = -1 if s else 0
     length = length_of(other.centreline)
     side = shapely.LineString([lane.left_bound[at], lane.right_bound[at]])
@@ -153,7 +150,6 @@ def _marked(lane: Lane) -> bool:
 
 
 def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Lane:
-    """Narrow a crosswalk that runs along a lane, such as a ring, to what the lane's cars leave free."""
     middle, half = shapely.LineString(footway.centreline), footway.width_m / 2
     right, left = -half, half
     if not _marked(footway):

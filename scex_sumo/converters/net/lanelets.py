@@ -23,7 +23,7 @@ CHANGED_M = 1e-3  # difference of lengths from which a lane was changed
 JOINT_M = 0.05  # where road follows road, the lane between takes this much of both
 BEYOND = 0  # road before or behind the map's border
 GAP_M = 0.1  # between such road and a lane
-_DRIVEN = ("normal", "", None, "internal")  # functions of edges that vehicles drive on
+_DRIVEN = ("normal", "", None, "internal")  # functions of edges
 STRAIGHT_M = 5e-9  # a point this near to the line between its neighbours is none of the map's
 
 Named: TypeAlias = Mapping[str, tuple["LaneletPart", ...]]
@@ -156,7 +156,6 @@ def _lanelet(
 
 
 def _joined(parts: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
-    """Join a lanelet's centreline from parts that may cover the same ground, in any order."""
     lines: list[FloatArray] = []
     reached = -np.inf
     for stretch, line in sorted(parts, key=lambda part: (part[0].start, -part[0].end)):

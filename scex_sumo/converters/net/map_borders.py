@@ -1,7 +1,6 @@
 """Borders of the map: lanes that fork or join there get a short common road.
 
-Without it SUMO does not notice that such lanes overlap, and inserts vehicles into each other. The common road
-takes the shortest edge that SUMO accepts from the lanes, and some room before the border.
+Without it SUMO does not notice that such lanes overlap, and inserts vehicles into each other.
 """
 
 from __future__ import annotations

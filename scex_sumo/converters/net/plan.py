@@ -137,7 +137,6 @@ class _Plan:
         )
 
     def _trims(self, piece: Piece) -> tuple[float, float]:
-        """Arc lengths between which a road piece is an edge; connections take the rest."""
         row, lane = self._topology.rows[piece[0]], self._topology.lane(piece)
         start, end = self._topology.span(piece)
         joint = min(JOINT_M, (end - start) / 4)

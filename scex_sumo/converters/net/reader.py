@@ -101,8 +101,8 @@ class NetContent:
     Attributes:
         edges: lane ids of each edge, from right to left.
         following: lanes that a car enters after a lane, internal ones included.
-        offset: (2,) m, what the coordinates are ahead of the projection's.
-        phases: states of all phases of each traffic light, all programs together.
+        offset: (2,) m, the net's netOffset.
+        phases: states of all phases of each traffic light.
     """
 
     path: Path
@@ -146,11 +146,7 @@ def unpacked(path: Path) -> bytes:
 
 
 def net_root(path: Path) -> Element:
-    """Return the XML root element of a net.
-
-    Raises:
-        MapError: the file is missing or no SUMO net.
-    """
+    """Return the XML root element of a net."""
     try:
         root = ElementTree.fromstring(unpacked(path))
     except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
@@ -166,11 +162,7 @@ def points_of(shape: str) -> FloatArray:
 
 
 def read_net(path: Path) -> NetContent:
-    """Read a SUMO net, in its own coordinates.
-
-    Raises:
-        MapError: the file is missing, no SUMO net, or holds an element that misses something.
-    """
+    """Read a SUMO net, in its own coordinates."""
     root = net_root(path)
     lanes = {}
     for edge in root.iter("edge"):

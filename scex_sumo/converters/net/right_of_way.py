@@ -137,7 +137,6 @@ def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
 
 
 def _weight(a: Link, b: Link, yielding: set[int], priority: set[int]) -> int:
-    """Weight of a rule that a gives way to b: 2 if it names both, 1 if it names only a."""
     if not a.on & yielding or (a.on & priority and not b.on & priority):
         return 0
     # A rule for a whole junction may name b on both sides: it yields to others, but not to a.
@@ -167,7 +166,6 @@ def _zippers(links: Sequence[Link], merging: set[frozenset[int]], ruled: set[fro
 
 
 def _by_default(a: Link, b: Link, tie: bool) -> bool:
-    """Whether a gives way to b where no rule applies; exactly one of the two does."""
     if a.on_ring != b.on_ring:
         return b.on_ring
     side = turn(a.entry, b.entry)
@@ -233,7 +231,6 @@ def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
 
 
 def _on_cycles(lanes: Mapping[int, Lane]) -> set[int]:
-    """Lanes left after lanes that lead nowhere are removed repeatedly."""
     before: dict[int, list[int]] = {}
     left = {i: sum(j in lanes for j in lane.successors) for i, lane in lanes.items()}
     for i, lane in lanes.items():
@@ -265,7 +262,6 @@ def _shortest_cycle(lanes: Mapping[int, Lane], sizes: Mapping[int, float], start
 
 
 def _roundness(lanes: Mapping[int, Lane], cycle: list[int]) -> float:
-    """Isoperimetric ratio of the centreline of a cycle: 1 for a circle."""
     points = np.vstack([lanes[i].centreline for i in cycle])
     closed = np.vstack([points, points[:1]])
     x, y = (closed - closed.mean(axis=0)).T

@@ -142,7 +142,6 @@ def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Co
             for lane, size in zip(row.lanes, row.lengths, strict=True)
             for start, end in spans.get(lane, ())
         ]
-        # A lane without predecessors can only be entered on a road piece, so the whole row begins with one.
         begins = any(not lanes[i].predecessors for i in row.lanes)
         ends = any(not lanes[i].successors for i in row.lanes)
         zones = _tidy(zones, float(np.mean(row.lengths)), begins=begins, ends=ends)

@@ -37,11 +37,7 @@ class SumoNet:
 
 
 def open_net(net_path: Path) -> SumoNet:
-    """Open a net that `convert` wrote, with the files beside it.
-
-    Raises:
-        MapError: the net or its lane table is missing, or it holds more than roads by now.
-    """
+    """Open a net that `convert` wrote, with the files beside it."""
     table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
     for file in (net_path, table):
         if not file.is_file():
@@ -208,7 +204,6 @@ def lane_table(
 
 
 def _sorted(within: dict[_Row, set[_Row]], before: dict[_Row, set[_Row]]) -> list[_Row]:
-    """Sort topologically, smallest row first; on rings only the order within SUMO lanes holds."""
     waiting = {key: within[key] | before[key] for key in within}
     following: dict[_Row, list[_Row]] = {}
     for key, others in waiting.items():

@@ -280,8 +280,7 @@ _Span: TypeAlias = tuple[float, float]  # m along an internal lane
 def _conflict_stretches(node: Node) -> Iterator[tuple[Connection, Connection, _Span]]:
     """Yield pairs of foes whose conflict SUMO cannot find, with its stretch on the first connection, m.
 
-    SUMO looks for the point where two internal lanes cross. Lanes that only pass close by, or that merge
-    without a common target, have none. One point is not enough for lanes that run against each other.
+    SUMO looks for the point where two internal lanes cross; lanes that pass close by have none.
     """
     links = node.connections
     sampled = {i: SampledLine.of(c.internal.shape) for i, c in enumerate(links) if c.link.foes}

@@ -1,8 +1,7 @@
 """Topology of a SUMO net: rows of lanes cut into edges and junctions, and the paths through junctions.
 
-Road pieces shorter than a car between two conflicts belong to the junction. But SUMO separates vehicles only
-if traffic that has merged drives over an edge before it forks, so no piece of a junction may have several
-ways in and out.
+SUMO separates vehicles only if merged traffic drives over an edge before it forks, so no piece of a junction
+may have several ways in and out.
 """
 
 from __future__ import annotations
@@ -106,7 +105,6 @@ _Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
 
 
 def _roads_behind(steps: _Steps, back: _Steps) -> dict[Piece, set[Piece]]:
-    """Return the road pieces that each junction piece reaches by steps: all, or at least two of them."""
     roads = {piece: {p for p in onward if p not in steps} for piece, onward in steps.items()}
     stack = [piece for piece, behind in roads.items() if behind]
     while stack:
@@ -130,7 +128,6 @@ def _reached(pieces: Iterable[Piece], steps: _Steps) -> set[Piece]:
 
 
 def _on_rings(after: _Steps, before: _Steps) -> set[Piece]:
-    """Return the pieces from which steps lead back to them."""
     left = {piece: sum(p in after for p in onward) for piece, onward in after.items()}
     ends = [piece for piece, count in left.items() if not count]
     for piece in ends:  # grows
@@ -319,7 +316,6 @@ def _knot(chains: _Chains) -> tuple[int, int] | None:
 
 
 def _double_way(chains: _Chains) -> list[tuple[int, int]]:
-    """Find two ways through a junction between the same road pieces; return the longest piece of each."""
     for start in chains.road_pieces():
         ways: dict[Piece, tuple[Piece, ...]] = {}
         for end, way in chains.ways_from(start):
@@ -332,6 +328,5 @@ def _double_way(chains: _Chains) -> list[tuple[int, int]]:
 
 
 def _opened(row: Row, piece: int) -> Row:
-    """Insert a short road piece at the beginning of a junction piece, behind the merge; at most a third."""
     start, end = row.cuts[piece], row.cuts[piece + 1]
     return row.with_road(piece, start + (end - start) * min(STUB_M / row.size(piece), 1 / 3))

@@ -206,7 +206,6 @@ def with_crossings(
 
 
 def _with_crossing(phases: _Phases, crossed: _Crossed) -> tuple[tuple[float, str], ...]:
-    """Append a crossing's letter to each phase; links that turn across it give way."""
     straight = [k for k, turns in crossed.items() if not turns]
     free = [all(state[k] == "r" for k in straight) for _, state in phases]
     result = []

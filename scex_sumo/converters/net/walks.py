@@ -168,7 +168,6 @@ def _nearer_edge(link: Connection, crosswalk: FloatArray) -> str:
 
 
 def _halved(ways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[int]) -> Iterator[Footway]:
-    """Halve sidewalks that begin and end in one junction; netconvert refuses such edges."""
     for way in ways:
         one, other = way.places
         if one not in owners or owners[one] != owners.get(other):

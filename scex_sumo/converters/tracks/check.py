@@ -47,11 +47,7 @@ def check_values(table: TrackTable) -> None:
 
 
 def check_header(path: Path, *, shapes: bool = True) -> list[str]:
-    """Column names of a track file; ``shapes``: whether headings and sizes are needed.
-
-    Raises:
-        TrackError: file missing, empty, not CSV, separated by something else, or without a needed column.
-    """
+    """Column names of a track file; ``shapes``: whether headings and sizes are needed."""
     if path.is_dir():
         raise TrackError(f"{path}: a folder; give one CSV file of it, e.g. vehicle_tracks_000.csv")
     try:

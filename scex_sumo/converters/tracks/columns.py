@@ -40,9 +40,6 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
 
     Returns:
         The columns, and a phrase each about rows left out and converted units.
-
-    Raises:
-        TrackError: not CSV, a column missing, too many values missing, one impossible, or no rows.
     """
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -122,11 +119,7 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
 
 
 def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
-    """Convert stamps in seconds to milliseconds, in place; returns a phrase if it does.
-
-    Raises:
-        TrackError: the time between samples is out of range in both units.
-    """
+    """Convert stamps in seconds to milliseconds, in place; returns a phrase if it does."""
     track = columns["track_id"][0]
     if "case_id" in columns:
         track = track * len(columns["case_id"][1]) + columns["case_id"][0]
@@ -139,7 +132,7 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
     if MIN_STEP_S <= usual <= MAX_STEP_S + 0.0015:
         columns["timestamp_ms"] = np.round(1000.0 * columns["timestamp_ms"], 6)
         columns["frame_id"] = np.rint(columns["timestamp_ms"] / 100.0)
-        return ["timestamp_ms is in seconds: taken for such"]
+        return ["timestamp_ms is in seconds: converted to milliseconds"]
     raise TrackError(
         f"{path}: samples of a track are {usual / 1000.0:g} s apart by timestamp_ms, {MIN_STEP_S:g} to "
         f"{MAX_STEP_S:g} s expected; give the stamps in milliseconds"
@@ -147,7 +140,6 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
 
 
 def _in_radians(columns: dict[str, Any]) -> list[str]:
-    """Convert headings in degrees, by their fit to the motion, in place; returns a phrase if it does."""
     heading, (vx, vy) = columns["psi_rad"], (columns["vx"], columns["vy"])
     driven = (np.hypot(vx, vy) > DRIVEN_MPS) & np.isfinite(heading)
     if not driven.any() or np.abs(heading[driven]).max() < 2.0 * math.pi:
@@ -157,4 +149,4 @@ def _in_radians(columns: dict[str, Any]) -> list[str]:
     if fits[1] < MIN_ALIGNED or fits[0] > fits[1]:
         return []
     columns["psi_rad"] = np.radians(heading)
-    return ["psi_rad is in degrees: taken for such"]
+    return ["psi_rad is in degrees: converted to radians"]

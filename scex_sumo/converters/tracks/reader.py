@@ -30,9 +30,6 @@ def read_tracks(path: str | Path, *, walkers: tuple[str, str] = WALKERS) -> Trac
 
     Rows may have any order. Unknown columns and single rows without a value are left out. ``walkers``: part
     of the file's name, and that of the file beside it with pedestrians and cyclists.
-
-    Raises:
-        TrackError: file missing or no CSV, column missing, value missing or not a number, no rows.
     """
     path = Path(path)
     files = [path]
@@ -89,7 +86,7 @@ def _number(
             renamed.append(f"{labels[k]} is {free}")
             labels[k] = str(free)
         used.add((case, number_of(labels[k])))
-    return [f"track ids that are one number told apart: {listed(renamed)}"] if renamed else []
+    return [f"different track ids that are the same number, renumbered: {listed(renamed)}"] if renamed else []
 
 
 def _usual_step(rows: TrackRows) -> float:
@@ -110,7 +107,6 @@ def _sort_key(label: str) -> tuple[bool, float, str]:
 
 
 def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list[str], list[str]]:
-    """Columns of several files joined; a track is a case, an id and a file."""
     cases: dict[str, int] = {}
     types: dict[str, int] = {}
     labels: list[str] = []
@@ -136,7 +132,6 @@ def _renumbered(column: tuple[IntArray, list[str]], known: dict[str, int]) -> In
 
 
 def _majority_type(track: IntArray, kind: IntArray, tracks: int) -> IntArray:
-    """(K,) most frequent type of each track, because trackers change it now and then."""
     kinds = int(kind.max()) + 1
     counts = np.bincount(track * kinds + kind, minlength=tracks * kinds).reshape(tracks, kinds)
     return np.asarray(np.argmax(counts, axis=1), np.int64)
@@ -150,7 +145,6 @@ def _rows(
     types: list[str],
     type_of_track: IntArray,
 ) -> TrackRows:
-    """Sorted rows of vehicles or of others; the order in the file does not matter."""
     case = np.array(_ranks(cases), np.int64)[columns["case"][keep]]
     track = columns["track"][keep]
     stamps = columns["timestamp_ms"][keep]
@@ -176,7 +170,6 @@ def _rows(
 
 
 def _ranks(labels: list[str]) -> list[int]:
-    """(n,) position of each label in numerical order; equal labels share one."""
     place = {label: i for i, label in enumerate(sorted(set(labels), key=_sort_key))}
     return [place[label] for label in labels]
 

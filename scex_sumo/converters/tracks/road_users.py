@@ -63,11 +63,7 @@ def with_unknown_vehicles(
     Args:
         types: the names; ``vehicle`` is added if needed.
         kind: (K,) index of each track's type.
-        track: (N,) track of each row.
-        length: (N,) m; nan if not known.
-        width: (N,) m; nan if not known.
-        speed: (N,) m/s.
-
+        length: (N,) m, nan if not known; ``width`` too.
     Returns:
         (K,) index of each track's type, and a phrase for each unknown type that has vehicles.
     """

@@ -106,7 +106,6 @@ class TrackRows:
         columns = {name: getattr(self, name)[begin:end] for name in ROW_COLUMNS}
         track = self.track[begin:end]
         first, last = (int(track[0]), int(track[-1]) + 1) if len(track) else (0, 0)
-        # A track is of one case, so those of a case are consecutive numbers.
         return TrackRows(
             **columns, track=track - first, labels=self.labels[first:last], types=self.types[first:last]
         )
@@ -132,10 +131,9 @@ class TrackTable:
     """A recording, or a file of cases.
 
     Attributes:
-        cases: ids of the cases as written, e.g. ``1.0``, in numerical order; one empty string for a
-            recording.
+        cases: ids of the cases, e.g. ``1.0``; one empty string for a recording.
         others: tracks of all other road users.
-        recorded_step_s: usual time between samples as recorded, if the table was resampled.
+        recorded_step_s: usual time between samples as recorded.
         notes: what the reader decided or left out, one phrase each.
 
     Example:

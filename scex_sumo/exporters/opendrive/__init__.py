@@ -1,4 +1,1 @@
-"""OpenDRIVE: a road as reference lines, lanes with widths, links and junctions.
-
-May import the road, roads and geometry; nothing of runs or children.
-"""
+"""OpenDRIVE: a road as reference lines, lanes with widths, links and junctions."""

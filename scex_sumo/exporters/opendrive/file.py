@@ -95,7 +95,6 @@ def _road(piece: Piece, lanes: Mapping[int, Lane], signals: Sequence[ET.Element]
 
 
 def _plan_view(view: ET.Element, curve: Curve) -> None:
-    """Add cubic pieces by arc length, each in the frame of its first point."""
     headings = np.arctan2(curve.tangents[:, 1], curve.tangents[:, 0])
     for k, size in enumerate(np.diff(curve.s)):
         c, s = curve.tangents[k]
@@ -246,7 +245,6 @@ def _wanted(rule: Regulation) -> list[tuple[int, tuple[str, str]]]:
 
 
 def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece, Section, float]:
-    """Return road, section and arc length of the stop line, else of the end of the lane."""
     line = shapely.LineString(lane.centreline)
     place = lane.centreline[-1]
     for points in rule.stop_lines:

@@ -92,7 +92,6 @@ def _same_line(a: FloatArray, b: FloatArray) -> bool:
 
 
 def _joined(groups: Sequence[Group], following: dict[Group, Group]) -> Iterator[Chain]:
-    """Yield chains with each group in exactly one; a ring opens at its first group."""
     preceded, seen = set(following.values()), set[Group]()
     for group in [*(g for g in groups if g not in preceded), *groups]:
         if group in seen:
@@ -108,7 +107,6 @@ def _joined(groups: Sequence[Group], following: dict[Group, Group]) -> Iterator[
 def _meetings(
     lanes: Mapping[int, Lane], group_of: Mapping[int, Group]
 ) -> list[tuple[list[Group], list[Group], tuple[tuple[int, int], ...]]]:
-    """Return groups that end together, those that begin there, and linked lanes."""
     links = [(i, j) for i in group_of for j in lanes[i].successors if j in group_of]
     parent: dict[tuple[Group, bool], tuple[Group, bool]] = {}
 

@@ -49,8 +49,6 @@ class Piece:
 
 @dataclass(kw_only=True, eq=False)
 class _Parts:
-    """Roads of a chain: a connecting head for each chain before it, the rest, a connecting tail."""
-
     heads: dict[Chain, Piece] = field(default_factory=dict)
     rest: Piece | None = None
     tail: Piece | None = None
@@ -163,7 +161,6 @@ class _Network:
                     after.before = RoadLink(junction=junction)
 
     def _connect(self, piece: Piece, junction: int) -> None:
-        """Add a road to a junction; a road in two junctions joins them."""
         if piece.junction is not None:
             self._joined[self._root(junction)] = self._root(piece.junction)
         piece.junction = junction
@@ -196,7 +193,6 @@ class _Network:
 
 
 def _forks(cut: Cut) -> bool:
-    """Return whether the roads after a cut connect, else those before it."""
     return len(cut.ends) == 1 or len(cut.starts) > 1
 
 
@@ -206,7 +202,6 @@ def _lane_pairs(cut: Cut, end: Chain, start: Chain) -> tuple[tuple[int, int], ..
 
 
 def _lane_numbers(group: Group) -> dict[int, int]:
-    """Return OpenDRIVE's lane numbers: negative, from the left."""
     return {lane: -k - 1 for k, lane in enumerate(group)}
 
 

@@ -96,11 +96,7 @@ def _end_direction(line: FloatArray, *, end: bool, reach_m: float = 2.0) -> Floa
 
 
 def _shifts(groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatArray | None]) -> FloatArray:
-    """Return (G + 1, 2) shifts from the middle of each edge to the curve's crossing.
-
-    Lanes may be shorter than wide: a curve through the middles would turn back and forth. The shifts minimize
-    turning and distance from the middle.
-    """
+    """Return (G + 1, 2) shifts from the middle of each edge to the curve's crossing."""
     shifts = np.zeros((len(groups) + 1, 2))
     given = [d for d in directions if d is not None]
     if len(given) < len(directions):
@@ -154,7 +150,6 @@ def _group_pieces(
 
 
 def _sizes(points: FloatArray, tangents: FloatArray) -> FloatArray:
-    """Return (K - 1,) arc lengths of pieces by arc length."""
     size = np.hypot(*np.diff(points, axis=0).T)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     u = ((nodes + 1) / 2)[None, :, None]

@@ -201,7 +201,6 @@ def _sections(
 
 
 def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatArray:
-    """Return (N,) offsets at which normals of a curve cross a border, the nearest of several."""
     first, last = line[0] - line[1], line[-1] - line[-2]
     first, last = (_EXTENSION_M * v / max(float(np.hypot(*v)), 1e-9) for v in (first, last))
     line = np.vstack([line[0] + first, line, line[-1] + last])
@@ -219,7 +218,6 @@ def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatA
 
 
 def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
-    """Return the stations between which straight lines fit all borders."""
     keep, stack = {0, len(s) - 1}, [(0, len(s) - 1)]
     while stack:
         a, b = stack.pop()
@@ -236,7 +234,6 @@ def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
 
 
 def _error(curve: Curve, sections: Sequence[Section], lines: Sequence[Sequence[FloatArray]]) -> float:
-    """Return the largest distance between borders and ribbon, in both directions, m."""
     worst = 0.0
     for section, edges in zip(sections, lines, strict=True):
         s = np.linspace(section.s[0], section.s[-1], max(9, math.ceil(np.ptp(section.s) / _STATION_M)))

@@ -101,10 +101,7 @@ def _chunk_span(path: Path) -> tuple[str, int, int] | None:
 
 
 def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable, tuple[str, ...]]:
-    """Join consecutive chunks to one recording with the clock of the first one.
-
-    The steps of every chunk begin at 0; a road user keeps its id.
-    """
+    """Join consecutive chunks to one recording with the clock of the first one."""
     tables = [table for table, _ in parts]
     step_s = tables[0].step_s
     offsets_ms = [0.0]
@@ -124,7 +121,6 @@ def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable
 
 
 def _first_step(table: TrackTable) -> int:
-    """Step, in the chunks' common count, that the first chunk calls 0."""
     span = _chunk_span(table.path)
     assert span is not None
     return 0 if span[1] == 1 else span[1]

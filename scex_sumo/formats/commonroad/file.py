@@ -69,11 +69,7 @@ class CommonRoadFile(Findings):
 
 
 def open_commonroad(path: str | Path) -> CommonRoadFile:
-    """Open a CommonRoad map, ``.xml`` or ``.xml.gz``.
-
-    Raises:
-        MapError: as `parse_commonroad`, or it has no lanelet.
-    """
+    """Open a CommonRoad map, ``.xml`` or ``.xml.gz``."""
     path = Path(path)
     root = parse_commonroad(path)
     if root.find("lanelet") is None:
@@ -82,11 +78,7 @@ def open_commonroad(path: str | Path) -> CommonRoadFile:
 
 
 def parse_commonroad(path: Path) -> ElementTree.Element:
-    """Root of a CommonRoad file.
-
-    Raises:
-        MapError: the file is missing, not XML, no CommonRoad file, or of an unknown version.
-    """
+    """Root of a CommonRoad file."""
     root = parse_xml(path, "CommonRoad", ".xml")
     if root.tag != "commonRoad":
         what = _ROOTS.get(root.tag, "name a CommonRoad scenario")

@@ -245,7 +245,6 @@ def with_reverse(lanes: Mapping[int, Lane], both_ways: Iterable[int]) -> dict[in
 
 
 def _joined(lanes: Mapping[int, Lane], turned: set[int]) -> set[tuple[int, int]]:
-    """Pairs (lane, lane that begins at its end) of different lanelets, one of them an opposite lane."""
     driven = [lane for lane in lanes.values() if lane.kind == "vehicle"]
     if not turned:
         return set()

@@ -38,10 +38,6 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     geometry. A lanelet that cars use both ways gives two lanes. Defects are noted.
 
     ``origin``: None for the file's location; coordinates stay.
-
-    Raises:
-        MapError: the file cannot be read, or has no usable lanelet.
-        MissingExtraError: commonroad-io is not installed.
     """
     name_of_sign, words = _library()
     file = open_commonroad(path)

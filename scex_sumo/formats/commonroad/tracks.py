@@ -29,8 +29,6 @@ AGREE_RAD = math.radians(0.2)  # half of all headings must be turned by one angl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Track:
-    """One road user; states: (N, 5) time step, x, y, heading and speed, nan if the file has none."""
-
     label: int
     kind: str
     motor: bool
@@ -46,10 +44,6 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
 
     Returns:
         The recording, and a phrase that names unusable obstacles.
-
-    Raises:
-        MapError: it cannot be read or is no CommonRoad file.
-        TrackError: it has no usable road user that moves, or no time step.
     """
     path = Path(path)
     root = parse_commonroad(path)
@@ -168,7 +162,6 @@ def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
 
 
 def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
-    """(T, 5) states at rest, with the same position at every step."""
     states = np.tile(state, (len(steps), 1))
     states[:, 0] = steps
     states[:, 4] = 0.0
@@ -176,7 +169,6 @@ def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
 
 
 def _rows(tracks: list[_Track], step_s: float) -> TrackRows:
-    """Tracks as flat arrays; missing headings and speeds are those of the motion."""
     filled = [_filled(one.states, step_s) for one in tracks]
     flat = np.concatenate(filled) if filled else np.empty((0, 5))
     counts = [len(states) for states in filled]
@@ -197,7 +189,6 @@ def _rows(tracks: list[_Track], step_s: float) -> TrackRows:
 
 
 def _filled(states: FloatArray, step_s: float) -> FloatArray:
-    """The same states, without nan."""
     if len(states) > 1:
         velocity = np.gradient(states[:, 1:3], step_s * states[:, 0], axis=0)
     else:
@@ -210,7 +201,6 @@ def _filled(states: FloatArray, step_s: float) -> FloatArray:
 
 
 def _late_starts(rows: TrackRows) -> BoolArray:
-    """(N,) first rows of tracks whose distance to the next row does not fit the speeds."""
     start = np.append(True, np.diff(rows.track) != 0)
     follows = np.append(np.diff(rows.segment) == 0, False)
     late = np.zeros(len(rows), bool)
@@ -222,7 +212,6 @@ def _late_starts(rows: TrackRows) -> BoolArray:
 
 
 def _common_turn(rows: TrackRows) -> float:
-    """Angle by which all headings are turned against the motion, rad; 0 if they are not."""
     joined = np.diff(rows.segment) == 0
     step = np.stack([np.diff(rows.x), np.diff(rows.y)], axis=1)
     fast = joined & (np.minimum(rows.speed[1:], rows.speed[:-1]) > FORWARD_MPS)

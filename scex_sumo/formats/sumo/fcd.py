@@ -63,9 +63,6 @@ def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
     """Read SUMO's ``fcd-output``, with a phrase for each guess.
 
     Unknown sizes are SUMO's own by the type's name. Steps above 0.5 s are filled in to 0.1 s along curves.
-
-    Raises:
-        TrackError: it cannot be read, or holds no vehicle.
     """
     path = Path(path)
     names, kinds, table = _parquet(path) if path.suffix == ".parquet" else _xml(path)
@@ -87,9 +84,6 @@ def tracks_of(
 
     Returns:
         The recording, and one phrase for each guess.
-
-    Raises:
-        TrackError: a value is missing or impossible, or samples are too far apart.
     """
     _check(path, names, table)
     findings = _fill_sizes(table, kinds)
@@ -135,7 +129,11 @@ def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
     unknown = np.isnan(table[:, 5:7])
     guessed = np.array([_size(kind) for kind in kinds])
     table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
-    return ["sizes are SUMO's for the classes that the types' names speak of"] if unknown.any() else []
+    return (
+        ["vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"]
+        if unknown.any()
+        else []
+    )
 
 
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
@@ -218,7 +216,6 @@ def _numbers(labels: list[str]) -> list[int]:
 def _filled(
     track: IntArray, table: FloatArray, words: Any, step_s: float
 ) -> tuple[IntArray, FloatArray, Any]:
-    """Rows every 0.1 s, along cubic curves with the recorded positions, headings and speeds."""
     tracks, tables, kinds = [], [], []
     more = round(step_s / STEP_S)
     for first, last in _runs(track, table[:, 0], step_s):

@@ -60,17 +60,11 @@ def is_open_street_map(path: Path) -> bool:
 
 
 def _read_imported_road(path: str | Path, **_: object) -> Road:
-    """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache.
-
-    OpenDRIVE's coordinates stay; those of OpenStreetMap become metres east and north of the net's corner.
-
-    Raises:
-        MapError: netconvert cannot read it, or there is no lane for cars in it.
-    """
+    """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache."""
     path = Path(path)
     content = unpacked(path)
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise MapError(f"{path}: declares a document type, which could name other files; remove that")
+        raise MapError(f"{path}: has a DOCTYPE, which could read other files; remove it")
     kind, options = ("opendrive", _OPENDRIVE) if _is_opendrive(path) else ("osm", _OPEN_STREET_MAP)
     made_of = (
         repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items()))).encode() + content
@@ -87,13 +81,12 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     try:
         road = read_sumo_road(net)
     except MapError as error:
-        raise MapError(f"{path}: netconvert makes no usable net of it ({error})") from None
+        raise MapError(f"{path}: netconvert cannot convert it to a usable net ({error})") from None
     note = f"{path.name}: read by way of netconvert, as {net}"
     return replace(road, notes=(note, *road.notes))
 
 
 def _private_folder() -> Path:
-    """Folder in the user's cache; a temporary one if somebody else could write into that."""
     folder = cache_folder() / "imported"
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -39,9 +39,6 @@ def read_sumo_road(path: str | Path, **_: object) -> Road:
     Lanes of a net that `convert` wrote are joined to those of its map again, with their ids. Borders lie half
     a width beside SUMO's shapes. A lane change is allowed between lanes for the same vehicles unless the net
     forbids it. Right of way is that of the junctions' requests.
-
-    Raises:
-        MapError: the net cannot be read, or has no lane for cars.
     """
     path = Path(path)
     try:
@@ -60,7 +57,7 @@ def _try(path: Path) -> None:
         command = [program("sumo"), "--net-file", net.name, "--end", "0", "--xml-validation", "never"]
         done = subprocess.run(command, capture_output=True, env=environment(), check=False, cwd=net.parent)
     if done.returncode < 0:
-        raise MapError(f"{path}: SUMO dies of this net; build it again with netconvert")
+        raise MapError(f"{path}: SUMO crashes when it loads this net; build it again with netconvert")
 
 
 def _road(path: Path) -> Road:
@@ -112,7 +109,6 @@ def _bounded(lane: Lane) -> Lane:
 
 
 def _open(path: Path, root: ElementTree.Element) -> tuple[Any, set[tuple[str, int]]]:
-    """Return the net, and its forbidden lane changes (lane, 1 for left or -1 for right)."""
     import sumolib
 
     forbidden = {
@@ -160,7 +156,6 @@ def _lane(number: int, lane: Any, following: tuple[int, ...]) -> Lane:
 
 
 def _line(lane: Any, *, heights: bool = False) -> FloatArray:
-    """(P, 2), or with heights (P, 3), shape of a lane without repeated points."""
     points = np.array(lane.getShape3D(), dtype=np.float64)
     step = np.hypot(*np.diff(points[:, :2], axis=0).T)
     points = points[np.concatenate([[True], step > 1e-6])]

@@ -23,9 +23,6 @@ def read_state(path: str | Path, net: Path | None) -> tuple[TrackTable, tuple[st
     """Read the vehicles of a saved state; positions count along the lanes of the simulated net.
 
     Vehicles that wait to be inserted are left out.
-
-    Raises:
-        TrackError: it cannot be read, holds no vehicle, or is of another net.
     """
     path = Path(path)
     if net is None:
@@ -51,7 +48,6 @@ def read_state(path: str | Path, net: Path | None) -> tuple[TrackTable, tuple[st
 def _rows(
     root: ElementTree.Element, roads: ElementTree.Element, time_s: float
 ) -> Iterator[tuple[str, str, list[float]]]:
-    """Name, type and columns of each vehicle on a lane, as in floating car data."""
     kinds = {kind.get("id", ""): kind for kind in root.iter("vType")}
     vehicles = {vehicle.get("id", ""): vehicle for vehicle in root.iter("vehicle")}
     lanes = {lane.get("id", ""): lane for lane in roads.iter("lane")}

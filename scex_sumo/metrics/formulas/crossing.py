@@ -47,7 +47,6 @@ def _next_crossings(scenes: Scenes) -> tuple[Crossings, FloatArray, FloatArray]:
 
 
 def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) half the conflict area (overlap of strips) plus half the vehicle along both paths, m."""
     pair, scene = np.divmod(crossing.where, scenes.count)
     sine = np.maximum(crossing.sine, np.sin(min(scenes.parameters.following_angle, np.pi / 2)))
     cosine = np.sqrt(np.maximum(1 - sine * sine, 0.0))
@@ -88,7 +87,6 @@ def _pet_at_areas(scenes: Scenes) -> Entries:
 def _time_between(
     scenes: Scenes, crossing: Crossings, own_reach: FloatArray, other_reach: FloatArray
 ) -> Entries:
-    """Compute PET at crossings; a vehicle occupies one while its centre is within (N,) reach, m."""
     paths, times = scenes.once(_driven_paths), []
     sides = ((crossing.own, own_reach), (crossing.other, other_reach))
     for at, (arc, reach) in zip(scenes.flat_of(crossing.where), sides, strict=True):

@@ -16,7 +16,6 @@ REFERENCE_SPEED = 13.89
 
 
 def _variation(speed: FloatArray, member: BoolArray) -> FloatArray:
-    """Compute standard deviation over mean of the members' speeds; 0 for means below 1e-5 m/s."""
     count = member.sum(axis=0)
     mean = np.where(member, speed, 0.0).sum(axis=0) / np.maximum(count, 1)
     # Deviations from the mean, so that equal speeds give exactly 0.
@@ -28,7 +27,6 @@ def _variation(speed: FloatArray, member: BoolArray) -> FloatArray:
 
 
 def _individual(scenes: Scenes) -> FloatArray:
-    """Compute (V, C, T) mean acceleration and speed of the last 2 s, over their references."""
     tracks = scenes.tracks
     present = np.ones(tracks.states.shape, dtype=bool) if tracks.present is None else tracks.present
     samples = round(WINDOW_S / tracks.step_s) + 1

@@ -75,7 +75,7 @@ def _first_root(
     """Return the first root of q(t) = (R + A t²/2)² - ||dp + dv t||² for discs that are apart, A > 0.
 
     q starts negative and is concave up to an inflection, then convex. On the concave part Newton's iteration
-    from the left cannot step over the first root. Else the convex part has exactly one root.
+    q is concave up to an inflection, then convex. On the concave part Newton's iteration
     """
     a4, a2 = 0.25 * acceleration * acceleration, acceleration * radius - v2
     a1, a0 = -2 * pv, -gap * (centres + radius)
@@ -100,7 +100,6 @@ def _first_root(
 def _newton_concave(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, time: FloatArray, inflection: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the first root before the inflection, or the inflection; and whether there is a root."""
     time = time.copy()
     has_root = np.zeros(time.shape, dtype=bool)
     active = np.arange(time.size)
@@ -127,7 +126,6 @@ def _newton_concave(
 def _newton_convex(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Return the only root between ``low``, from where q is convex, and ``high``."""
     # One step from the left lands on the right of the root, mostly closer than the bound.
     q, slope = _polynomial(a4, a2, a1, a0, low)
     rising = slope > 0
@@ -156,7 +154,6 @@ def _newton_convex(
 def _polynomial(
     a4: FloatArray, a2: FloatArray, a1: FloatArray, a0: FloatArray, t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute q(t) = a4 t⁴ + a2 t² + a1 t + a0 and its slope."""
     square = t * t
     high = a4 * square
     value = ((high + a2) * t + a1) * t + a0

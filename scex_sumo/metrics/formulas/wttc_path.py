@@ -41,7 +41,6 @@ def worst_time_of_outlines(pairs: OutlinePairs, acceleration: FloatArray) -> Flo
 
 
 def _distance_at(pairs: OutlinePairs, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Compute (N,) distances of the outlines, m, and their slopes, m/s; both 0 on contact."""
     cos_1, sin_1, cos_2, sin_2 = pairs.cos_1, pairs.sin_1, pairs.cos_2, pairs.sin_2
     dx, dy = pairs.dx + pairs.dvx * time, pairs.dy + pairs.dvy * time
     cos, sin = cos_1 * cos_2 + sin_1 * sin_2, cos_1 * sin_2 - sin_1 * cos_2
@@ -71,7 +70,6 @@ def _corner_to_box(
     box_length: FloatArray,
     box_width: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Compute the squared distance of a rectangle's nearest corner to an upright box, and the vector."""
     along, across = (half_length * cos, half_length * sin), (-half_width * sin, half_width * cos)
     best = np.full(np.shape(x), np.inf)
     vector_x, vector_y = np.zeros(np.shape(x)), np.zeros(np.shape(x))
@@ -88,7 +86,6 @@ def _corner_to_box(
 
 
 def _tangent_meets_parabola(spare: FloatArray, slope: FloatArray, limit: FloatArray) -> FloatArray:
-    """Return the positive root s of spare + slope s = ½ A s²; inf if none."""
     root = np.sqrt(np.maximum(slope * slope + 2 * limit * spare, 0.0))
     closing = root - slope
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -131,7 +128,6 @@ def least_wttc_path(scenes: Scenes) -> Samples:
 
 
 def _lower_bounds(scenes: Scenes) -> FloatArray:
-    """Bound the WTTC of outlines from below, (P, C, T) s; inf for absent vehicles."""
     first, second = scenes.pairs
     apart = np.where(scenes.distance > 0, scenes.distance, 1.0)
     nx, ny = scenes.dx / apart, scenes.dy / apart

@@ -88,7 +88,6 @@ def _all_values(tracks: SceneTracks, planned: PlannedPaths | None, vehicle: int)
 
 
 def _tracks_of(tracks: SceneTracks, child: IntArray, vehicle: IntArray) -> SceneTracks:
-    """Return (U,) tracks as one child."""
     return replace(
         tracks,
         states=tracks.states.map(lambda values: np.ascontiguousarray(values[child, :, vehicle].T[None])),

@@ -97,8 +97,6 @@ def _on_paths(scenes: Scenes) -> _OnPaths:
 
 
 class _Corridors:
-    """Search of vehicles near the paths of others."""
-
     def __init__(self, scenes: Scenes, paths: PathsAhead) -> None:
         self.scenes, self.paths = scenes, paths
         parameters = scenes.parameters
@@ -137,7 +135,6 @@ class _Corridors:
         return self.scenes.size_of(array, *np.divmod(vehicle, self.scenes.count))
 
     def _close_pairs(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """Find pairs whose boxes meet: path, other, index into (2P, C, T), widest offset."""
         scenes = self.scenes
         ends = octagon(self.last[0] + self.last[2], self.last[1] + self.last[3])
         ahead = self.paths.boxes_ahead
@@ -181,7 +178,6 @@ class _Corridors:
     def _project(
         self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, other: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return offsets of centres from segments, shares at the foot, cosines."""
         scenes = self.scenes
         gx, gy = scenes.x.reshape(-1)[other] - x, scenes.y.reshape(-1)[other] - y
         squared = dx * dx + dy * dy

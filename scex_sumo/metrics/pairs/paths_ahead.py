@@ -61,12 +61,9 @@ class PathsAhead:
 
     Attributes:
         lines: the plans, ordered by child, replan, vehicle.
-        line: (V, C, T) index of the current plan among ``lines``.
-        column: (T,) the plan's next column.
-        has_path: (V, C, T).
-        ahead: (V, C, T) the same; with ``moving_only`` only of moving vehicles.
-        dx: (V, C, T) first segment, m.
-        first_boxes: (4, 2, V, C, T) octagons around the first segments.
+        line: (V, C, T) index of the current plan; ``column`` (T,) its next column.
+        has_path: (V, C, T); ``ahead`` the same, with ``moving_only`` only of moving vehicles.
+        dx: (V, C, T) first segment, m; ``first_boxes`` the octagons around it.
         length: (V, C, T) of the whole path ahead, m.
         offset: (V, C, T) arc length from the vehicle less the plan's own, m.
     """
@@ -132,7 +129,6 @@ class PathsAhead:
         return Crossings.join([one_order, reverse])
 
     def _between_plans(self, first: IntArray, second: IntArray) -> Crossings:
-        """Find crossings once per plan, repeated for its steps."""
         children, steps = self.scenes.shape
         replans, lines = self.planned.x.shape[1], self.lines
         path = np.arange(children * replans)[:, None] * self.scenes.vehicles
@@ -158,7 +154,6 @@ class PathsAhead:
         return crossings.take(np.flatnonzero(both))
 
     def _with_first_segments(self, first: IntArray, second: IntArray) -> tuple[Crossings, Crossings]:
-        """Find crossings of a vehicle's first segment with the other's first segment and plan."""
         scenes, lines = self.scenes, self.lines
         ordered = np.concatenate([first, second]), np.concatenate([second, first])
         where = meeting_pairs(ordered, self.first_boxes, self.boxes_ahead, self.ahead)

@@ -12,7 +12,6 @@ from scex_sumo.reports.page.html import Html, asset, element, joined
 from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import STEP_S
 
-_WORST = 3
 _WARNING = "warning: "
 
 
@@ -64,11 +63,13 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
 def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
     exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
     value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
-    number = element("div.big.hot" if share["count"] else "div.big", value, id=name)
-    sure = f"95 %: {interval}" if exact is None else f"sampled: {interval}"
-    words = f"{share['count']} of {counted(share['children'], 'future')}; {sure}"
-    what = what if exact is None else f"exact; {what}"
-    return number, element("p.soft", f"{what}; ", element("span", words, id=f"{name}-words", title=words))
+    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
+    seen = f"{share['count']} of {counted(share['children'], 'future')}"
+    words = f"{seen}; 95 %: {interval}" if exact is None else f"exact; sampled: {seen}, {interval}"
+    hurt = share["injuries"]
+    severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
+    counts = element("span", words, id=f"{name}-words", title=words)
+    return number, element("p.soft", f"{what}; ", counts, *severe)
 
 
 def _share_card(info: Mapping[str, Any]) -> Html:
@@ -80,6 +81,7 @@ def _share_card(info: Mapping[str, Any]) -> Html:
     about = element("p.soft", _recorded_words(info["metrics"]))
     whoever = f"Always so in this traffic: {', '.join(info['always'])}."
     always = [element("p", whoever)] if info["always"] else []
+    always += [element("p", f"{info['above'][:1].upper()}{info['above'][1:]}.")] if info["above"] else []
     return element("div.card", element("h2", "P(critical)"), *lines, about, *always)
 
 
@@ -119,10 +121,10 @@ def _chart(info: Mapping[str, Any], number: int) -> Html:
 def _encounter_card(info: Mapping[str, Any]) -> Html:
     buttons = [
         element("li", element("button", row["words"], data_encounter=number))
-        for number, row in enumerate(info["encounters"]["rows"][:_WORST])
-        if row["critical"]
+        for number, row in enumerate(info["encounters"]["rows"])
+        if row["worst"]
     ]
-    about = "A vehicle hits or follows → another (how, where, after what time)."
+    about = "A vehicle hits or follows → another (how, where, after what time). Shares of all futures."
     parts = [
         element("p.soft", about if buttons else "No pair of vehicles has a critical encounter."),
         element("ol", *buttons),

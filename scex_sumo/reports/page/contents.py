@@ -28,7 +28,7 @@ from scex_sumo.reports.page.tables import (
     event_table,
     metric_values,
 )
-from scex_sumo.reports.run_table import always_critical
+from scex_sumo.reports.run_table import always_critical, human_above
 from scex_sumo.reports.under_test_table import verdict
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
@@ -110,6 +110,7 @@ def _words(
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
         "likely_collisions": None if run.reference is None else collision_share(run.reference),
         "always": always_critical(run),
+        "above": human_above(run),
         "tested": verdict(run.under_test) if run.baseline is not None and run.info.get("under_test") else "",
     }
 

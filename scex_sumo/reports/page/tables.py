@@ -11,11 +11,15 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
-from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, meetings
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, Meeting, meetings, worst_of
 from scex_sumo.reports.encounter_table import QUESTIONS
+from scex_sumo.reports.run_table import expected_injuries
+from scex_sumo.results.exact import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
+_WORST = 3
+_SETS = "Stress test, or human-like where the pair is critical in these"
 _NAMED = 4  # children of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
@@ -84,23 +88,25 @@ def collision_share(run: Run) -> dict[str, Any] | None:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
-    return {"count": count, "children": run.children, **interval}
+    return {"count": count, "children": run.children, "injuries": expected_injuries(run), **interval}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child`` and ``step``.
+    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child``, ``step``, ``worst``.
 
+    ``selected`` tells what a column shows of selected futures: of a pair only collisions are known by future.
     The child of a human-like row is -1, because the page holds the futures of the stress test alone.
     """
-    where = {int(track): index for index, track in enumerate(track_ids)}
+    found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
     of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
     columns = [
         {"title": "pair"},
-        {"title": "futures", "hint": "Stress test, or human-like where the pair is critical in these"},
-        {"title": "P(collision)", "as": "percent", "down": True, "hint": of},
-        {"title": "95 %"},
+        {"title": "futures", "hint": f"{_SETS}: a click shows all futures of the stress test"},
+        {"title": "P(collision)", "as": "percent", "down": True, "hint": of, "selected": "share"},
+        {"title": "95 %", "selected": "range"},
         *(
             {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
+            | {"selected": "unknown"}
             for q in ("ttc", "pet", "drac")
         ),
         {"title": "gap", "as": "metres", "hint": "Least gap in the typical future; up to 10 m"},
@@ -108,28 +114,40 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     ]
     rows = [
         {
-            "cells": [
-                f"{row['track_id']} → {row['other_id']}",
-                one.futures,
-                _short(row["collision"]),
-                f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %",
-                *(_short(row[name]) for name in ("ttc", "pet", "drac", "gap")),
-                round(row["time_s"], 1),
-            ],
+            "cells": _cells(one),
             "words": one.words(),
+            "share": row["collision"],
             "critical": row["critical"] > 0,
             "pair": [where[row["track_id"]], where[row["other_id"]]],
             "child": row["child"] if one.futures == STRESS_TEST else -1,
             "step": round(row["time_s"] / STEP_S),
         }
-        for one in meetings(run)
+        for one in found
         for row in [one.row]
     ]
+    worst = worst_of(found, _WORST)
+    for one, row in zip(found, rows, strict=True):
+        row["worst"] = one in worst
     if not any(row["cells"][1] == HUMAN_LIKE for row in rows):
         columns.pop(1)
         for row in rows:
             row["cells"].pop(1)
     return {"columns": columns, "rows": rows}
+
+
+def _cells(one: Meeting) -> list[Any]:
+    """Return the cells of a row; probabilities are exact where there is a table."""
+    row, found = one.row, Encounter(row=one.row, exact=one.run.exact)
+    interval = f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %"
+    return [
+        f"{row['track_id']} → {row['other_id']}",
+        one.futures,
+        _short(found.probability()),
+        interval if found.table is None else "exact",
+        *(_short(found.probability(name)) for name in ("ttc", "pet", "drac")),
+        _short(row["gap"]),
+        round(row["time_s"], 1),
+    ]
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:

@@ -32,14 +32,16 @@ def compare_command(
         ),
     ],
     nearest: Annotated[
-        Path | None, Option(metavar="OUT", help="List the others by their distance to this one.")
+        Path | None, Option(metavar="OUT", help="List the other runs by their distance to this run.")
     ] = None,
-    distance: Annotated[str, Option(metavar="w1|jsd", help="What is measured.")] = "w1",
+    distance: Annotated[
+        str, Option(metavar="w1|jsd", help="Distance of densities: Wasserstein, or Jensen-Shannon.")
+    ] = "w1",
     groups: Annotated[
-        int | None, Option(metavar="N", help="Number of groups; else where they are clearest.")
+        int | None, Option(metavar="N", help="Number of groups; default: the clearest grouping.")
     ] = None,
     out: Annotated[
-        Path | None, Option("-o", "--out", metavar="FOLDER", help="Write tables and a page to look at here.")
+        Path | None, Option("-o", "--out", metavar="FOLDER", help="Folder for tables and a page.")
     ] = None,
 ) -> None:
     """Compare seed scenes by the densities of their metrics."""

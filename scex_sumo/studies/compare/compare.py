@@ -90,10 +90,6 @@ def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distanc
         labels: (R,) names; default: those of the seed scenes.
         distance: ``w1``: Wasserstein-1 over the pooled scale, plus the difference of the defined shares;
             ``jsd``: square root of the Jensen-Shannon divergence of the densities.
-
-    Raises:
-        UsageError: fewer than two runs, or an unknown distance.
-        ResultError: runs that cannot be compared, see `comparable`.
     """
     names = [str(run.info["seed_scene"]["name"]) for run in runs] if labels is None else list(labels)
     comparable(runs, names)
@@ -105,25 +101,20 @@ def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distanc
 
 
 def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
-    """Check that runs have the same length and metrics; return notes on other differences.
-
-    Raises:
-        UsageError: fewer than two runs.
-        ResultError: they differ in steps, metric columns or preset.
-    """
+    """Check that runs have the same length and metrics; return notes on other differences."""
     if len(runs) < 2:
         raise UsageError(f"a comparison needs at least two runs, got {len(runs)}; name another result folder")
     first = runs[0]
     for label, run in zip(labels, runs, strict=True):
         for what, mine, other in (
-            ("steps per child", run.info["steps"], first.info["steps"]),
+            ("steps per future", run.info["steps"], first.info["steps"]),
             ("metrics", ", ".join(sorted(run.columns)), ", ".join(sorted(first.columns))),
             ("metric preset", run.info.get("preset", "paper"), first.info.get("preset", "paper")),
         ):
             if mine != other:
                 raise ResultError(
                     f"{label}: {what} {mine}, but {labels[0]} has {other}; "
-                    "only runs alike in this can be compared, run one of them again"
+                    "they must be equal for a comparison; run one of them again"
                 )
     notes = []
     for what, key in (("behaviour models", "models"), ("fixed models", "assign"), ("replan", "replan")):
@@ -149,10 +140,6 @@ def compare_samples(
         samples: per metric R arrays (C,), NaN if undefined.
         labels: (R,) names.
         distance: as of `compare`.
-
-    Raises:
-        UsageError: an unknown distance.
-        InputError: a run without children.
     """
     if distance not in KINDS:
         raise UsageError(f"unknown distance {distance!r}; known: {', '.join(KINDS)}")
@@ -172,7 +159,7 @@ def compare_samples(
 
 def _distances(columns: Columns, scale: Scale, kind: Kind) -> tuple[FloatArray, FloatArray]:
     if any(column.size == 0 for column in columns):
-        raise InputError("a run without children cannot be compared")
+        raise InputError("a run without futures cannot be compared")
     if kind == "jsd":
         values = jensen_shannon_distances(columns)
         return values, np.zeros_like(values)
@@ -231,9 +218,6 @@ def group_runs(distance: FloatArray, labels: Sequence[str], *, groups: int | Non
         distance: (R, R) symmetric, 0 on the diagonal.
         labels: (R,) different names; they break ties.
         groups: 1 to R; default: from 2 to R - 1, by the largest mean silhouette.
-
-    Raises:
-        UsageError: an impossible number of groups.
     """
     from scipy.cluster.hierarchy import fcluster, leaves_list, linkage
     from scipy.spatial.distance import squareform

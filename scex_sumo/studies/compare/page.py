@@ -76,7 +76,6 @@ def _median(run: Run, metric: str) -> str:
 
 
 def _ridges(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, m: int) -> Html:
-    """Draw the densities of one metric, a row for each run."""
     column, count = comparison.metrics[m], len(runs)
     samples = [run.samples(column) for run in runs]
     x = _view(samples, comparison.scales[m])
@@ -110,7 +109,6 @@ def _ridge(plane: Plane, samples: FloatArray, share: float, foot: float, kind: s
 
 
 def _view(columns: Sequence[FloatArray], scale: Scale) -> tuple[float, float]:
-    """Return the range of the values, cut at the fences of the distance."""
     finite = np.concatenate([column[np.isfinite(column)] for column in columns])
     if not finite.size:
         return 0.0, 1.0
@@ -157,7 +155,6 @@ def _row(comparison: Comparison, order: list[int], run: int, row: int, left: flo
 
 
 def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
-    """Draw the tree; its axis is the root of the distance, which gives small groups room."""
     count = len(grouping.order)
     top = max(float(grouping.linkage[-1, 2]), noise if noise == noise else 0.0, 1e-9)
 

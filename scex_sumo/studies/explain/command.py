@@ -28,16 +28,18 @@ EXAMPLE = "out/k733 --metric ttc"
 
 def explain_command(
     folder: Result,
-    metric: Annotated[str | None, metric_option("Print this one, with all its worst futures.")] = None,
-    encounter: Annotated[
-        str | None, Option(metavar="A,B", help="Print whose models make these two collide.")
+    metric: Annotated[
+        str | None, metric_option("Print only this metric, with all its worst futures.")
     ] = None,
-    worst: Annotated[int, Option(metavar="N", help="How many of the worst futures are named.")] = 5,
+    encounter: Annotated[
+        str | None, Option(metavar="A,B", help="Print which models make these two vehicles collide.")
+    ] = None,
+    worst: Annotated[int, Option(metavar="N", help="Number of worst futures to name.")] = 5,
     plots: Annotated[
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write explain.html.")
     ] = True,
 ) -> Answer:
-    """Say which vehicles' models make a scene critical, and how."""
+    """Find the vehicles and models that make a scene critical."""
     from scex_sumo.commands.answers import interval
     from scex_sumo.commands.console import output_console
     from scex_sumo.metrics.registry import COLLISION, COLUMNS, column_named
@@ -117,7 +119,6 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def _sources(effects: Sequence[Effect], ids: Sequence[int]) -> str:
-    """List the largest shares of the variance, and the rest, to 100 %."""
     parts = sorted((e for e in effects if e.kind != "rest"), key=lambda e: -e.share)
     named, small = parts[:_SHOWN_EFFECTS], parts[_SHOWN_EFFECTS:]
     words = [
@@ -144,7 +145,6 @@ def _told(
     names: Sequence[str],
     worst: Sequence[dict[str, Any]],
 ) -> Iterator[str]:
-    """Yield the lines that the terminal shows for one metric."""
     if explanation.defined == 0:
         yield f"{explanation.metric}: defined in no future"
         return
@@ -173,4 +173,4 @@ def _told(
         if len(drivers) > _SHOWN_DRIVERS:
             both = (f"{row['track_id']}=", f"{row['other_id']}=")
             drivers = [name for name in drivers if name.startswith(both)]
-        yield f"  child {row['child']}: {', '.join(value)}: {' '.join(drivers)}"
+        yield f"  future {row['child']}: {', '.join(value)}: {' '.join(drivers)}"

@@ -134,11 +134,7 @@ def pair_of(metric: str) -> tuple[int, int] | None:
 
 
 def metric_values(run: Run, metric: str) -> FloatArray:
-    """Return the values (C,) of a metric; for ``A,B`` 1 in children in which the two collide, else 0.
-
-    Raises:
-        UsageError: there is no such metric, or the two collide in no child.
-    """
+    """Return the values (C,) of a metric; for ``A,B`` 1 in children in which the two collide, else 0."""
     pair = pair_of(metric)
     if pair is None:
         return run.values(metric)
@@ -146,7 +142,7 @@ def metric_values(run: Run, metric: str) -> FloatArray:
     one, two = np.asarray(table["track_id"]), np.asarray(table["other_id"])
     both = np.isin(one, pair) & np.isin(two, pair) & (one != two)
     if not both.any():
-        raise UsageError(f"{metric}: these two collide in no child; see scex-sumo encounters {run.folder}")
+        raise UsageError(f"{metric}: these two collide in no future; see scex-sumo encounters {run.folder}")
     return np.isin(np.asarray(run.metrics["child"]), np.asarray(table["child"])[both]).astype(np.float64)
 
 

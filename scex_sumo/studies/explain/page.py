@@ -116,7 +116,6 @@ def _worst(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _matrix(one: Explanation, ids: Sequence[int]) -> Html:
-    """Draw the vehicles with an effect by themselves: the darker, the larger the share."""
     effects = [effect for effect in one.effects if effect.kind != "rest"]
     vehicles = sorted({effect.vehicle for effect in effects} | {max(e.other, e.vehicle) for e in effects})
     share: FloatArray = np.zeros((len(ids), len(ids)))

@@ -86,11 +86,7 @@ def write_table(file: Path, table: pa.Table, **options: Any) -> None:
 
 
 def read_table(file: Path, schema: pa.Schema, undefined: Collection[str] = ()) -> pa.Table:
-    """Read a kept table; check pages, columns, types, and nulls outside of ``undefined`` columns.
-
-    Raises:
-        ResultError: the file is damaged, or was edited.
-    """
+    """Read a kept table; check pages, columns, types, and nulls outside of ``undefined`` columns."""
     try:
         table = pq.ParquetFile(file.absolute(), page_checksum_verification=True).read()
     except (OSError, ValueError, pa.ArrowException) as error:

@@ -26,9 +26,6 @@ class StudySettings:
         min_vehicles: least number of moving vehicles.
         cache: use converted nets in ``~/.cache/scex-sumo``.
         weights: SHA-256 of the weights by learned model.
-
-    Raises:
-        UsageError: a value makes no sense.
     """
 
     run: RunSettings = field(default_factory=lambda: RunSettings(children=96))

@@ -93,12 +93,7 @@ class DaskWorkers:
     """
 
     def __init__(self, address: str, work: Work) -> None:
-        """Connect to a scheduler.
-
-        Raises:
-            MissingExtraError: distributed is not installed.
-            UsageError: no scheduler answers, or it has no worker.
-        """
+        """Connect to a scheduler."""
         try:
             from distributed import Client, Security
         except ImportError:
@@ -140,7 +135,6 @@ class DaskWorkers:
         return self._notes
 
     def _room(self) -> int:
-        """Return how many tasks the cluster shall have; its workers come and go."""
         now = time.monotonic()
         if now - self._asked_at > _ASK_S:
             with _answering():
@@ -185,7 +179,6 @@ class DaskWorkers:
 
 
 def _check_reachable(address: str) -> None:
-    """Refuse an address where nothing listens: Dask would try for long, with tracebacks."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if not host or not port.isdigit():
         raise UsageError(f"--cluster {address}: needs the address of a Dask scheduler, e.g. tcp://host:8786")
@@ -209,17 +202,15 @@ def publish_road(road: bytes) -> bytes:
 
 @contextmanager
 def _answering() -> Iterator[None]:
-    """Raise a `ScexError` if the scheduler went away."""
     try:
         yield
     except (OSError, CancelledError):
         raise ScexError(
-            "the Dask scheduler went away; finished seeds are kept, the same command goes on"
+            "the Dask scheduler went away; finished seed scenes are kept; run the same command again to go on"
         ) from None
 
 
 def _result(task: MomentTask, future: Future) -> Any:
-    """Return the result of a task, or its failure; raise a `ScexError` if the cluster failed."""
     from distributed import KilledWorker
 
     try:

@@ -96,7 +96,6 @@ def _fallbacks(part: Part) -> IntArray:
 
 
 def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
-    """Return the critical encounters of each child, see `pairs_of`."""
     assert part.encounters is not None and part.collisions is not None
     injured = {
         (hit["child"], frozenset((hit["track_id"], hit["other_id"]))): round(
@@ -184,12 +183,8 @@ def children_table(
     """Return rows of (C,) children, see `children_schema`.
 
     Args:
-        values: (C, M) of the metric columns.
-        defined: (C, M).
-        fallbacks: (C,).
-        kept: (C,).
-        track_ids: (V,).
-        models: (C, V).
+        values: (C, M) of the metric columns; ``defined`` too.
+        models: (C, V), with ``track_ids`` (V,).
         pairs: (C,) of (E, 5), see `pairs_of`.
     """
     data = {"child": pa.array(children, pa.int32())}

@@ -38,8 +38,8 @@ EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
 def rank_command(
     roots: Roots,
     every: Every = 1.0,
-    children: Annotated[int, Option(help="Futures of a seed scene at most.")] = 96,
-    first: Annotated[int, Option(help="Futures of every seed scene; more if ranks are close.")] = 32,
+    children: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
+    first: Annotated[int, Option(help="Futures of every seed scene; close ranks get more.")] = 32,
     min_vehicles: MinVehicles = 2,
     models: Models = None,
     preset: Preset = "both",
@@ -88,10 +88,15 @@ def rank_command(
         )
     warn(ranking.info["notes"])
     if ranking.info["fallbacks"]:
-        warn([f"{ranking.info['fallbacks']} plans come from fallback planners; see column fallbacks"])
+        warn(
+            [
+                f"{ranking.info['fallbacks']} plans were replaced by the path-following driver's; "
+                "see column fallbacks of ranking.csv"
+            ]
+        )
     _warn_failures(ranking)
     _print_top(ranking)
-    print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} children")
+    print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} futures")
     print(f"result: {out / 'ranking.csv'}")
     print(f"look:   {out / 'ranking.html'}")
     return lambda: {
@@ -114,7 +119,6 @@ def _warn_failures(ranking: Ranking) -> None:
 
 
 def _print_top(ranking: Ranking) -> None:
-    """Print the moments on the page."""
     from pyarrow import array, string
     from pyarrow.compute import is_in
     from rich.table import Table

@@ -34,9 +34,8 @@ _PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
 class RankFolder(StudyFolder):
     """Folder of a ranking under way.
 
-    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all. Tracks are
-    written
-    before the children that they belong to.
+    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all; its tracks are
+    written first.
     """
 
     info, what = "rank.json", "ranking"
@@ -58,7 +57,6 @@ class RankFolder(StudyFolder):
         self._parts = dict(self._scan())
 
     def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:
-        """Yield parts by moment; damaged ones are removed, so that their children run again."""
         for folder in (self.path / _CHILDREN).glob("location=*/seed=*"):
             spans = {}
             for file in sorted(folder.iterdir()):
@@ -115,18 +113,14 @@ class RankFolder(StudyFolder):
         return self.path / kind / f"location={ref.location}" / f"seed={ref.moment}" / name
 
     def read(self, ref: MomentRef, first: int) -> pa.Table:
-        """Read the part of a moment that begins with child ``first``.
-
-        Raises:
-            ResultError: it is damaged.
-        """
+        """Read the part of a moment that begins with child ``first``."""
         return self._read(self._part_file(_CHILDREN, ref, first, self._parts[ref.moment][first] - 1))
 
     def _read(self, file: Path) -> pa.Table:
         table, named = read_table(file, self._schema, self._columns), _PART.fullmatch(file.name)
         assert named is not None
         if table["child"].to_pylist() != list(range(int(named[1]), int(named[2]) + 1)):
-            raise damaged(file, "has other children than its name says")
+            raise damaged(file, "has other futures than its name says")
         tracks, models = table["track_id"].to_pylist(), table["model"].to_pylist()
         if any(row != tracks[0] for row in tracks) or any(len(row) != len(tracks[0]) for row in models):
             raise damaged(file, "has rows with other vehicles")

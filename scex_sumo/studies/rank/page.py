@@ -80,8 +80,6 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
 
 @dataclass(frozen=True, kw_only=True)
 class _MomentReport:
-    """A written report, and the picture of its scene."""
-
     path: Path
     picture: Html
 
@@ -89,12 +87,7 @@ class _MomentReport:
 def _write_report(
     task: MomentTask, command: Sequence[str], path: Path, workers: Workers
 ) -> _MomentReport | None:
-    """Run the children of a moment and write their report; None if they cannot be run.
-
-    Args:
-        task: the moment with its road.
-        command: runs the moment by itself; its last word is the folder.
-    """
+    """Run the children of a moment and write their report; None if they cannot be run."""
     assert task.road is not None
     scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
     settings = dataclasses.replace(task.settings.run, children=len(task.children))
@@ -212,7 +205,7 @@ def _table(rows: Sequence[Mapping[str, Any]], limits: Mapping[str, float]) -> Ta
         ("children", "children", "text", "That have been run"),
         ("p_collision", "P(collision)", "percent", ""),
     ]
-    heads += [("encounters", "encounters", "real", "Critical ones of a child, on average")]
+    heads += [("encounters", "encounters", "real", "Critical ones of a future, on average")]
     heads += [("pair", "worst pair", "text", "")]
     heads += [
         (f"p_{column}", f"P({metric_of(column).words})", "percent", _critical(column, limit))
@@ -234,7 +227,6 @@ def _more(seeds: int) -> str:
 
 
 def _strips(ranking: pa.Table, tops: Sequence[Mapping[str, Any]]) -> list[Html]:
-    """Draw the score over time of the recordings that the top moments come from."""
     names = list(dict.fromkeys(row["recording"] for row in tops if not row["case"]))
     strips = []
     for name in names:

@@ -63,9 +63,7 @@ def severity_share(values: FloatArray) -> FloatArray:
 def place(
     score: FloatArray, error: FloatArray, *, severity: FloatArray | None = None, seed: int, draws: int = DRAWS
 ) -> Places:
-    """Rank moments by score, then by `severity_share`, with 95 % intervals.
-
-    Scores are drawn from the normal distribution of their standard error, cut at 0.
+    """Rank moments by score, then by `severity_share`, with 95 % intervals of normal errors.
 
     Args:
         score: (n,) mean over the children; larger is more critical.
@@ -106,7 +104,6 @@ def _ranks(score: FloatArray) -> IntArray:
 
 
 def _levels(count: int, draws: int, seed: int) -> IntArray:
-    """Return the numbers 0 to draws - 1 (count, draws) in random order for each moment."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, _STREAM)))
     levels = np.broadcast_to(np.arange(draws, dtype=np.int64), (count, draws))
     return rng.permuted(levels, axis=1)

@@ -119,7 +119,6 @@ class RankingRun:
         )
 
     def _tasks(self, items: Iterator[Item], children: int) -> Iterator[RankTask]:
-        """Yield the tasks among the items; enter the others."""
         for item in items:
             if isinstance(item, MomentTask):
                 kept = sum(tally.kept for tally in self.tallies.get(item.ref.moment, ()))
@@ -174,7 +173,6 @@ class RankingRun:
         self._tick(0)
 
     def _expect(self, children: int) -> None:
-        """Estimate the total of the first round from the recordings listed so far."""
         known = len(self.listings) + len(self.unreadable)
         moments = sum(len(listing.moments) for listing in self.listings.values())
         expected = moments * len(self.recordings) / known if known else len(self.recordings)

@@ -29,9 +29,6 @@ class RankSettings(StudySettings):
         top: moments on the page; more children settle their ranks.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
         by: order of the moments: ``mixed``, ``severity``, ``collisions`` or ``encounters``.
-
-    Raises:
-        UsageError: a value makes no sense.
     """
 
     first: int = 32

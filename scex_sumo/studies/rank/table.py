@@ -30,11 +30,7 @@ _ENDS = ("", "_low", "_high")
 
 
 def ranking_table(run: RankingRun) -> pa.Table:
-    """Return the table of a ranking whose moments have all run.
-
-    Raises:
-        TrackError: no moment has a result.
-    """
+    """Return the table of a ranking whose moments have all run."""
     refs, settings = run.refs, run.settings
     limits = settings.thresholds
     if not refs:

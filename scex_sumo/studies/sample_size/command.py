@@ -47,9 +47,9 @@ def sample_size_command(
     time: Time = None,
     synthetic: Synthetic = None,
     origin: Origin = None,
-    vehicles: Annotated[int, Option(help="How many take part, those nearest to each other.")] = 5,
+    vehicles: Annotated[int, Option(help="Number of vehicles that take part, nearest to each other.")] = 5,
     models: Annotated[
-        str | None, Option(metavar="MODEL,...", help="Models; else six as in the paper's study.")
+        str | None, Option(metavar="MODEL,...", help="Models; default: six, as in the paper's study.")
     ] = None,
     sizes: Annotated[str, Option(metavar="N,...", help="Sizes of the samples.")] = "1000,385,100,10",
     draws: Annotated[int, Option(help="Samples of each size.")] = 200,
@@ -65,7 +65,7 @@ def sample_size_command(
     overwrite: Overwrite = False,
     out: ResultPath = None,
 ) -> None:
-    """Run all assignments of a small scene: how few are enough?"""
+    """Run all assignments of a small scene, and show how few are enough."""
     import pyarrow as pa
 
     from scex_sumo.commands.console import output_console
@@ -130,7 +130,6 @@ def _sizes(text: str) -> tuple[int, ...]:
 
 
 def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the errors of the shares of samples, for each design and size."""
     from numpy import median
 
     for design, size in dict.fromkeys((row["design"], row["size"]) for row in rows):

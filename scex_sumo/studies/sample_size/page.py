@@ -49,7 +49,7 @@ def write_sample_size(
     about = f"{counted(scene['vehicles'], 'vehicle')}, all {run.children} assignments of models"
     numbers = card(
         "In numbers",
-        "Also of the means over a child. KS, W1, JSD: three distances of a sample from all assignments.",
+        "Also of the means over a future. KS, W1, JSD: three distances of a sample from all assignments.",
         table_place("sizes"),
     )
     return write_study(

@@ -21,19 +21,15 @@ _OFF_ROAD_M = 1e6  # farther than any vehicle on the road
 def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
     """Choose a group of vehicles around the closest encounter, as ascending indices.
 
-    At constant velocity for 3 s, the two vehicles on lanes that come nearest to each other are taken first,
-    then
-    always the one that comes nearest to any taken. Two standing ones count as 1 km apart.
-
-    Raises:
-        UsageError: the seed scene has fewer than ``count`` vehicles.
+    At constant velocity for 3 s, the two vehicles that come nearest to each other are taken first, then
+    always the one that comes nearest to any taken.
     """
     from scex_sumo.roads.matching import off_road
 
     if not 1 <= count <= scene.vehicles:
         raise UsageError(
-            f"--vehicles: got {count}, {scene.name} has {scene.vehicles}; "
-            "ask for 1 to so many, or for another seed scene with --time or --synthetic"
+            f"{scene.name}: has {scene.vehicles} vehicles, but {count} shall take part; give --vehicles 1 to "
+            f"{scene.vehicles}, or a seed scene with more vehicles by --time or --synthetic"
         )
     apart = _nearest_approach(scene)
     stands = scene.now.speed < _STANDING_MPS
@@ -53,7 +49,6 @@ def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
 
 
 def _nearest_approach(scene: SeedScene) -> FloatArray:
-    """Return the smallest distance (V, V) of the centres within 3 s at constant velocity, m."""
     now = scene.now
     x, y = now.x, now.y
     vx, vy = now.speed * np.cos(now.heading), now.speed * np.sin(now.heading)

@@ -117,8 +117,7 @@ def study(
 ) -> list[dict[str, Any]]:
     """Return median and 95th percentile of the distances of smaller samples to all children.
 
-    Rows of metric, design, size, draws, defined_draws, and median and p95 of ks, w1 and jsd; None if
-    undefined.
+    Rows have metric, design, size, draws, defined_draws, and median and p95 of ks, w1 and jsd.
 
     Args:
         sizes: numbers of children; those above the number of assignments are left out.

@@ -36,7 +36,7 @@ def validate_command(
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/validation.", show_default=False)
     ] = Path("out") / "validation",
 ) -> Answer:
-    """Compare what a mix of models says with what really happened."""
+    """Compare the forecasts of a mix of models with what really happened."""
     from scex_sumo.studies.validate.validate import validate
 
     with progress_bar("seeds") as tick, resumable("seeds", out):

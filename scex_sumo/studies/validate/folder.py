@@ -36,7 +36,6 @@ class ForecastFolder(StudyFolder):
         super().__init__(path, identity, overwrite=overwrite)
 
     def _prepare(self) -> None:
-        """Remove damaged moments, which then run again."""
         super()._prepare()
         for folder in (self.path / _MOMENTS).glob("*/"):
             try:
@@ -59,11 +58,7 @@ class ForecastFolder(StudyFolder):
             write_table(self.path / _MOMENTS / ref.moment / f"{name}.parquet", getattr(forecast, name))
 
     def read(self, ref: MomentRef) -> Forecast:
-        """Read the forecast of a moment.
-
-        Raises:
-            ResultError: it is damaged.
-        """
+        """Read the forecast of a moment."""
         return self._read(self.path / _MOMENTS / ref.moment)
 
     def _read(self, folder: Path) -> Forecast:
@@ -73,7 +68,7 @@ class ForecastFolder(StudyFolder):
         }
         for name, more in (("children", COMPARED), ("seen", ())):
             if tables[name]["child"].to_pylist() != [*self._children, *more]:
-                raise damaged(folder / f"{name}.parquet", "has other children than the validation")
+                raise damaged(folder / f"{name}.parquet", "has other futures than the validation")
         if len(tables["realism"]) != 1:
             raise damaged(folder / "realism.parquet", "needs one row")
         return Forecast(**tables)

@@ -92,7 +92,7 @@ def _forecast(task: ForecastTask, scene: SeedScene, net: SumoNet) -> Forecast:
     assert road is not None
     judged = _recorded_to_end(scene, steps)
     if not judged.any():
-        raise TrackError(f"no vehicle is recorded for {steps} steps after it; take another moment")
+        raise TrackError(f"no vehicle is recorded for {steps} steps after the moment; choose another moment")
     plain = RunSettings(
         models="constant_velocity", children=1, steps=steps, keep_plans=False, world=asked.world
     )

@@ -1,7 +1,6 @@
 """Noise of a recording's boxes, and children with this noise.
 
-A recorded extremum over all pairs picks the largest error of the boxes, so children need the same errors to
-be compared. An error is the difference of a track from its smoothed course.
+A recorded extremum picks the largest error of the boxes, so children need the same errors to be compared.
 """
 
 from __future__ import annotations
@@ -66,7 +65,6 @@ def box_noise(rows: TrackRows, until_s: float) -> BoxNoise:
 
 
 def _errors(rows: TrackRows) -> FloatArray:
-    """Return differences (N, 4) of rows from their smoothed courses."""
     time_s, heading = rows.timestamp_ms / 1000.0, rows.psi_rad.copy()
     for b, e in zip(*rows.pieces, strict=True):
         heading[b : e + 1] = np.unwrap(heading[b : e + 1])

@@ -173,7 +173,6 @@ def _diagram(row: Mapping[str, Any]) -> Html:
 
 
 def _ranks(name: str, counts: Sequence[int]) -> Html:
-    """Draw a rank histogram; the line is the level of equal ranks."""
     plane = Plane(x=(0.0, float(len(counts))), y=(0.0, 1.1 * max(*counts, 1)), width=180, height=70)
     bars = [plane.box((k + 0.06, k + 0.94), (0.0, n), "drawn") for k, n in enumerate(counts)]
     level = sum(counts) / len(counts)

@@ -91,7 +91,6 @@ def realism_score(likelihood: dict[str, float]) -> float:
 
 
 def _features(states: States, length: FloatArray, width: FloatArray, road: Road) -> dict[str, FloatArray]:
-    """Return features (C, T', V) of motion, and events (C, V)."""
     turn = wrap(np.diff(states.heading, axis=1)) / STEP_S
     gap, ttc = _nearest(states, length, width)
     depth = _least_depth(states, length, width, road)
@@ -109,7 +108,6 @@ def _features(states: States, length: FloatArray, width: FloatArray, road: Road)
 
 
 def _least_depth(states: States, length: FloatArray, width: FloatArray, road: Road) -> FloatArray:
-    """Return the depth (C, T, V) of the outermost corner within the lanes, m; negative outside."""
     cos, sin = np.cos(states.heading), np.sin(states.heading)
     surface, least = surface_of(road), np.full(states.shape, np.inf)
     for along in (-0.5, 0.5):
@@ -121,7 +119,6 @@ def _least_depth(states: States, length: FloatArray, width: FloatArray, road: Ro
 
 
 def _nearest(states: States, length: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return distances (C, T, V) to the nearest rectangle, m, and times to collision with the leader, s."""
     vehicles = states.shape[2]
     gap, ttc = np.full(states.shape, np.inf), np.full(states.shape, MAX_TTC_S)
     ahead = np.full(states.shape, np.inf)

@@ -24,9 +24,6 @@ class ValidationSettings(StudySettings):
     Attributes:
         part: ``train``, ``validation`` or ``test`` of each recording's time, as for learned drivers, or
             ``all``.
-
-    Raises:
-        UsageError: a value makes no sense.
     """
 
     part: str = ALL

@@ -155,7 +155,6 @@ def _run(
     workers: MomentWorkers,
     progress: Progress | None,
 ) -> list[MomentRef]:
-    """Run the moments that have not run; return all moments."""
     refs: list[MomentRef] = []
     noise: dict[str, BoxNoise] = {}
     done = 0

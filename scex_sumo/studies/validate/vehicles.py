@@ -139,7 +139,6 @@ def gap_forecasts(
 
 
 def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return pairs whose centres come within 25 m: bodies of trucks may come within 10 m."""
     vehicles = np.flatnonzero(judged)
     a, b = np.triu_indices(len(vehicles), 1)
     first, second = vehicles[a], vehicles[b]
@@ -152,7 +151,6 @@ def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray
 
 
 def _least_gap(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> FloatArray:
-    """Return least distances (C, P) of the rectangles of pairs over all steps, m."""
     least = np.empty((states.shape[0], len(first)))
     for k, pair in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
         one, two = (Rectangles.of(states[:, :, v], scene.length[v], scene.width[v]) for v in pair)

@@ -22,7 +22,6 @@ LEFT, RIGHT = PATH_COLUMNS.index("room_left"), PATH_COLUMNS.index("room_right")
 
 
 def _signs(columns: Sequence[str], sideways: Sequence[str]) -> Tensor:
-    """Return (columns,) -1 for columns whose sign a mirror changes, else 1."""
     missing = [name for name in sideways if name not in columns]
     assert not missing, missing
     return torch.tensor([-1.0 if name in sideways else 1.0 for name in columns])

@@ -85,7 +85,6 @@ class Batches:
         )
 
     def _index(self, start: IntArray, count: IntArray) -> Tensor:
-        """Return row numbers of several pieces, one after the other."""
         index = np.arange(int(count.sum())) + np.repeat(start - _starts(count), count)
         return torch.as_tensor(index, device=self.device)
 

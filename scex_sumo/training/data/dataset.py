@@ -79,9 +79,6 @@ def make_dataset(
     Args:
         cache: folder; None keeps nothing.
         tick: called with the number of recordings done, and of all.
-
-    Raises:
-        TrackError: no vehicle can be learned from.
     """
     sites = tuple(sorted({recording.site for recording in recordings}))
     kinds: dict[str, str] = {}
@@ -126,9 +123,6 @@ def map_shift(road: Road, other: Road) -> FloatArray:
     """Return (2,) m from a place on a map to the same place on another of the site.
 
     NGSIM's maps have different origins.
-
-    Raises:
-        MapError: they are different maps.
     """
     common = [(road.lanes[k].centreline, other.lanes[k].centreline) for k in road.lanes.keys() & other.lanes]
     shifts = [theirs - mine for mine, theirs in common if mine.shape == theirs.shape]

@@ -56,7 +56,6 @@ def add_obstacles(
 def _places(
     scene: SeedScene, road: Road, paths: SeedPaths, vehicle: IntArray, row: IntArray, rng: np.random.Generator
 ) -> tuple[States, BoolArray]:
-    """Return (n,) places, and (n,) whether the way there is free and mapped."""
     history, who = SceneHistory.of_scene(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     own = scene.now[vehicle]
     s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))

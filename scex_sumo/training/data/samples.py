@@ -193,14 +193,7 @@ def _goals(
     future: States,
     gap: FloatArray | None,
 ) -> _Goals:
-    """Return targets of each vehicle along each of its paths.
-
-    Args:
-        actual: (P,) where it is; `history` has where it is seen.
-        recorded: (P,) where the recorded one was.
-        future: (P, H) of the recorded one.
-        gap: (P,) m to a standing vehicle behind which it stops, or None.
-    """
+    """Return targets of each vehicle along each of its paths."""
     present = history.now[who.child, who.vehicle]
     way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
     s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)

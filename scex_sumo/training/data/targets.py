@@ -21,7 +21,6 @@ def along_paths(
 
     Args:
         row: (n,) path of each vehicle.
-        start: (n,) present states.
         future: (n, F).
         start_way: (n,) rough arc length at present, m; None is the table's beginning.
     """
@@ -64,13 +63,8 @@ def right_paths(
 def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray) -> FloatArray:
     """Return (n, H) m that a displaced vehicle is still off the recorded one on its way back.
 
-    A quintic in the distance travelled, to zero without slope and curvature.
-
-    Args:
-        displaced: (n,) m, left positive.
-        slope: (n,) tangent of the heading error.
-        speed: (n,) m/s, now.
-        way: (n, H) m travelled.
+    A quintic in the distance travelled ``way`` (n, H) m, to zero without slope and curvature.
+    ``slope`` (n,) is the tangent of the heading error.
     """
     length = np.maximum(RETURN_M, RETURN_S * speed)[:, None]
     keep, lean = fading(np.clip(way / length, 0.0, 1.0))

@@ -115,7 +115,6 @@ class EdgeAttentionModule(nn.Module):
 
 
 def _draw(weight: Tensor) -> None:
-    """Draw uniform numbers of Glorot, Bengio 2010."""
     bound = math.sqrt(6.0 / (weight.size(-2) + weight.size(-1)))
     nn.init.uniform_(weight, -bound, bound)
 

@@ -87,7 +87,6 @@ class ImageModule(nn.Module):
         return read
 
     def _sample(self, where: MapTensors, px: Tensor, py: Tensor) -> Tensor:
-        """Return (k, channels, points) of raster and features, bilinear; 0 beyond the map."""
         features = self.convolve(where.raster[None])[0]
         u, v = (px - where.corner[0]) / PIXEL_M, (py - where.corner[1]) / PIXEL_M
         parts = []

@@ -76,7 +76,7 @@ def test_onnx_files_that_cannot_be_used_say_why(tmp_path: Path) -> None:
     foreign = tmp_path / "text.onnx"
     foreign.write_text("no model")
     for file, words in (
-        (foreign, "text.onnx: no ONNX file"),
+        (foreign, "text.onnx: not an ONNX file"),
         (
             write_onnx(tmp_path / "a.onnx", ("camera", ("n", 3))),
             "asks for an input 'camera'; there are: ",
@@ -128,7 +128,7 @@ def test_torchscript_files_that_cannot_be_used_say_why(scripted: Path, tmp_path:
     foreign = tmp_path / "text.pt"
     foreign.write_text("no model")
     for file, words in (
-        (foreign, "text.pt: no TorchScript file: "),
+        (foreign, "text.pt: not a TorchScript file: "),
         (scripted / "Camera.pt", "asks for an input 'camera'; there are: history, size"),
     ):
         with pytest.raises(InputError, match=words):

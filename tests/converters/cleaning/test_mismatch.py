@@ -46,7 +46,7 @@ def test_tracks_a_few_metres_off_are_doubted_with_the_shift_and_an_origin_that_f
 def test_tracks_that_no_shift_brings_onto_lanes_are_of_another_map(bend: Road) -> None:
     star = [lane(k, [(0, 0), (90 * np.cos(k), 90 * np.sin(k))]) for k in range(1, 7)]
     dense = [replace(one, centreline=np.linspace(*one.centreline, 46)) for one in star]
-    assert "the tracks are of another map" in explain_mismatch(driven(road(dense)), bend)
+    assert "the tracks belong to another map" in explain_mismatch(driven(road(dense)), bend)
 
 
 def test_few_tracks_tell_nothing(bend: Road) -> None:

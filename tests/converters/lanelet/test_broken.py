@@ -323,7 +323,7 @@ def test_heights_that_no_road_has_are_taken_for_0(height: str, tmp_path: Path) -
         r"(<node [^>]*?)/?>(</node>)?", rf"\1><tag k='ele' v='{height}'/></node>", two_lanes(), count=1
     )
     road = read_road(written(tmp_path, text))
-    assert one_note(road) == "heights not understood, taken for 0: node 100000"
+    assert one_note(road) == "nodes with a height that is no number, height 0 used: node 100000"
     assert road.lanes[1].successors == (2,)
 
 

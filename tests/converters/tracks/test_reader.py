@@ -175,7 +175,7 @@ def test_a_missing_frame_number_is_told_by_the_time(tmp_path: Path) -> None:
 def test_stamps_in_seconds_are_told_from_milliseconds(tmp_path: Path) -> None:
     rows = [row | {"timestamp_ms": row["timestamp_ms"] / 1000.0} for row in straight(1)]
     table = read_tracks(write_rows(tmp_path / "t.csv", rows))
-    assert table.notes == ("timestamp_ms is in seconds: taken for such",)
+    assert table.notes == ("timestamp_ms is in seconds: converted to milliseconds",)
     np.testing.assert_allclose(table.vehicles.timestamp_ms, 100.0 * np.arange(41))
     assert table.step_s == pytest.approx(0.1)
 
@@ -225,7 +225,7 @@ def test_ids_that_are_one_number_are_told_apart(tmp_path: Path) -> None:
     rows = straight("4") + straight("04", y=4.0) + straight("7.0", y=8.0)
     table = read_tracks(write_rows(tmp_path / "t.csv", rows))
     assert sorted(np.unique(table.vehicles.track_id).tolist()) == [4, 7, 8]
-    assert table.notes == ("track ids that are one number told apart: 04 is 8",)
+    assert table.notes == ("different track ids that are the same number, renumbered: 04 is 8",)
 
 
 def test_a_packed_file_is_read_as_it_is_unpacked(tmp_path: Path) -> None:
@@ -289,7 +289,7 @@ def test_headings_in_degrees_are_told_by_the_driving(tmp_path: Path) -> None:
     rows = straight(1, speed=-10.0, psi_rad=180.0) + straight(2, y=4.0, psi_rad=0.0)
     table = read_tracks(write_rows(tmp_path / "t.csv", rows))
     np.testing.assert_allclose(np.unique(table.vehicles.psi_rad), [0.0, np.pi])
-    assert table.notes == ("psi_rad is in degrees: taken for such",)
+    assert table.notes == ("psi_rad is in degrees: converted to radians",)
     turned = straight(1, psi_rad=4.0 * np.pi) + straight(2, y=4.0)
     assert read_tracks(write_rows(tmp_path / "u.csv", turned)).notes == ()
 

@@ -31,7 +31,9 @@ def test_centres_lie_half_a_length_behind_the_front_and_angles_count_from_the_ea
     np.testing.assert_allclose(rows.y, 5.0)
     np.testing.assert_allclose(rows.psi_rad, 0.0, atol=1e-12)
     assert (rows.labels, rows.types, table.step_s) == (("7",), ("car",), pytest.approx(0.1))
-    assert findings == ("sizes are SUMO's for the classes that the types' names speak of",)
+    assert findings == (
+        "vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types",
+    )
 
 
 def test_north_is_a_quarter_turn_to_the_left(tmp_path: Path) -> None:

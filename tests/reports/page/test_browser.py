@@ -6,11 +6,16 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.reports.page.report import write_report
 from scex_sumo.results.run import Run, open_run
+from scex_sumo.scene import LOGGED_HISTORY
+from tests.reports.page.test_numbers import body
 
 
 def text(page: Any, selector: str) -> str:
@@ -47,14 +52,205 @@ def test_it_plays_to_the_end(page: Any) -> None:
     page.wait_for_selector("#play:has-text('▶')")
 
 
+def test_it_opens_on_the_worst_encounter_with_the_play_bar_in_sight(page: Any, run: Run) -> None:
+    worst = run.encounters.to_pylist()[0]
+    page.wait_for_selector("#encounters tr.chosen")
+    assert page.input_value("#child") == str(worst["child"])
+    assert text(page, "#clock") == f"{worst['time_s']:.1f} s"
+    title = text(page, "#pair-title")
+    assert str(worst["track_id"]) in title and title.endswith(f"future {worst['child']}")
+    chosen = text(page, "#encounters tr.chosen td >> nth=0")
+    assert chosen == f"{worst['track_id']} → {worst['other_id']}"
+    for name in ("#play", "#time", "#strips"):
+        box = page.locator(name).bounding_box()
+        assert box["y"] + box["height"] <= 900
+    places = [_on_map(page, run, worst[name]) for name in ("track_id", "other_id")]
+    assert all(place is not None for place in places)
+
+
+def _on_map(page: Any, run: Run, track: int) -> tuple[float, float] | None:
+    """Return a place in the middle of the map where the pointer finds a vehicle."""
+    box = page.locator("#map").bounding_box()
+    for ring in range(12):
+        for turn in np.arange(0, 2 * np.pi, np.pi / 6):
+            x = box["x"] + box["width"] / 2 + 10 * ring * np.cos(turn)
+            y = box["y"] + box["height"] / 2 + 10 * ring * np.sin(turn)
+            page.mouse.move(x, y)
+            if page.locator("#vehicle b").all_inner_texts() == [f"vehicle {track}"]:
+                return float(x), float(y)
+    return None
+
+
+def test_a_vehicle_says_its_id_speed_and_model_and_a_click_lists_its_encounters(page: Any, run: Run) -> None:
+    worst = run.encounters.to_pylist()[0]
+    track, child, step = worst["track_id"], worst["child"], round(worst["time_s"] * 10)
+    place = _on_map(page, run, track)
+    vehicle = run.info["seed_scene"]["track_ids"].index(track)
+    speed = run.states(child).speed[vehicle, 10 - 1 + step]
+    assert place is not None
+    said = text(page, "#vehicle p >> nth=0")
+    assert abs(float(said.split(" · ")[1].removesuffix(" m/s")) - speed) < 0.07
+    assert said.endswith(run.models_of(child)[vehicle])
+    page.mouse.click(*place)
+    page.wait_for_selector("#vehicle > button")
+    met = [one for one in meetings(run) if track in (one.row["track_id"], one.row["other_id"])]
+    mine = [one.words() for one in met]
+    assert [button.get_attribute("title") for button in page.locator(LISTED).all()] == mine[:6]
+    page.mouse.move(0, 0)
+    page.locator(LISTED).last.click()
+    row = met[:6][-1].row
+    page.wait_for_selector(f"#clock:has-text('{row['time_s']:.1f} s')")
+    assert page.input_value("#child") == str(row["child"])
+
+
 def test_an_encounter_leads_to_its_pair_child_and_step(page: Any) -> None:
-    row = page.locator("#encounters tr.go").first
+    row = page.locator("#encounters tr.go").nth(1)
     pair = row.locator("td").first.inner_text().split(" → ")
     row.click()
-    page.wait_for_selector("#pair-title:has-text('Gap of')")
-    assert text(page, "#pair-title").startswith(f"Gap of {pair[0]} and {pair[1]}, future ")
-    assert page.input_value("#child") != ""
+    page.wait_for_selector("#encounters tr.chosen >> nth=0")
+    page.wait_for_selector(f"#pair-title:has-text('{pair[0]}')")
+    title = text(page, "#pair-title")
+    assert title.startswith(f"{pair[0]} ") and f" and {pair[1]} " in title
     assert text(page, "#clock") == row.locator("td").last.inner_text()
+
+
+def test_curves_have_the_values_of_the_run_at_the_shown_step(page: Any, run: Run) -> None:
+    row = run.encounters.to_pylist()[0]
+    seen = [run.info["seed_scene"]["track_ids"].index(row[name]) for name in ("track_id", "other_id")]
+    states, scene = run.states(row["child"]), run.scene
+    page.keyboard.press("ArrowLeft")
+    step = round(10 * row["time_s"]) - 1
+    page.wait_for_selector(f"#clock:has-text('{step / 10:.1f} s')")
+    speed, acceleration, gap, _ = page.locator("#strips header span:last-child").all_inner_texts()
+    now = states[seen, LOGGED_HISTORY - 1 + step]
+    np.testing.assert_allclose([float(v) for v in speed.split(" / ")], now.speed, atol=0.07)
+    around = [states.speed[seen, LOGGED_HISTORY - 1 + step + by] for by in (-1, 1)]
+    np.testing.assert_allclose(
+        [float(v) for v in acceleration.split(" / ")], (around[1] - around[0]) / 0.2, atol=0.16
+    )
+    bodies = [
+        body(np.array([now.x[i], now.y[i], now.heading[i]]), np.array([scene.length[v], scene.width[v]]))
+        for i, v in enumerate(seen)
+    ]
+    assert abs(float(gap) - bodies[0].distance(bodies[1])) < 0.07
+    cursor = page.eval_on_selector(".strip i", "cursor => cursor.style.left")
+    assert float(cursor.removesuffix("%")) == pytest.approx(100 * step / run.info["steps"])
+    page.locator(".strip canvas").last.click(position={"x": 1, "y": 20})
+    page.wait_for_selector("#clock:has-text('0.0 s')")
+
+
+@pytest.mark.parametrize(
+    "focused", ["#all", "#child", "#speed", "#show-ids", "#find", "#encounters th button"]
+)
+def test_space_always_plays_but_in_the_search(page: Any, focused: str) -> None:
+    page.locator(focused).first.focus()
+    was = page.is_checked("#show-ids")
+    page.keyboard.press("Space")
+    page.wait_for_timeout(60)
+    assert (text(page, "#play") == "▶") == (focused == "#find")
+    assert page.is_checked("#show-ids") == was
+    assert page.input_value("#find") == (" " if focused == "#find" else "")
+
+
+def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any, run: Run) -> None:
+    row, whole = run.encounters.to_pylist()[0], text(page, "#p-collision")
+    pair = {row["track_id"], row["other_id"]}
+    tables = (run.worst.to_pylist(), run.collisions.to_pylist())
+    futures = {r["child"] for table in tables for r in table if {r["track_id"], r["other_id"]} == pair}
+    page.click("#only-pair")
+    page.wait_for_selector(".chip")
+    assert text(page, "#chips b") == f"{len(futures)} of {run.children} futures"
+    collided = len(futures & set(run.collisions["child"].to_pylist()))
+    assert text(page, "#p-collision") == f"{100 * collided / len(futures):.0f} %"
+    assert "exact" not in text(page, "#p-collision-words")
+    assert text(page, "#p-collision-words").startswith(f"{collided} of {len(futures)} futures selected")
+    assert page.locator("#encounters tbody tr").count() == 1
+    assert page.locator("#models tbody tr").count() == 2
+    shown = page.locator("#worst tbody tr td:first-child").all_inner_texts()
+    assert {frozenset(names.split(" – ")) for names in shown} <= {frozenset(map(str, pair))}
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    assert 0 <= page.locator(".chip").bounding_box()["y"] < 60
+    page.keyboard.press("Escape")
+    page.wait_for_selector(".chip", state="detached")
+    assert text(page, "#p-collision") == whole == f"{100 * run.p_collision():.4g} %"
+    assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
+
+
+def test_a_future_alone_filters_p_and_the_worst_futures(page: Any, run: Run) -> None:
+    child = run.encounters.to_pylist()[0]["child"]
+    page.click("#only-future")
+    page.wait_for_selector(".chip")
+    assert text(page, "#p-collision") in ("0 %", "100 %")
+    value, limit = run.metrics["wttc"][child].as_py(), run.thresholds["wttc"]
+    share = page.locator(".share:has-text('WTTC') b").first.inner_text()
+    assert share == ("100 %" if value <= limit else "0 %")
+    assert set(page.locator("#worst tbody tr td:last-child").all_inner_texts()) <= {str(child)}
+
+
+def test_encounters_are_filtered_by_vehicle_and_words_and_sorted(page: Any, run: Run) -> None:
+    rows = run.encounters.to_pylist()
+    track = rows[1]["track_id"]
+    page.fill("#find", str(track))
+    mine = [row for row in rows if track in (row["track_id"], row["other_id"])]
+    page.wait_for_function(ROWS, arg=len(mine))
+    page.fill("#find", "collides")
+    hits = sum(row["collision"] > 0 for row in rows)
+    page.wait_for_function(ROWS, arg=hits)
+    page.fill("#find", "")
+    page.wait_for_function(ROWS, arg=len(rows))
+    page.locator("#encounters th button").last.click()
+    times = [float(t.split()[0]) for t in page.locator("#encounters td:last-child").all_inner_texts()]
+    assert times == sorted(times)
+
+
+def test_the_address_keeps_the_state(page: Any, browser: Any, run: Run) -> None:
+    page.locator("#encounters tr.go").nth(1).click()
+    page.fill("#find", str(run.encounters["track_id"][1]))
+    page.locator("#encounters th button").first.click()
+    page.fill(LIMIT, "7")
+    page.locator(LIMIT).blur()
+    page.select_option("#curve", "cumulative")
+    page.locator("#models td.go").first.click()
+    page.click("#only-future")
+    page.wait_for_function("() => location.hash.includes('only.future')")
+    read = """() => [
+        ...["child", "time", "curve"].map((id) => window[id].value),
+        ...["chips", "pair-title", "encounters", "verdict"].map((id) => window[id].innerText),
+    ]"""
+    before = page.evaluate(read)
+    other = browser.new_page(viewport={"width": 1400, "height": 900})
+    other.goto(page.url)
+    other.wait_for_selector(".chip >> nth=1")
+    assert other.evaluate(read) == before
+    assert other.input_value(LIMIT) == "7"
+    other.close()
+
+
+def test_an_address_that_means_nothing_changes_nothing(page: Any, run: Run) -> None:
+    page.evaluate(
+        "location.hash = 'pair=1,x&future=zz&t=no&only.m99=1,2&only.v0=77&limit.wttc=x&vehicle=-3&sort=z'"
+    )
+    page.wait_for_selector("#pairbox", state="hidden")
+    assert text(page, "#chips") == ""
+    assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
+
+
+def test_on_paper_thresholds_and_legend_stay(page: Any) -> None:
+    page.emulate_media(media="print")
+    assert page.is_visible(LIMIT)
+    assert page.is_visible("#legend") and page.is_visible("#strips")
+    assert page.locator("#player").is_hidden()
+
+
+def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -> None:
+    assert page.locator("#legend").count() == page.locator("#legend, .legend").count() == 1
+    assert {*run.models_of(0)} <= {*page.locator("#legend div").all_inner_texts()}
+    for metric, chart in zip(run.columns, page.locator(".chart").all(), strict=True):
+        unit = metric_of(metric).column_unit
+        assert f"[{unit}]" in chart.locator("header").inner_text() or not unit or chart.is_hidden()
+    for metric in ("collision", "distance"):
+        page.select_option("#focus", label=metric)
+        page.wait_for_selector(f"#worst th:has-text('{'m/s' if metric == 'collision' else '[m]'}')")
 
 
 def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
@@ -113,20 +309,23 @@ def test_a_threshold_that_is_dragged_back_has_the_share_of_the_table_again(page:
 
 
 LIMIT = "#charts .chart:first-child input"
+LISTED = "#vehicle > p ~ button"
+ROWS = "count => document.querySelectorAll('#encounters tbody tr').length === count"
 
 
 def _grip(page: Any) -> float:
     """Where the first chart's threshold is, as a share of its width."""
     canvas = "#charts .chart:first-child canvas"
     page.evaluate("document.querySelector('#charts .chart input').scrollIntoView()")
-    box = page.locator(canvas).bounding_box()
-    cursors = [_cursor(page, box["x"] + x, box["y"] + 60, canvas) for x in range(int(box["width"]))]
-    return (cursors.index("ew-resize") + 9) / float(box["width"])
-
-
-def _cursor(page: Any, x: float, y: float, canvas: str) -> str:
-    page.mouse.move(x, y)
-    return str(page.eval_on_selector(canvas, "canvas => canvas.style.cursor"))
+    find = """canvas => {
+        const { left, top, width } = canvas.getBoundingClientRect();
+        const isGrip = (x) => {
+            canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: left + x, clientY: top + 60 }));
+            return canvas.style.cursor === "ew-resize";
+        };
+        return ([...Array(Math.floor(width)).keys()].find(isGrip) + 9) / width;
+    }"""
+    return float(page.eval_on_selector(canvas, find))
 
 
 def test_a_driver_of_a_vehicle_selects_the_children_that_have_it(page: Any, run: Run) -> None:

@@ -83,6 +83,28 @@ def test_gaps_are_those_of_rectangles() -> None:
     assert min(expected) == 0 < max(expected)
 
 
+def test_times_to_collision_are_those_of_moved_rectangles() -> None:
+    rng = np.random.default_rng(3)
+    poses = rng.uniform([-15, -15, -3, 0], [15, 15, 3, 12], (40, 2, 4))
+    sizes = rng.uniform([3, 1.5], [12, 2.5], (40, 2, 2))
+    times = np.arange(0, 4, 0.01)
+    rows = [[p[0], s[0], p[1], s[1]] for p, s in zip(poses.tolist(), sizes.tolist(), strict=True)]
+    found = evaluated(
+        ("data.js", "pairs.js"),
+        f"{json.dumps(rows)}.map((row) => Math.min(timeToCollision(...row), 99))",
+    )
+    hits = 0
+    for pose, size, time_s in zip(poses, sizes, found, strict=True):
+        velocity = pose[:, 3:] * np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=1)
+        bodies = [body(pose[i], size[i]) for i in range(2)]
+        touch = [
+            t for t in times if translate(bodies[0], *(t * (velocity[0] - velocity[1]))).intersects(bodies[1])
+        ]
+        assert time_s == pytest.approx(touch[0], abs=0.011) if touch else time_s > 3.98
+        hits += bool(touch) and touch[0] > 0
+    assert hits > 3
+
+
 def body(pose: np.ndarray, size: np.ndarray) -> Polygon:
     length, width = size / 2
     box = Polygon([(length, width), (length, -width), (-length, -width), (-length, width)])

@@ -139,7 +139,7 @@ def test_nearest_neighbours_are_in_order_and_ties_by_name() -> None:
 def test_an_unknown_distance_or_empty_run_is_refused() -> None:
     with pytest.raises(UsageError, match="unknown distance 'l2'; known: w1, jsd"):
         compare_samples({"ttc": arrays([0.0], [1.0])}, ["a", "b"], distance="l2")
-    with pytest.raises(InputError, match="without children"):
+    with pytest.raises(InputError, match="without futures"):
         compare_samples({"ttc": arrays([0.0], [])}, ["a", "b"])
 
 
@@ -163,7 +163,7 @@ def fake_run(**changed: object) -> SimpleNamespace:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"steps": 20}, "steps per child 20, but a has 30"),
+        ({"steps": 20}, "steps per future 20, but a has 30"),
         ({"columns": ["wttc"]}, "metrics wttc, but a has ttc, wttc"),
         ({"preset": "path"}, "metric preset path, but a has paper"),
     ],

@@ -93,7 +93,7 @@ def test_the_command_prints_and_writes_it(folder: Path, capsys: pytest.CaptureFi
     said = capsys.readouterr().out
     assert "50.0%" in said
     assert "distance <= 5: 11.1% of 27 futures" in said
-    assert "child 2: 3, 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races" in said
+    assert "future 2: 3, 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races" in said
     effects = pq.read_table(folder / "explain_effects.parquet").to_pylist()
     pair = next(r for r in effects if r["metric"] == "distance" and r["kind"] == "pair" and r["share"] > 0.4)
     assert (pair["track_id"], pair["other_id"]) == (7, 11)
@@ -112,8 +112,8 @@ def test_two_that_collide_are_explained_with_the_children_in_which_they_do(
     explain_command(folder, encounter="7,11", worst=5, plots=False)
     said = capsys.readouterr().out
     assert "collision of 7 and 11: 3.7% of 27 futures" in said
-    assert [line for line in said.splitlines() if "child " in line] == [
-        "  child 2: 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races"
+    assert [line for line in said.splitlines() if "future 2" in line] == [
+        "  future 2: 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races"
     ]
 
 

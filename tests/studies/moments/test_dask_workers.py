@@ -129,7 +129,8 @@ def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(
     cluster.scheduler.kill()
     _, err = ranking.communicate(timeout=120)
     assert ranking.returncode == 1
-    assert err == "error: the Dask scheduler went away; finished seeds are kept, the same command goes on\n"
+    kept = "finished seed scenes are kept; run the same command again to go on"
+    assert err == f"error: the Dask scheduler went away; {kept}\n"
 
 
 @pytest.mark.parametrize(

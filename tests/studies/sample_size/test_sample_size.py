@@ -69,7 +69,7 @@ def test_a_standing_queue_is_not_the_closest_encounter() -> None:
 
 @pytest.mark.parametrize("count", [0, 4])
 def test_more_vehicles_than_there_are_are_refused(count: int) -> None:
-    with pytest.raises(UsageError, match=f"--vehicles: got {count}, straight has 3"):
+    with pytest.raises(UsageError, match=f"straight: has 3 vehicles, but {count} shall take part"):
         choose_vehicles(straight_seed(3), count)
 
 
@@ -108,7 +108,7 @@ def test_the_command_runs_all_assignments_once_and_compares_samples(tmp_path: Pa
     [
         (["--sizes", "10,x"], "--sizes 10,x: needs whole numbers"),
         (["--draws", 0], "--draws: got 0"),
-        (["--vehicles", 99], "--vehicles: got 99"),
+        (["--vehicles", 99], "but 99 shall take part; give --vehicles"),
         (["--synthetic", 5, "--time", 3], "--synthetic: makes its own tracks"),
     ],
 )

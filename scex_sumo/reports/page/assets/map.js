@@ -3,12 +3,15 @@
 const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
 const ROAD_UNIT = 0.05; // m, as in road_lines.py
 const POINTED_PX = 8; // reach of the pointer beyond a body
+const MAX_GHOSTS = 1200; // drawn in a frame; more are thinned out
 const ROAD_COLORS = ["road", "road", "mark", "border", "mark"]; // surface, area, marking, border, stop line
 
 function makeMap(run, state, canvas) {
   const { info, poses, frames, arrays, owner } = run, vehicles = [...info.track_ids.keys()], road = roadOf(info);
   const ground = make("canvas"), pointers = new Map();
-  let x, y, scale, weights, drivers, usual, groundKey;
+  const tracks = vehicles.map(() => []), outlines = new Map();
+  owner.forEach((v, row) => tracks[v].push(row));
+  let x, y, scale, weights, drivers, usual, ghosts, groundKey;
 
   // How many of the selected children drive each track, one of them, and each vehicle's most frequent track.
   function weigh() {
@@ -21,6 +24,20 @@ function makeMap(run, state, canvas) {
     });
     usual = vehicles.map((v) => run.track(0, v));
     owner.forEach((v, row) => { if (weights[row] > weights[usual[v]]) usual[v] = row; });
+    ghosts = tracks.flatMap((rows) => thinned(rows.filter((row) => weights[row]), Math.ceil(MAX_GHOSTS / vehicles.length)));
+  }
+
+  // Tracks with their weights; of too many, a systematic sample with as much weight in total.
+  function thinned(rows, most) {
+    if (rows.length <= most) return rows.map((row) => [row, weights[row]]);
+    const step = sum(rows.map((row) => weights[row])) / most;
+    let passed = 0;
+    return rows.flatMap((row) => {
+      const before = Math.round(passed / step);
+      passed += weights[row];
+      const picks = Math.round(passed / step) - before;
+      return picks ? [[row, picks * step]] : [];
+    });
   }
 
   const isShown = (name) => byId(`show-${name}`).checked, middle = () => [canvas.clientWidth / 2, canvas.clientHeight / 2];
@@ -96,23 +113,33 @@ function makeMap(run, state, canvas) {
       pen.paint(path, kind === 1 ? { fill: ink } : { stroke: ink, width: wide || Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
     }
     const isOne = state.child >= 0;
-    for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : owner.keys()) {
+    for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : ghosts.map(([ghost]) => ghost)) {
       const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 4));
-      const style = isOne ? { stroke: color(row, state.child), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 * Math.sign(weights[row]) };
+      const style = isOne ? { stroke: color(row, state.child), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 };
       pen.paint(points, { width: Math.max(0.25, 1 / scale), ...style });
     }
   }
 
   const color = (row, child = drivers[row]) => info.colors[run.model(child, owner[row])]; // of who drives there
 
-  function body({ paint }, v, pose, style) {
-    paint(pathOf(onBody(pose, info.sizes[v], OUTLINE), true), { width: Math.max(0.12, 1.2 / scale), ...style });
+  function outline(size) {
+    const key = String(size);
+    if (!outlines.has(key)) outlines.set(key, pathOf(onBody([0, 0, 0], size, OUTLINE), true));
+    return outlines.get(key);
+  }
+
+  function body({ context, paint }, v, [px, py, heading], style) { // unless out of sight
+    const [w, h] = middle(), reach = run.radius(v);
+    if (Math.abs(px - x) > w / scale + reach || Math.abs(py - y) > h / scale + reach) return;
+    context.save();
+    context.translate(px, py);
+    context.rotate(heading);
+    paint(outline(info.sizes[v]), { width: Math.max(0.12, 1.2 / scale), ...style });
+    context.restore();
   }
 
   function drawGhosts(pen, ink) { // the more children, the darker
-    owner.forEach((v, row) => {
-      if (weights[row]) body(pen, v, poseOf(row), { fill: color(row), alpha: Math.min(0.1 + ink * weights[row] / state.count, 0.9) });
-    });
+    for (const [row, weight] of ghosts) body(pen, owner[row], poseOf(row), { fill: color(row), alpha: Math.min(0.1 + ink * weight / state.count, 0.9) });
   }
 
   function drawOthers({ paint }) { // pedestrians and cyclists, as recorded

@@ -86,7 +86,8 @@ function pairStrips(run, state, host) {
   function draw({ name, canvas, most = Infinity, limit }, own) {
     const pen = sharp(canvas), { paint, write, width } = pen, here = (course) => course[name].flat().filter((value) => Number.isFinite(value));
     if (!width) return;
-    const chosen = lines.filter(({ picked }) => picked), values = [0, 1, ...(own ? [own, ...chosen] : chosen).flatMap(({ course }) => here(course)), ...(recorded ? here(recorded) : [])];
+    const chosen = lines.filter(({ picked }) => picked), courses = [...chosen, ...(own ? [own] : [])].map(({ course }) => course);
+    const values = [0, limit ?? 1, ...[...courses, ...(recorded ? [recorded] : [])].flatMap(here)];
     const top = Math.min(1.1 * Math.max(...values), most), low = Math.min(...values), low10 = low < 0 ? 1.1 * low : 0;
     const base = bottomAxis(pen, run.info.ticks, (s) => s * 10 / last * width);
     const at = (value, t) => [t / last * width, value <= 1.3 * top ? base - (value - low10) / (top - low10) * (base - 4) : NaN];

@@ -21,7 +21,7 @@ function runReport(run) {
     byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.children} futures`)] : []), ...chips);
     const said = byId("p-collision"), { value, count, words } = chips.length ? select.collision() : info.collision || {};
     if (said && info.collision) {
-      said.textContent = percent(value);
+      said.textContent = chips.length ? percent(value) : said.title;
       said.classList.toggle("hot", count > 0);
       byId("p-collision-words").textContent = chips.length ? words : byId("p-collision-words").title;
     }
@@ -85,7 +85,7 @@ function runReport(run) {
         state.change({ pair: pair.length === 2 && !pair.includes(-1) ? pair : null });
       },
     },
-    future: { get: () => ({ "": state.child < 0 ? "" : state.child }), set: ({ "": text = -1 }) => state.change({ child: clamp(Math.round(text), -1, run.children - 1) }) },
+    future: { get: () => ({ "": state.child < 0 ? "" : state.child }), set: ({ "": text }) => state.change({ child: /^\d+$/.test(text) ? Math.min(text, run.children - 1) : -1 }) },
     t: { get: () => ({ "": (state.step / 10).toFixed(1) }), set: ({ "": text = 0 }) => state.seek(10 * (Number(text) || 0)) },
     vehicle: { get: () => ({ "": state.vehicle === null ? "" : id(state.vehicle) }), set: ({ "": text }) => state.change({ vehicle: text && vehicleOf(text) >= 0 ? vehicleOf(text) : null }) },
     focus: {
@@ -101,8 +101,8 @@ function runReport(run) {
       get: () => Object.fromEntries(info.metrics.flatMap(({ column, threshold }, m) => state.thresholds[m] === threshold ? [] : [[column, state.thresholds[m] ?? "none"]])),
       set(texts) {
         info.metrics.forEach(({ column, threshold }, m) => {
-          const text = texts[column];
-          charts[m].setLimit(text === undefined ? threshold : Number.isFinite(Number(text)) ? Number(text) : null);
+          const text = texts[column], limit = text === "none" ? null : Number(text);
+          charts[m].setLimit(Number.isNaN(limit) ? threshold : limit);
         });
       },
     },

@@ -23,12 +23,13 @@ function makeSelection(run, state) {
     return search.toLowerCase().split(/[\s,]+/).every((word) => /^\d+$/.test(word) ? names.includes(word) : text.includes(word));
   }
 
-  // Encounters that the selection has; of some futures only collisions are known by future.
+  // Encounters of the selection, which has no human-like futures; of its futures only collisions are known.
   function encounterRows(search) {
     const rows = encounters.rows.filter((row) => isOfPair(row) && isFound(row, search));
-    return !state.filters.size ? rows : rows.filter(({ pair }) => state.filters.has("pair") || isEvent(pair)).map((row) => {
+    return !state.filters.size ? rows : rows.filter(({ pair, child }) => child >= 0 && (state.filters.has("pair") || isEvent(pair))).map((row) => {
       const share = state.shareOf((c) => (hits.get(pairKey(row.pair)) || new Set()).has(c));
-      return { ...row, cells: row.cells.map((cell, i) => i === 1 ? share.value : i === 2 ? range(share) : i < 6 && i ? null : cell) };
+      const shown = { share: share.value, range: range(share), unknown: null };
+      return { ...row, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
     });
   }
 

@@ -1,0 +1,97 @@
+"""Region of a scene: the vehicles whose pairs count in encounters, P(collision) and metrics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.scene import SeedScene
+
+AROUND_M: Final = 30.0
+"""Radius around a vehicle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """Circle around a place or a vehicle. A pair counts if one of its vehicles is inside at the seed moment.
+
+    Attributes:
+        circle: x, y and radius, m.
+        around: track id of a vehicle; the radius is then `AROUND_M`.
+
+    Raises:
+        UsageError: both are given, or the circle is none.
+
+    Example:
+        >>> part = scex.extrapolate(scene, children=4, region=scex.Region(around=16))
+        >>> len(part.info["region"]["vehicles"]) < scene.vehicles
+        True
+    """
+
+    circle: tuple[float, float, float] | None = None
+    around: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.circle is not None and self.around is not None:
+            raise UsageError("--region and --around exclude one another; give one of them")
+        if self.circle is not None and not (all(map(math.isfinite, self.circle)) and self.circle[2] > 0):
+            raise UsageError(f"--region {self.circle}: needs finite numbers and a radius above 0 m")
+
+    def vehicles(self, scene: SeedScene) -> tuple[int, ...] | None:
+        """Return the indices of the vehicles inside; None without a limit.
+
+        Raises:
+            UsageError: there is none, or no vehicle of this id.
+        """
+        ids, now, circle = scene.track_ids.tolist(), scene.now, self.circle
+        if self.around is not None:
+            if self.around not in ids:
+                known = ", ".join(map(str, ids))
+                raise UsageError(f"--around {self.around}: not in the seed scene; its vehicles: {known}")
+            centre = ids.index(self.around)
+            circle = float(now.x[centre]), float(now.y[centre]), AROUND_M
+        if circle is None:
+            return None
+        x, y, radius = circle
+        inside = np.flatnonzero(np.hypot(now.x - x, now.y - y) <= radius)
+        if not inside.size:
+            raise UsageError(
+                f"--region {x:g},{y:g},{radius:g}: no vehicle there at the seed moment; the vehicles are at "
+                f"x {now.x.min():.0f} to {now.x.max():.0f}, y {now.y.min():.0f} to {now.y.max():.0f}"
+            )
+        return tuple(inside.tolist())
+
+    def words(self) -> str:
+        """Return the circle in words."""
+        if self.around is not None:
+            return f"within {AROUND_M:g} m of {self.around}"
+        assert self.circle is not None
+        return "within {2:g} m of {0:g}, {1:g}".format(*self.circle)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry ``region`` of ``run.json``; nothing without a limit."""
+        if self.around is not None:
+            return {"region": {"around": self.around, "radius": AROUND_M}}
+        return (
+            {}
+            if self.circle is None
+            else {"region": dict(zip(("x", "y", "radius"), self.circle, strict=True))}
+        )
+
+
+EVERYWHERE: Final = Region()
+
+
+def parse_region(text: str | None, around: int | None) -> Region:
+    """Return the region of ``--region X,Y,R`` or ``--around TRACK``; a `UsageError` for another text."""
+    if text is None:
+        return Region(around=around)
+    try:
+        x, y, radius = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--region {text}: needs X,Y,R in m, e.g. --region 1010,985,40") from None
+    return Region(circle=(x, y, radius), around=around)
