@@ -204,7 +204,7 @@ def test_where_vehicles_always_overlap_that_is_the_reason(tmp_path: Path):
 
 @pytest.mark.parametrize("vehicles", [0, -3])
 def test_less_than_one_vehicle_is_refused(vehicles: int, folder: Path):
-    with pytest.raises(UsageError, match=f"at least 1 vehicle, not {vehicles}"):
+    with pytest.raises(UsageError, match=f"got {vehicles}, needs at least 1 vehicle"):
         populate("roundabout", folder, vehicles)
 
 
