@@ -35,6 +35,7 @@ def seed_scene(
         TrackError: over half of the vehicles are on no mapped lane, without ``force``.
         ScexError: map or tracks cannot be read.
     """
+    from scex_sumo.converters.datasets.find import beside_tracks
     from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 
@@ -56,6 +57,8 @@ def seed_scene(
             )
     assert scene.road is not None
     warn(_brief(note) for note in (*scene.road.notes, *scene.notes))
+    if tracks is None and synthetic is None and (others := beside_tracks(map_path)):
+        warn([f"recordings of this map besides the one taken: {others}; choose one with --tracks"])
     return scene
 
 

@@ -78,6 +78,13 @@ def find_tracks(map_path: str | Path) -> Path:
     )
 
 
+def beside_tracks(map_path: str | Path) -> int:
+    """Return how many recordings of a map `find_tracks` leaves for the one that it takes."""
+    tracks = find_tracks(map_path)
+    files = all_plain_or_packed(tracks.parent, TRACKS)
+    return len(files) - 1 if tracks in files else 0
+
+
 def _walk(root: Path) -> Iterator[Path]:
     for folder, below, names in os.walk(root):
         below[:] = sorted(name for name in below if not name.startswith("."))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.datasets.find import find_tracks
+from scex_sumo.converters.datasets.find import beside_tracks, find_tracks
 from scex_sumo.converters.maps import read_map
 
 
@@ -28,6 +28,7 @@ def test_the_nearest_layout_wins(tmp_path: Path) -> None:
     ):
         place = _touch(tmp_path / name)
         assert find_tracks(the_map) == place
+        assert beside_tracks(the_map) == (name == "recorded_trackfiles/A/vehicle_tracks_001.csv")
 
 
 def test_a_map_beside_the_folders_of_tracks_finds_them_too(tmp_path: Path) -> None:
