@@ -134,7 +134,10 @@ def _set(value: Any) -> bool:
 
 def _of_toml(ctx: Any, path: Path) -> dict[str, Any]:
     """Return the options of a TOML file, whose keys are long options without dashes, or arguments."""
-    import tomllib
+    if sys.version_info >= (3, 11):
+        import tomllib
+    else:
+        import tomli as tomllib
 
     try:
         content = tomllib.loads(_read(path))

@@ -56,10 +56,10 @@ def collisions_table(
         "overlap": hits.overlap,
         "x": hits.x,
         "y": hits.y,
-        "delta_v": severity.delta_v,
-        "delta_v_other": severity.delta_v_other,
-        "p_mais3": pa.array(severity.p_mais3, from_pandas=True),
-        "p_mais3_other": pa.array(severity.p_mais3_other, from_pandas=True),
+        **{
+            name: pa.array(getattr(severity, name), from_pandas=True)  # NaN is null
+            for name in ("delta_v", "delta_v_other", "p_mais3", "p_mais3_other")
+        },
         "fault": pa.array(severity.faults(), pa.string()),
     }
     return pa.table({name: pa.array(values) for name, values in columns.items()}, schema=COLLISIONS_SCHEMA)

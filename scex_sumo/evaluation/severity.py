@@ -56,6 +56,7 @@ FAULTS: Final = (
 ``hits standing``, ``hits from behind``, ``leaves lane`` and ``against priority``, else the other one."""
 
 UNDECIDED: Final = -1
+_NO_MASS = ((np.inf, np.nan),)
 MPH: Final = 0.44704  # m/s
 _STANDING_MPS = 0.05  # as nuPlan's
 _OUTSIDE_M = 0.25  # a corner this far outside of its lane has left it
@@ -66,7 +67,7 @@ class Severity:
     """Severity and fault of N collisions, (N,) each.
 
     Attributes:
-        delta_v: speed change of the first vehicle, m/s.
+        delta_v: speed change of the first vehicle, m/s; NaN if one of both has no mass.
         delta_v_other: of the second one.
         p_mais3: probability of a MAIS 3+ injury of an occupant of the first vehicle; NaN for types that the
             curve does not cover.
@@ -86,10 +87,10 @@ class Severity:
 
 
 def masses(types: Sequence[str], length: FloatArray) -> FloatArray:
-    """Return the mass (V,) of vehicles by type and length in m, kg."""
+    """Return the mass (V,) of vehicles by type and length in m, kg; NaN for types not in `MASSES_KG`."""
     found = np.empty(len(types))
     for index, (kind, long) in enumerate(zip(types, np.asarray(length).tolist(), strict=True)):
-        found[index] = next(mass for limit, mass in MASSES_KG[road_user(kind)] if long <= limit)
+        found[index] = next(mass for limit, mass in MASSES_KG.get(road_user(kind), _NO_MASS) if long <= limit)
     return found
 
 

@@ -237,28 +237,28 @@ class Search:
 
     def _settle(self, event: int, leaf: Node) -> None:
         """Split a leaf by a vehicle that is certain to matter, as often as its futures allow."""
-        while not self._agrees(event, leaf):
-            if leaf.search is None:
-                happens = self.outcomes[leaf.rows, event]
-                without, with_it = (
-                    self.rows[[r for r, h in zip(leaf.rows, happens, strict=True) if h == wanted]]
-                    for wanted in (False, True)
-                )
-                apart = (without[:, None] != with_it[None]).sum(axis=2)
-                a, b = np.unravel_index(int(np.argmin(apart)), apart.shape)
-                pair = without[a], with_it[b]
-                leaf.search = (*pair, self._suspects(event, leaf, *pair))
-            vehicle = self._narrowed(event, leaf)
-            if vehicle is None:
-                return
-            rows, leaf.rows, leaf.search = leaf.rows, [], None
-            leaf.split(vehicle, self.levels[vehicle])
-            leaf.certain = True
-            for number in rows:
-                leaf.children[int(self.rows[number, vehicle])].rows.append(number)
-            for child in leaf.children:
-                self._settle(event, child)
+        if self._agrees(event, leaf):
             return
+        if leaf.search is None:
+            happens = self.outcomes[leaf.rows, event]
+            without, with_it = (
+                self.rows[[r for r, h in zip(leaf.rows, happens, strict=True) if h == wanted]]
+                for wanted in (False, True)
+            )
+            apart = (without[:, None] != with_it[None]).sum(axis=2)
+            a, b = np.unravel_index(int(np.argmin(apart)), apart.shape)
+            pair = without[a], with_it[b]
+            leaf.search = (*pair, self._suspects(event, leaf, *pair))
+        vehicle = self._narrowed(event, leaf)
+        if vehicle is None:
+            return
+        rows, leaf.rows, leaf.search = leaf.rows, [], None
+        leaf.split(vehicle, self.levels[vehicle])
+        leaf.certain = True
+        for number in rows:
+            leaf.children[int(self.rows[number, vehicle])].rows.append(number)
+        for child in leaf.children:
+            self._settle(event, child)
 
     def _suspects(self, event: int, leaf: Node, without: IntArray, with_it: IntArray) -> list[int]:
         """Return the vehicles in which two futures of a leaf differ, most likely first."""

@@ -78,7 +78,8 @@ def human_above(run: Run) -> str:
     pairs: list[tuple[str, Interval, Interval]] = []
     if run.outcomes and human.outcomes:
         pairs.append(("collision", run.p_collision, human.p_collision))
-    columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in _always(run)]
+    always = _always(run)
+    columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in always]
     pairs += [(metric_of(c).words, run.p_critical(c), human.p_critical(c)) for c in columns]
     above: dict[bool, list[str]] = {True: [], False: []}
     for name, possible, likely in pairs:

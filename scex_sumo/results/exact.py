@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.files import write_atomic
 from scex_sumo.exact.tables import InfluenceTable, Weights, union_probability
 from scex_sumo.statistics.density import Interval
 
@@ -40,11 +41,6 @@ class Exact:
     checked: int
     extra: int
 
-    @property
-    def remainder(self) -> float:
-        """Share of assignments that a table may get wrong, at most, with 95 %."""
-        return 3.0 / self.checked
-
     def table(self, one: int, other: int, event: str = "collision") -> InfluenceTable | None:
         """Return the table of a pair's event; None if its sampled value stays."""
         if event not in EVENTS:
@@ -69,8 +65,10 @@ class Exact:
         return union_probability(tables, weights)
 
     def told(self) -> str:
-        """Return how the tables were checked, in words."""
-        return f"exact, checked on {self.checked} futures: none differs (remainder {self.remainder:.1%})"
+        """Return how the tables of collisions were checked, in words: the least checked one counts."""
+        tables = [table for (_, _, event), table in self.tables.items() if event == "collision"]
+        least = min([self._never, *tables], key=lambda table: table.checked)
+        return f"exact, checked on {least.checked} futures: none differs (remainder {least.remainder:.1%})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +167,7 @@ def write_exact(found: Exact, file: Path) -> None:
             for (one, other, event), why in sorted(found.sampled.items())
         ],
     }
-    file.write_text(json.dumps(content))
+    write_atomic(file, json.dumps(content).encode())
 
 
 def remove_exact(folder: Path) -> None:

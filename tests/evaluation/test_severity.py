@@ -107,3 +107,9 @@ def test_who_leaves_its_lane_has_the_fault() -> None:
     """One of two oncoming cars, 1 m to the left of its lane's middle, scrapes one in its own lane."""
     north, gone = {"y": -30.0, "heading": NORTH, "speed": 10.0}, {"y": 30.0, "x": -4.0, "speed": 10.0}
     assert faults(north, gone | {"heading": -NORTH + 0.1}) == ["other leaves lane"]
+
+
+def test_a_type_without_a_mass_leaves_the_speed_changes_undefined() -> None:
+    vehicles = {"speed": 10.0}, {"x": 40, "heading": math.pi, "speed": 10.0}
+    _, found = severity(*vehicles, types=("car", "bicycle"))
+    assert np.isnan([found.delta_v, found.delta_v_other, found.p_mais3, found.p_mais3_other]).all()

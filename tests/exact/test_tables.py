@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.exact.tables import InfluenceTable, reduced, union_probability
+from scex_sumo.results.exact import Exact
 
 MODELS = ("calm", "hasty", "emergency_brake")
 
@@ -82,3 +84,10 @@ def test_unions_of_apart_events_multiply_and_of_connected_ones_are_enumerated() 
             total += float(np.prod(shares[list(cell)]))
     assert union_probability(chain) == pytest.approx(total, abs=1e-12)
     assert union_probability([]) == 0.0
+
+
+def test_the_table_that_fewest_futures_checked_tells_how_sure_the_answer_is() -> None:
+    tables = {(7, 11, "collision"): replace(HIT, checked=96), (7, 11, "drac"): replace(HIT, checked=10)}
+    shares = {"models": MODELS, "shares": HIT.shares, "sampled": {}, "checked": 385, "extra": 100}
+    assert "checked on 96 futures: none differs (remainder 3.1%)" in Exact(tables=tables, **shares).told()
+    assert "checked on 385 futures" in Exact(tables={}, **shares).told()

@@ -19,9 +19,8 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene
 
 STANDING_MPS = 0.5
 COURSE_MPS = 3.0  # slower vehicles show no course
-MAX_OFF_RAD = np.deg2rad(
-    45.0
-)  # a course further off the heading is an error of positions, or reverse driving
+# A course further off the heading is an error of positions, or reverse driving.
+MAX_OFF_RAD = np.deg2rad(45.0)
 STEADY_RAD = np.deg2rad(0.7)  # noise of headings at which their change counts by half
 SHARP_RAD = np.deg2rad(1.0)  # noise of the course at which it counts by half against the box
 COURSE_SHARE = 0.4  # weight of a noisy course against the box
