@@ -18,7 +18,7 @@ from scex_sumo.base.errors import ScexError, ScexWarning, UsageError
 from scex_sumo.base.registry import Registry
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
-from scex_sumo.commands.shared import Command
+from scex_sumo.commands.shared import Command, with_shared
 
 
 def _version(wanted: bool) -> None:
@@ -80,7 +80,7 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
 def _add(app: typer.Typer, name: str) -> None:
     command = COMMANDS.load(name)
     example = f"{name} {getattr(sys.modules[command.__module__], 'EXAMPLE', '')}".rstrip()
-    app.command(name, cls=Command, epilog=f"Example: scex-sumo {example}")(command)
+    app.command(name, cls=Command, epilog=f"Example: scex-sumo {example}")(with_shared(command))
 
 
 def main() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import inspect
 import io
 import json
 import math
@@ -10,9 +12,10 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from typer.core import TyperArgument, TyperCommand, TyperOption
+from typer import Option
+from typer.core import TyperArgument, TyperCommand
 
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.commands import console
@@ -26,31 +29,13 @@ _SHARED = ("config", "quiet", "verbose", "json", "help")
 class Command(TyperCommand):
     """Command with the shared options."""
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        self.answers = getattr(self.callback, "__annotations__", {}).get("return") in (Answer, "Answer")
-        self.params += [
-            TyperOption(
-                param_decls=["--config", "config"],
-                metavar="FILE",
-                help="Options of a TOML file, or of a run.json to repeat that run; those given here win.",
-                is_eager=True,
-                expose_value=False,
-                callback=_take_config,
-            ),
-            _flag("-q", "--quiet", "No notes and no progress; warnings stay."),
-            _flag("-v", "--verbose", "Notes in full; the origin of an error."),
-            *([_flag("--json", "Print the answer as JSON, nothing else.")] if self.answers else []),
-        ]
-
     def invoke(self, ctx: Any) -> Any:
         """Run the command; print its answer alone if ``--json`` is given."""
-        given = {name: ctx.params.pop(name, False) for name in ("quiet", "verbose")}
-        console.level = given["verbose"] - given["quiet"]
-        wanted = ctx.params.pop("json", False) if self.answers else False
+        given = {name: ctx.params.pop(name, None) for name in ("config", "quiet", "verbose", "json")}
+        console.level = bool(given["verbose"]) - bool(given["quiet"])
         if ctx.default_map:
             sys.argv[1:] = [ctx.info_name, *_words(self, ctx)]  # what repeats it without the file
-        if not wanted:
+        if not given["json"]:
             super().invoke(ctx)
             return None
         with _elsewhere() as stdout:
@@ -59,9 +44,36 @@ class Command(TyperCommand):
         return None
 
 
-def _flag(*words: str) -> TyperOption:
-    *names, help = words
-    return TyperOption(param_decls=names, is_flag=True, default=False, help=help, is_eager=True)
+def with_shared(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command's function with the parameters of the shared options, which `Command` takes."""
+    signature = inspect.signature(function, eval_str=True)
+    flags: list[tuple[str, ...]] = [("-q", "--quiet", "No notes and no progress; warnings stay.")]
+    flags += [("-v", "--verbose", "Notes in full; the origin of an error.")]
+    if signature.return_annotation == Answer:
+        flags += [("--json", "Print the answer as JSON, nothing else.")]
+    config = Option(
+        "--config",
+        metavar="FILE",
+        help="Options of a TOML file, or of a run.json to repeat that run; those given here win.",
+        is_eager=True,
+        callback=_take_config,
+    )
+    shared: list[tuple[str, Any, Any]] = [("config", Annotated[str | None, config], None)]
+    for *names, text in flags:
+        option = Annotated[bool, Option(*names, help=text, is_eager=True)]
+        shared.append((names[-1].removeprefix("--"), option, False))
+
+    @functools.wraps(function)
+    def command(**values: Any) -> Any:
+        return function(**{name: value for name, value in values.items() if name in signature.parameters})
+
+    more = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+        for name, kind, default in shared
+    ]
+    command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *more])  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in command.__signature__.parameters.values()}  # type: ignore[attr-defined]
+    return command
 
 
 @contextlib.contextmanager
