@@ -5,26 +5,28 @@ The net is written directly, not by netconvert, to keep the map's shapes and coo
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from dataclasses import replace
+import pickle
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from scex_sumo.base.cache import cached_bytes
 from scex_sumo.base.errors import MapError, listed
 from scex_sumo.base.files import write_atomic
+from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.allowed import allowed_content
-from scex_sumo.converters.net.elements import NetLayout
-from scex_sumo.converters.net.extras import extras_text
-from scex_sumo.converters.net.footways import crossed_zones, footways
 from scex_sumo.converters.net.lanelets import lane_places
-from scex_sumo.converters.net.map_borders import add_approaches, add_entries
-from scex_sumo.converters.net.plan import plan_net
+from scex_sumo.converters.net.plan.layout import NetLayout, plan_net
+from scex_sumo.converters.net.plan.lights import Programme, fixed_programmes, with_crossings
+from scex_sumo.converters.net.plan.pedestrians import crossed_zones, footways, plan_walks
 from scex_sumo.converters.net.reader import net_root
-from scex_sumo.converters.net.rows import build_rows
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, lane_table, net_file, read_ends
-from scex_sumo.converters.net.text import net_text
-from scex_sumo.converters.net.topology import Topology, cut_lanes
-from scex_sumo.converters.net.traffic_lights import Programme, fixed_programmes, with_crossings
-from scex_sumo.converters.net.walks import plan_walks
+from scex_sumo.converters.net.topology.borders import add_approaches, add_entries
+from scex_sumo.converters.net.topology.graph import Topology, build_rows, cut_lanes
+from scex_sumo.converters.net.writing.drawing import extras_text
+from scex_sumo.converters.net.writing.text import net_text
 from scex_sumo.converters.registries import signal_format
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import MapLoss, Road
@@ -142,3 +144,60 @@ def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -
         return fixed
     taken = {c.internal.name for c in recorded.connections}
     return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]
+
+
+_ENDINGS = (".net.xml", ".lanes.csv", ".add.xml")
+
+
+def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
+    """Convert a road as `convert` does, or take the net from the cache.
+
+    ``keep=False`` neither reads nor writes the cache.
+    """
+    made: list[SumoNet] = []
+
+    def make() -> bytes:
+        made.append(convert(road, net_path))
+        return _packed(made[0]) if keep else b""
+
+    if keep:
+        key = hashlib.sha256(pickle.dumps((__version__, version_of("shapely"), road)))
+        packed = cached_bytes("nets", key.digest(), make)
+    else:
+        packed = make()
+    if not made:
+        try:
+            return _unpacked(packed, net_path)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError):  # not written by us
+            make()
+    return made[0]
+
+
+def _file(net_path: Path, ending: str) -> Path:
+    return net_path if ending == ".net.xml" else net_file(net_path, ending)
+
+
+def _packed(net: SumoNet) -> bytes:
+    content = {
+        "files": {ending: _file(net.path, ending).read_text(encoding="utf-8") for ending in _ENDINGS},
+        "rows": net.lanes.rows,
+        "ends": net.lanes.ends,
+        "notes": net.notes,
+        "losses": [asdict(loss) for loss in net.losses],
+    }
+    return json.dumps(content).encode()
+
+
+def _unpacked(packed: bytes, net_path: Path) -> SumoNet:
+    content = json.loads(packed)
+    ends = {str(lane): (str(before), str(after)) for lane, (before, after) in content["ends"].items()}
+    net = SumoNet(
+        path=net_path,
+        extras=_file(net_path, ".add.xml"),
+        lanes=LaneTable([(int(lanelet), str(lane)) for lanelet, lane in content["rows"]], ends),
+        notes=tuple(map(str, content["notes"])),
+        losses=tuple(MapLoss(**{**loss, "elements": tuple(loss["elements"])}) for loss in content["losses"]),
+    )
+    for ending in _ENDINGS:
+        _file(net_path, ending).write_text(content["files"][ending], encoding="utf-8")
+    return net

@@ -8,7 +8,8 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.elements import (
+from scex_sumo.converters.net.lanelets import KEY, parts_text
+from scex_sumo.converters.net.plan.layout import (
     DECIMALS,
     EXACT,
     Connection,
@@ -18,10 +19,9 @@ from scex_sumo.converters.net.elements import (
     Node,
     shape_text,
 )
-from scex_sumo.converters.net.lanelets import KEY, parts_text
-from scex_sumo.converters.net.right_of_way import bits, direction
-from scex_sumo.converters.net.traffic_lights import Programme
-from scex_sumo.converters.net.walks import NO_WALKS, SPEED_MPS, Walks
+from scex_sumo.converters.net.plan.lights import Programme
+from scex_sumo.converters.net.plan.pedestrians import NO_WALKS, SPEED_MPS, Walks
+from scex_sumo.converters.net.plan.right_of_way import bits, direction
 from scex_sumo.road import Georeference
 from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opposed
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scex_sumo.converters.net.rows import Piece
-from scex_sumo.converters.net.topology import Path, Topology
+from scex_sumo.converters.net.topology.graph import Path, Piece, Topology
 from scex_sumo.geometry.polylines import length_of, turn
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from scex_sumo.converters.lanes_ahead import lanes_ahead
-from scex_sumo.converters.net.elements import Connection, NetLayout
-from scex_sumo.converters.net.walks import Crossing, Walks
+from scex_sumo.converters.net.plan.layout import Connection, NetLayout
+from scex_sumo.converters.net.plan.pedestrians import Crossing, Walks
 from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
