@@ -60,6 +60,11 @@ class NetLane:
     allow: str = ""
     parts: tuple[LaneletPart, ...] = ()
 
+    @property
+    def edge(self) -> str:
+        """Name of its edge."""
+        return self.name.rpartition("_")[0]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Edge:

@@ -10,6 +10,7 @@ from typing import TypeAlias
 from scex_sumo.converters.lanes_ahead import lanes_ahead
 from scex_sumo.converters.net.plan.layout import Connection, NetLayout
 from scex_sumo.converters.net.plan.pedestrians import Crossing, Walks
+from scex_sumo.converters.net.topology.graph import Groups
 from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
@@ -56,7 +57,14 @@ def fixed_programmes(
         for i, a in enumerate(ahead)
     ]
     programmes = []
-    for cluster in _clusters(against):
+    joined: Groups[int] = Groups()
+    for i, others in enumerate(against):
+        for j in (i, *others):
+            joined.join(i, j)
+    clusters: dict[int, list[int]] = {}
+    for i in range(len(against)):
+        clusters.setdefault(joined.name(i), []).append(i)
+    for cluster in clusters.values():
         stages = _stages(cluster, against, [links for _, links in groups])
         name = f"tl{min(groups[i][0].element_id for i in cluster)}"
         links = list({id(c): c for i in cluster for c in groups[i][1]}.values())
@@ -93,22 +101,6 @@ def _held(lane: Lane, rule: Regulation, start: float) -> bool:
     if held:
         return max(held) < start + AT_LINE_M
     return length_of(lane.centreline) - start < BEFORE_END_M
-
-
-def _clusters(against: Sequence[set[int]]) -> list[list[int]]:
-    seen: set[int] = set()
-    clusters = []
-    for i in range(len(against)):
-        stack, cluster = [i], []
-        while stack:
-            k = stack.pop()
-            if k not in seen:
-                seen.add(k)
-                cluster.append(k)
-                stack += against[k]
-        if cluster:
-            clusters.append(sorted(cluster))
-    return clusters
 
 
 def _stages(
@@ -189,8 +181,8 @@ def with_crossings(
                 for c in links
                 if c.internal.name in index
             }
-            if crossed and crossing.name not in taken:
-                taken.add(crossing.name)
+            if crossed and crossing.lane.edge not in taken:
+                taken.add(crossing.lane.edge)
                 lit.append((crossing, crossed))
         phases: _Phases = programme.phases
         for _, crossed in lit:
@@ -200,7 +192,7 @@ def with_crossings(
             never += [i for k in closed for i in lit[k][0].lane.lanelets]
         elif closed:
             phases = _with_phase_of_their_own(phases, len(lit), closed)
-        names = tuple(crossing.name for crossing, _ in lit)
+        names = tuple(crossing.lane.edge for crossing, _ in lit)
         result.append(replace(programme, phases=tuple(phases), crossings=names))
     return result, never
 

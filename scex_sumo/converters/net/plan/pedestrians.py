@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import count, pairwise
 from typing import TypeAlias
 
@@ -13,7 +13,7 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout
-from scex_sumo.converters.net.topology.graph import Topology, Zone
+from scex_sumo.converters.net.topology.graph import Groups, Topology, Zone
 from scex_sumo.geometry.polylines import along, cut, heading, length_of, nearest
 from scex_sumo.road import Lane
 
@@ -55,20 +55,6 @@ class _Crossed:
     walked: tuple[float, float]
 
 
-@dataclass(kw_only=True, eq=False)
-class _Meetings:
-    parent: dict[_Station, _Station] = field(default_factory=dict)
-
-    def root(self, station: _Station) -> _Station:
-        while (above := self.parent.setdefault(station, station)) != station:
-            station = above
-        return station
-
-    def unite(self, one: _Station, other: _Station) -> None:
-        first, second = sorted((self.root(one), self.root(other)))
-        self.parent[second] = first
-
-
 def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Footway]:
     """Cut crosswalks and walkways where others join from the side and where they leave the road."""
     walked = {i: x for i, x in lanes.items() if x.kind == "pedestrian" and _long(x)}
@@ -76,20 +62,20 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
     walked = {i: _beside_lanes(x, driven, roads) for i, x in walked.items()}
     crossed = {i: list(_crossed(x, driven, roads)) for i, x in walked.items()}
     ids, grounds = list(walked), shapely.STRtree([_ground(x) for x in walked.values()])
-    meetings = _Meetings()
+    meetings: Groups[_Station] = Groups()
     for i, lane in walked.items():
         for s in (0.0, length_of(lane.centreline), *_kerbs(lane, crossed[i])):
-            meetings.root((i, s))
+            meetings.name((i, s))
         for s in (0.0, length_of(lane.centreline)):
             for j in (ids[k] for k in grounds.query(_tip(lane, s))):
                 if i != j and (at := _meets(lane, s, walked[j], whole=_marked(walked[j]))) is not None:
-                    meetings.unite((i, s), (j, at))
-    places = {root: k for k, root in enumerate(sorted({meetings.root(s) for s in list(meetings.parent)}))}
+                    meetings.join((i, s), (j, at))
+    places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in meetings.members()}))}
     found = []
     for i, lane in walked.items():
-        stations = sorted(s for j, s in meetings.parent if j == i)
+        stations = sorted(s for j, s in meetings.members() if j == i)
         for k, (start, end) in enumerate(pairwise(stations)):
-            ends = (places[meetings.root((i, start))], places[meetings.root((i, end))])
+            ends = (places[meetings.name((i, start))], places[meetings.name((i, end))])
             under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
             way = Footway(
                 name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
@@ -106,15 +92,15 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
 
 def crossed_zones(ways: list[Footway]) -> list[Zone]:
     """Return one zone of vehicle lanes for each group of crosswalks that meet."""
-    groups: list[tuple[set[int], list[Footway]]] = []
+    groups: Groups[int] = Groups()
     for way in ways:
         if way.crossed:
-            joined = [group for group in groups if group[0] & set(way.places)]
-            groups = [group for group in groups if group not in joined]
-            places = {*way.places}.union(*(places for places, _ in joined))
-            groups.append((places, [*(other for _, others in joined for other in others), way]))
-    spans = [[lane for way in members for lane in way.crossed] for _, members in groups]
-    return [Zone(lanes=tuple(i for i, _ in group), spans=tuple(s for _, s in group)) for group in spans]
+            groups.join(*way.places)
+    crossed: dict[int, list[tuple[int, tuple[float, float]]]] = {}
+    for way in ways:
+        if way.crossed:
+            crossed.setdefault(groups.name(way.places[0]), []).extend(way.crossed)
+    return [Zone(lanes=tuple(i for i, _ in on), spans=tuple(s for _, s in on)) for on in crossed.values()]
 
 
 def _long(lane: Lane) -> bool:
@@ -250,21 +236,12 @@ class Crossing:
     edges: tuple[str, ...]
     marked: bool
 
-    @property
-    def name(self) -> str:
-        """SUMO's edge."""
-        return self.lane.name.removesuffix("_0")
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sidewalk:
     lane: NetLane
     nodes: tuple[str, str]
     areas: tuple[str, str]
-
-    @property
-    def name(self) -> str:
-        return self.lane.name.removesuffix("_0")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,9 +6,9 @@ may have several ways in and out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -18,10 +18,33 @@ from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
 Piece: TypeAlias = tuple[int, int, int]  # row, piece of the row, lane within the row
+Node = TypeVar("Node", bound=Any)
 
 STUB_M = 2.0  # longest road piece cut off a junction piece where a lane begins or ends inside a conflict
 SHORTEST_M = 0.1  # edge that SUMO takes
 SNAP_M = 0.3  # road pieces shorter than this are left to the junction piece beside them
+
+
+class Groups(Generic[Node]):
+    """Disjoint groups of things, each named by its smallest member."""
+
+    def __init__(self) -> None:
+        self._above: dict[Node, Node] = {}
+
+    def name(self, member: Node) -> Node:
+        """Return the smallest member of a thing's group; its own group is new."""
+        while (above := self._above.setdefault(member, member)) != member:
+            member = above
+        return member
+
+    def join(self, one: Node, other: Node) -> None:
+        """Make two groups one."""
+        first, second = sorted((self.name(one), self.name(other)))
+        self._above[second] = first
+
+    def members(self) -> list[Node]:
+        """Return all things."""
+        return list(self._above)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,7 +274,7 @@ class _Chains:
                 stack += (*after[piece], *before[piece])
         out, into = _roads_behind(after, before), _roads_behind(before, after)
         knots = [p for p in after if len(out[p]) > 1 and len(into[p]) > 1]
-        return _reached(knots, after) | _reached(knots, before) | _on_rings(after, before)
+        return reached(knots, after) | reached(knots, before) | _on_rings(after, before)
 
 
 _Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
@@ -269,32 +292,40 @@ def _roads_behind(steps: _Steps, back: _Steps) -> dict[Piece, set[Piece]]:
     return roads
 
 
-def _reached(pieces: Iterable[Piece], steps: _Steps) -> set[Piece]:
-    reached: set[Piece] = set()
-    stack = [*pieces]
+def reached(nodes: Iterable[Node], steps: Mapping[Node, Iterable[Node]]) -> set[Node]:
+    """Return the nodes, and what one gets to from them; nodes without steps of their own are left out."""
+    found: set[Node] = set()
+    stack = [*nodes]
     while stack:
-        piece = stack.pop()
-        if piece not in reached and piece in steps:
-            reached.add(piece)
-            stack += steps[piece]
-    return reached
+        node = stack.pop()
+        if node not in found and node in steps:
+            found.add(node)
+            stack += steps[node]
+    return found
+
+
+def endless(after: Mapping[Node, Collection[Node]]) -> set[Node]:
+    """Return the nodes of a graph on its rings, and those that lead to them."""
+    before: dict[Node, list[Node]] = {}
+    for node, onward in after.items():
+        for other in onward:
+            before.setdefault(other, []).append(node)
+    left = {node: sum(other in after for other in onward) for node, onward in after.items()}
+    ends = [node for node, count in left.items() if not count]
+    for node in ends:  # grows
+        for other in before.get(node, ()):
+            left[other] -= 1
+            if not left[other]:
+                ends.append(other)
+    return after.keys() - ends
 
 
 def _on_rings(after: _Steps, before: _Steps) -> set[Piece]:
-    left = {piece: sum(p in after for p in onward) for piece, onward in after.items()}
-    ends = [piece for piece, count in left.items() if not count]
-    for piece in ends:  # grows
-        for other in before[piece]:
-            if other in left:
-                left[other] -= 1
-                if not left[other]:
-                    ends.append(other)
-    rest = after.keys() - ends  # rings, and what leads to them
-    rings: set[Piece] = set()
+    rest, rings = endless(after), set[Piece]()
     while rest:
         piece = next(iter(rest))
         onward, back = ({p: steps[p] for p in rest} for steps in (after, before))
-        ring = _reached([piece], onward) & _reached([piece], back)
+        ring = reached([piece], onward) & reached([piece], back)
         if len(ring) > 1 or piece in after[piece]:
             rings |= ring
         rest -= ring
@@ -308,7 +339,7 @@ class Topology(_Chains):
         self, rows: Sequence[Row], lanes: Mapping[int, Lane], zones: Sequence[Conflict | Zone]
     ) -> None:
         super().__init__(rows, lanes)
-        self._parent: dict[Cut, Cut] = {}
+        self._nodes: Groups[Cut] = Groups()
         self._join_cuts(zones)
 
     def lane(self, piece: Piece) -> Lane:
@@ -321,10 +352,7 @@ class Topology(_Chains):
 
     def node(self, row: int, cut: int) -> Cut:
         """Return the node of a cut of a row, named by its first cut."""
-        root = (row, cut)
-        while self._parent.get(root, root) != root:
-            root = self._parent[root]
-        return root
+        return self._nodes.name((row, cut))
 
     def paths_by_node(self) -> dict[Cut, list[Path]]:
         """Return the paths through each node."""
@@ -349,24 +377,20 @@ class Topology(_Chains):
             if min(high, end) - max(low, start) > -1e-6
         ]
 
-    def _unite(self, a: Cut, b: Cut) -> None:
-        a, b = sorted((self.node(*a), self.node(*b)))
-        self._parent[b] = a
-
     def _join_cuts(self, zones: Sequence[Conflict | Zone]) -> None:
         for r, row in enumerate(self.rows):
             for k, inside in enumerate(row.inside):
                 if inside:
-                    self._unite((r, k), (r, k + 1))
+                    self._nodes.join((r, k), (r, k + 1))
             for i in row.lanes:
                 for j in self.lanes[i].successors:
                     if j in self.where:
-                        self._unite((r, row.pieces), (self.where[j][0], 0))
+                        self._nodes.join((r, row.pieces), (self.where[j][0], 0))
         for zone in zones:
             spans = zip(zone.lanes, zone.spans, strict=True)
             touched = [piece for lane, span in spans for piece in self.pieces_on(lane, *span)]
             for piece in touched[1:]:
-                self._unite(touched[0][:2], piece[:2])
+                self._nodes.join(touched[0][:2], piece[:2])
 
 
 def cut_lanes(

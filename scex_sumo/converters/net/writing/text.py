@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -13,7 +13,6 @@ from scex_sumo.converters.net.plan.layout import (
     DECIMALS,
     EXACT,
     Connection,
-    Edge,
     NetLane,
     NetLayout,
     Node,
@@ -30,8 +29,12 @@ Lights: TypeAlias = Mapping[str, tuple[str, int]]
 
 HEADER = '<?xml version="1.0" encoding="UTF-8"?>'
 ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
-# No vehicle has this class.
-NOBODY = "custom2"
+NOBODY = "custom2"  # a class that no vehicle has
+# Of a junction, by the first of these states among its links.
+KINDS = {"Z": "zipper", "w": "allway_stop", "s": "priority_stop", "m": "priority", "=": "right_before_left"}
+INSET_M = 0.5  # SUMO takes a stretch for real only if it begins or ends strictly within the lane
+
+_Span: TypeAlias = tuple[float, float]  # m along an internal lane
 
 
 def net_text(
@@ -58,33 +61,15 @@ def _body(
     points = np.vstack([lane.shape for lane in (*lanes, *(walk.lane for walk in walks.sidewalks))])
     yield _location(np.concatenate([points.min(axis=0), points.max(axis=0)]), place)
     nodes = sorted(layout.nodes, key=lambda node: node.name)
-    told: dict[str, list[str]] = {}
-    for node in nodes:
-        for one, other, span in _conflict_stretches(node):
-            told.setdefault(one.internal.name, []).append(_conflict(other, span))
-    for node in nodes:
-        for connection in node.connections:
-            yield from _internal(connection.internal)
-    yield from _crossing_edges(walks)
-    for edge in layout.edges:
-        yield from _edge(edge)
-    yield from _sidewalk_edges(walks)
+    yield from _edges(layout, nodes, walks)
     for programme in programmes:
         name = f'id="{programme.name}" type="static" programID="{programme.programme}"'
         yield f'    <tlLogic {name} offset="0">'
         for seconds, state in programme.phases:
             yield f'        <phase duration="{seconds:g}" state="{state}"/>'
         yield "    </tlLogic>"
-    for node in nodes:
-        yield from _junction(node, lights, walks)
-    yield from _pedestrian_junctions(walks)
-    for node in nodes:
-        for connection in node.connections:
-            yield from _connection(connection, lights, told.get(connection.internal.name, ()))
-    for node in nodes:
-        for connection in node.connections:
-            yield _exit(connection)
-    yield from _pedestrian_connections(walks, lights)
+    yield from _junctions(nodes, lights, walks)
+    yield from _connections(nodes, lights, walks)
 
 
 def _location(corners: FloatArray, place: Georeference | None) -> str:
@@ -102,12 +87,10 @@ def _location(corners: FloatArray, place: Georeference | None) -> str:
     )
 
 
-def _lane(lane: NetLane, index: int, *, bans: bool) -> str:
+def _lane(lane: NetLane, index: int = 0, *, bans: bool = False) -> str:
     allow = f' allow="{lane.allow}"' if lane.allow else ""
-    change = ""
-    if bans:
-        change = "" if lane.change_left else f' changeLeft="{NOBODY}"'
-        change += "" if lane.change_right else f' changeRight="{NOBODY}"'
+    sides = (("changeLeft", lane.change_left), ("changeRight", lane.change_right)) if bans else ()
+    change = "".join(f' {side}="{NOBODY}"' for side, free in sides if not free)
     return (
         f'        <lane id="{lane.name}" index="{index}"{allow}{change} speed="{lane.speed:.4f}"'
         f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
@@ -116,45 +99,67 @@ def _lane(lane: NetLane, index: int, *, bans: bool) -> str:
     )
 
 
-def _internal(lane: NetLane) -> Iterator[str]:
-    yield f'    <edge id="{lane.name.rsplit("_", 1)[0]}" function="internal">'
-    yield _lane(lane, 0, bans=False)
-    yield "    </edge>"
-
-
-def _edge(edge: Edge) -> Iterator[str]:
-    yield (
-        f'    <edge id="{edge.name}" from="{edge.start}" to="{edge.end}" priority="-1" spreadType="center"'
-        f' shape="{shape_text(edge.shape)}">'
+def _walking_lane(name: str, speed: float, length: str, width: float, shape: FloatArray) -> str:
+    return (
+        f'        <lane id="{name}" index="0" allow="pedestrian" speed="{speed}" length="{length}"'
+        f' width="{width:.2f}" shape="{shape_text(shape)}"/>'
     )
-    for index, lane in enumerate(edge.lanes):
-        yield _lane(lane, index, bans=len(edge.lanes) > 1)
-    yield "    </edge>"
 
 
-def _junction(node: Node, lights: Lights, walks: Walks) -> Iterator[str]:
-    x, y = node.shape.mean(axis=0)
-    links, crossings = [connection.link for connection in node.connections], walks.at(node.name)
-    incoming = [*node.incoming, *walks.incoming(node.name)]
-    inner = [c.internal.name for c in node.connections] + [crossing.lane.name for crossing in crossings]
-    head = (
-        f'    <junction id="{node.name}" type="{_type(node, lights)}"'
-        f' x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}" incLanes="{" ".join(incoming)}"'
-        f' intLanes="{" ".join(inner)}" shape="{shape_text(node.shape)}"'
+def _edge(name: str, attributes: str, lanes: Iterable[str]) -> list[str]:
+    return [f'    <edge id="{name}" {attributes}>', *lanes, "    </edge>"]
+
+
+def _edges(layout: NetLayout, nodes: Iterable[Node], walks: Walks) -> Iterator[str]:
+    between = 'from="{}" to="{}" priority="-1" spreadType="center"'
+    for internal in (c.internal for node in nodes for c in node.connections):
+        yield from _edge(internal.edge, 'function="internal"', [_lane(internal)])
+    for crossing in walks.crossings:
+        about = f'function="crossing" crossingEdges="{" ".join(crossing.edges)}"'
+        yield from _edge(crossing.lane.edge, about, [_footway(crossing.lane)])
+    for name, outline in walks.areas.items():
+        area = _walking_lane(f"{name}_0", SPEED_MPS, "1.00", 2.0, outline)
+        yield from _edge(name, 'function="walkingarea"', [area])
+    for edge in layout.edges:
+        lanes = [_lane(lane, k, bans=len(edge.lanes) > 1) for k, lane in enumerate(edge.lanes)]
+        about = f'{between.format(edge.start, edge.end)} shape="{shape_text(edge.shape)}"'
+        yield from _edge(edge.name, about, lanes)
+    for walk in walks.sidewalks:
+        yield from _edge(walk.lane.edge, between.format(*walk.nodes), [_footway(walk.lane)])
+
+
+def _footway(lane: NetLane) -> str:
+    length = f"{max(lane.length, 0.1):.{DECIMALS}f}"
+    return _walking_lane(lane.name, lane.speed, length, lane.width, lane.shape)
+
+
+def _junction(name: str, kind: str, shape: FloatArray, incoming: Iterable[str], inner: Iterable[str]) -> str:
+    x, y = shape.mean(axis=0)
+    return (
+        f'    <junction id="{name}" type="{kind}" x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}"'
+        f' incLanes="{" ".join(incoming)}" intLanes="{" ".join(inner)}" shape="{shape_text(shape)}"'
     )
-    if not links:
-        yield f"{head}/>"
-        return
-    yield f'{head} customShape="1">'
-    size = len(inner)
-    for index, link in enumerate(links):
-        walked = {len(links) + k: c.marked for k, c in enumerate(crossings) if index in c.crossed}
-        first = {k for k, marked in walked.items() if marked}
-        yield _request(index, link.response | first, link.foes | walked.keys(), size)
-    for k, crossing in enumerate(crossings):
-        crossed = set(crossing.crossed)
-        yield _request(len(links) + k, set() if crossing.marked else crossed, crossed, size)
-    yield "    </junction>"
+
+
+def _junctions(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[str]:
+    for node in nodes:
+        links, crossings = [connection.link for connection in node.connections], walks.at(node.name)
+        incoming = [*node.incoming, *walks.incoming(node.name)]
+        inner = [c.internal.name for c in node.connections] + [crossing.lane.name for crossing in crossings]
+        head = _junction(node.name, _type(node, lights), node.shape, incoming, inner)
+        yield f'{head} customShape="1">' if links else f"{head}/>"
+        for index, link in enumerate(links):
+            walked = {len(links) + k: c.marked for k, c in enumerate(crossings) if index in c.crossed}
+            first = {k for k, marked in walked.items() if marked}
+            yield _request(index, link.response | first, link.foes | walked.keys(), len(inner))
+        for k, crossing in enumerate(crossings if links else ()):
+            crossed = set(crossing.crossed)
+            response = set() if crossing.marked else crossed
+            yield _request(len(links) + k, response, crossed, len(inner))
+        if links:
+            yield "    </junction>"
+    for name, outline in walks.nodes.items():
+        yield f"{_junction(name, 'dead_end', outline, walks.incoming(name), ())}/>"
 
 
 def _request(index: int, response: set[int], foes: set[int], size: int) -> str:
@@ -166,115 +171,47 @@ def _type(node: Node, lights: Lights) -> str:
     if any(connection.internal.name in lights for connection in node.connections):
         return "traffic_light"
     states = {connection.link.state for connection in node.connections}
-    if not states:
-        return "dead_end"
-    kinds = {
-        "Z": "zipper",
-        "w": "allway_stop",
-        "s": "priority_stop",
-        "m": "priority",
-        "=": "right_before_left",
-    }
-    return next((kind for state, kind in kinds.items() if state in states), "priority")
-
-
-def _connection(c: Connection, lights: Lights, conflicts: Sequence[str]) -> Iterator[str]:
-    light, state = "", c.link.state
-    if c.internal.name in lights:
-        name, index = lights[c.internal.name]
-        light, state = f' tl="{name}" linkIndex="{index}"', "o" if c.link.response else "O"
-    head = (
-        f'    <connection from="{c.from_edge}" to="{c.to_edge}" fromLane="{c.from_lane}" toLane="{c.to_lane}"'
-        f' via="{c.internal.name}"{light} dir="{direction(c.link.bend)}" state="{state}"'
-    )
-    if not conflicts:
-        yield f"{head}/>"
-        return
-    yield f"{head}>"
-    yield from conflicts
-    yield "    </connection>"
-
-
-def _conflict(other: Connection, span: tuple[float, float]) -> str:
-    return (
-        f'        <conflict from="{other.from_edge}" to="{other.to_edge}" fromLane="{other.from_lane}"'
-        f' toLane="{other.to_lane}" startPos="{span[0]:.2f}" endPos="{span[1]:.2f}"/>'
+    return next(
+        (kind for state, kind in KINDS.items() if state in states), "priority" if states else "dead_end"
     )
 
 
-def _exit(c: Connection) -> str:
-    return (
-        f'    <connection from="{c.internal.name.rsplit("_", 1)[0]}" to="{c.to_edge}" fromLane="0"'
-        f' toLane="{c.to_lane}" dir="{direction(c.link.bend)}" state="M"/>'
-    )
-
-
-def _crossing_edges(walks: Walks) -> Iterator[str]:
+def _connections(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[str]:
+    told: dict[str, list[str]] = {}
+    for node in nodes:
+        for one, other, span in _conflict_stretches(node):
+            stretch = f'startPos="{span[0]:.2f}" endPos="{span[1]:.2f}"'
+            told.setdefault(one.internal.name, []).append(f"        <conflict {_ends(other)} {stretch}/>")
+    every = [c for node in nodes for c in node.connections]
+    for c in every:
+        via, light = f' via="{c.internal.name}"', _light(c.internal.name, lights)
+        state = ("o" if c.link.response else "O") if light else c.link.state
+        head = f'    <connection {_ends(c)}{via}{light} dir="{direction(c.link.bend)}" state="{state}"'
+        conflicts = told.get(c.internal.name, ())
+        yield from [f"{head}>", *conflicts, "    </connection>"] if conflicts else [f"{head}/>"]
+    for c in every:
+        yield _way(c.internal.edge, c.to_edge, c.to_lane, turn=direction(c.link.bend))
     for crossing in walks.crossings:
-        edges = " ".join(crossing.edges)
-        yield f'    <edge id="{crossing.name}" function="crossing" crossingEdges="{edges}">'
-        yield _walking_lane(crossing.lane)
-        yield "    </edge>"
-    for name, outline in walks.areas.items():
-        yield f'    <edge id="{name}" function="walkingarea">'
-        yield (
-            f'        <lane id="{name}_0" index="0" allow="pedestrian" speed="{SPEED_MPS}" length="1.00"'
-            f' width="2.00" shape="{shape_text(outline)}"/>'
-        )
-        yield "    </edge>"
-
-
-def _sidewalk_edges(walks: Walks) -> Iterator[str]:
+        light, state = _light(crossing.lane.edge, lights), "M" if crossing.marked else "m"
+        yield _way(crossing.start, crossing.lane.edge, light=light, state=state)
+        yield _way(crossing.lane.edge, crossing.end)
     for walk in walks.sidewalks:
-        start, end = walk.nodes
-        yield f'    <edge id="{walk.name}" from="{start}" to="{end}" priority="-1" spreadType="center">'
-        yield _walking_lane(walk.lane)
-        yield "    </edge>"
+        for ends in ((walk.areas[0], walk.lane.edge), (walk.lane.edge, walk.areas[1])):
+            if all(ends):
+                yield _way(*ends)
 
 
-def _pedestrian_junctions(walks: Walks) -> Iterator[str]:
-    for name, outline in walks.nodes.items():
-        x, y = outline.mean(axis=0)
-        yield (
-            f'    <junction id="{name}" type="dead_end" x="{x:.{DECIMALS}f}" y="{y:.{DECIMALS}f}"'
-            f' incLanes="{" ".join(walks.incoming(name))}" intLanes="" shape="{shape_text(outline)}"/>'
-        )
+def _light(name: str, lights: Lights) -> str:
+    return ' tl="{}" linkIndex="{}"'.format(*lights[name]) if name in lights else ""
 
 
-def _pedestrian_connections(walks: Walks, lights: Mapping[str, tuple[str, int]]) -> Iterator[str]:
-    for crossing in walks.crossings:
-        light = ""
-        if crossing.name in lights:
-            name, index = lights[crossing.name]
-            light = f' tl="{name}" linkIndex="{index}"'
-        yield _way(crossing.start, crossing.name, light, state="M" if crossing.marked else "m")
-        yield _way(crossing.name, crossing.end)
-    for walk in walks.sidewalks:
-        start, end = walk.areas
-        if start:
-            yield _way(start, walk.name)
-        if end:
-            yield _way(walk.name, end)
+def _ends(c: Connection) -> str:
+    return f'from="{c.from_edge}" to="{c.to_edge}" fromLane="{c.from_lane}" toLane="{c.to_lane}"'
 
 
-def _walking_lane(lane: NetLane) -> str:
-    return (
-        f'        <lane id="{lane.name}" index="0" allow="{lane.allow}" speed="{lane.speed}"'
-        f' length="{max(lane.length, 0.1):.{DECIMALS}f}" width="{lane.width:.2f}"'
-        f' shape="{shape_text(lane.shape)}"/>'
-    )
-
-
-def _way(start: str, end: str, light: str = "", state: str = "M") -> str:
-    return (
-        f'    <connection from="{start}" to="{end}" fromLane="0" toLane="0"{light} dir="s" state="{state}"/>'
-    )
-
-
-# SUMO takes a stretch for real only if it begins or ends strictly within the lane.
-INSET_M = 0.5
-
-_Span: TypeAlias = tuple[float, float]  # m along an internal lane
+def _way(start: str, end: str, lane: int = 0, *, light: str = "", turn: str = "s", state: str = "M") -> str:
+    ends = f'from="{start}" to="{end}" fromLane="0" toLane="{lane}"'
+    return f'    <connection {ends}{light} dir="{turn}" state="{state}"/>'
 
 
 def _conflict_stretches(node: Node) -> Iterator[tuple[Connection, Connection, _Span]]:
