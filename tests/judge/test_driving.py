@@ -38,7 +38,7 @@ def closed_circuit(folder: Path) -> Path:
 
 def test_cars_drive_on_a_closed_circuit(tmp_path: Path) -> None:
     report = drive_net(closed_circuit(tmp_path), vehicles=6)
-    assert (report.arrived, report.routes) == (6, 2)
+    assert (report["arrived"], report["routes"]) == (6, 2)
 
 
 def test_a_full_temporary_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,7 +61,7 @@ def test_commas_in_paths_reach_sumo_whole(tmp_path: Path, monkeypatch: pytest.Mo
     folder = tmp_path / "one,two"
     folder.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(folder))
-    assert drive_net(write_net(folder), vehicles=2).arrived == 2
+    assert drive_net(write_net(folder), vehicles=2)["arrived"] == 2
 
 
 def test_a_net_with_a_comma_in_its_name_is_refused_in_one_line(tmp_path: Path) -> None:
