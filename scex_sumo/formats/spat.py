@@ -171,7 +171,7 @@ def _belongs(ways: _Ways, c: Connection, move: _Movement) -> bool:
     before = ways.shapes[c.from_edge, c.from_lane]
     end = before[-1]
     along, across = _offset(stop - end, heading(before, end=True))
-    if abs(along) > NEAR_M or abs(across) > BESIDE_M or abs(turn(leaving, c.link.entry)) > ALIGNED:
+    if abs(along) > NEAR_M or abs(across) > BESIDE_M or abs(turn(leaving, c.entry)) > ALIGNED:
         return False
     return any(_leads_along(shape, move.sink) for shape in ways.ahead(c, AHEAD_M))
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.judge.driving import drive_net
-from scex_sumo.judge.report import check_net
+from scex_sumo.judge.report import check_net, drive_net
 from tests.converters.plain_net import crossing, write_net
 
 HALVES = {"a": "-20,0 0,20 20,0", "b": "20,0 0,-20 -20,0"}

@@ -176,7 +176,7 @@ def read_ends(root: Element) -> dict[str, tuple[str, str]]:
 
 
 def lane_table(
-    places: Iterable[tuple[str, list[tuple[int, float]]]],
+    places: Iterable[tuple[str, Sequence[tuple[int, float]]]],
     ends: dict[str, tuple[str, str]],
     known: Container[int],
 ) -> LaneTable:

@@ -46,6 +46,7 @@ class NetLane:
     Attributes:
         length: nominal, the same for all lanes of an edge, m.
         allow: SUMO's vehicle class if only one may drive here, else empty.
+        starts: lanelets under it, with the arc length in m where it begins, in driving order.
         parts: stretches of lanelets under it, in driving order.
     """
 
@@ -54,7 +55,7 @@ class NetLane:
     length: float
     width: float
     speed: float
-    lanelets: tuple[int, ...]
+    starts: tuple[tuple[int, float], ...]
     change_left: bool = False
     change_right: bool = False
     allow: str = ""
@@ -81,20 +82,17 @@ class Edge:
         return mean_line([lane.shape for lane in self.lanes])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Connection:
+@dataclass(kw_only=True, eq=False)
+class Connection(Link):
     """Link with its internal lane and its ends.
 
     Attributes:
         lanelets: from the road before to the road after, without repeats.
         enters: whether it comes from the first piece of a lane without predecessors.
-        starts: lanelets under the internal lane, with the arc length in m where it begins.
     """
 
-    link: Link
     lanelets: tuple[int, ...]
     enters: bool
-    starts: tuple[tuple[int, float], ...]
     internal: NetLane
     from_edge: str
     from_lane: int
@@ -114,27 +112,24 @@ class Node:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetLayout:
-    """A whole net, ready to be written; ``roads`` as `_Plan.roads`."""
+    """A whole net, ready to be written."""
 
     edges: tuple[Edge, ...]
     nodes: tuple[Node, ...]
-    roads: tuple[tuple[str, int, float], ...]
 
     def beside(self, other: NetLayout) -> NetLayout:
         """Return both nets as one."""
-        return NetLayout(
-            edges=self.edges + other.edges, nodes=self.nodes + other.nodes, roads=self.roads + other.roads
-        )
+        return NetLayout(edges=self.edges + other.edges, nodes=self.nodes + other.nodes)
 
     @property
     def connections(self) -> tuple[Connection, ...]:
         """Connections of all junctions."""
         return tuple(c for node in self.nodes for c in node.connections)
 
-    def places(self) -> Iterator[tuple[str, list[tuple[int, float]]]]:
-        """Each SUMO lane, with (lanelet under it, arc length in m where the lane begins)."""
-        yield from ((name, [(lanelet, start)]) for name, lanelet, start in self.roads)
-        yield from ((c.internal.name, list(c.starts)) for c in self.connections)
+    def places(self) -> list[tuple[str, tuple[tuple[int, float], ...]]]:
+        """Return each SUMO lane, with (lanelet under it, arc length in m where the lane begins)."""
+        lanes = [lane for edge in self.edges for lane in edge.lanes] + [c.internal for c in self.connections]
+        return [(lane.name, lane.starts) for lane in lanes]
 
     def ends(self) -> dict[str, tuple[str, str]]:
         """Return the edges before and after each internal lane."""
@@ -171,7 +166,7 @@ def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Co
         )
         for name, lanes in incoming.items()
     )
-    return NetLayout(edges=edges, nodes=nodes, roads=tuple(plan.roads()))
+    return NetLayout(edges=edges, nodes=nodes)
 
 
 class _Plan:
@@ -194,12 +189,6 @@ class _Plan:
                 )
                 yield Edge(name=name, start=start, end=end, lanes=lanes)
 
-    def roads(self) -> Iterator[tuple[str, int, float]]:
-        for r, row in enumerate(self._topology.rows):
-            for k in self._roads(r):
-                for at, lanelet in enumerate(row.lanes):
-                    yield self._lane_name((r, k, at)), lanelet, row.span(k, at)[0]
-
     def connections(
         self, incoming: Mapping[str, Sequence[str]], rules: Sequence[Regulation], found: Sequence[Conflict]
     ) -> dict[str, tuple[Connection, ...]]:
@@ -211,17 +200,15 @@ class _Plan:
             order = {name: k for k, name in enumerate(incoming[node])}
             shapes = {path: self._inner_shape(path) for path in paths}
             paths = sorted(paths, key=lambda p: (order[self._lane_name(p.start)], self._lane_name(p.end)))
-            links = [self._link(path, shapes[path]) for path in paths]
+            links = [self._connection(node, k, path, shapes[path]) for k, path in enumerate(paths)]
             merging = set_foes(links, clashes)
             on = {i for link in links for i in link.on}
             set_right_of_way(links, merging, [rule for rule in rules if named[rule.element_id] & on])
-            result[node] = tuple(
-                self._connection(node, k, link, shapes[link.path]) for k, link in enumerate(links)
-            )
+            result[node] = tuple(links)
         return result
 
     def outline(self, node: str, connections: Sequence[Connection], edges: Sequence[Edge]) -> FloatArray:
-        inside = {piece for c in connections for piece in c.link.path.inside}
+        inside = {piece for c in connections for piece in c.path.inside}
         areas = [_lane_area(self._topology.lane(p), self._topology.span(p)) for p in sorted(inside)]
         union = _union_outline(areas)
         return union if len(union) else _border(node, edges)
@@ -251,7 +238,7 @@ class _Plan:
             length=nominal,
             width=self._width([piece]),
             speed=lane.speed_limit_mps,
-            lanelets=(lane.lane_id,),
+            starts=((lane.lane_id, self._topology.span(piece)[0]),),
             change_left=left is not None and lane.left == left,
             change_right=right is not None and lane.right == right,
             allow="" if lane.kind == "vehicle" else lane.kind,
@@ -309,17 +296,7 @@ class _Plan:
             self._widths[piece] = width_along(lane.left_bound, lane.right_bound, line)
         return self._widths[piece]
 
-    def _link(self, path: Path, shape: FloatArray) -> Link:
-        return Link(
-            path=path,
-            entry=heading(self._road_shape(path.start), end=True),
-            bend=bend(shape),
-            on=approach(self._topology, path),
-            on_ring=self._topology.lane(path.start).lane_id in self._ring,
-        )
-
-    def _connection(self, node: str, index: int, link: Link, shape: FloatArray) -> Connection:
-        path = link.path
+    def _connection(self, node: str, index: int, path: Path, shape: FloatArray) -> Connection:
         over = path.inside or (path.start, path.end)
         lanes = [self._topology.lane(piece) for piece in over]
         first = self._topology.lane(path.start)
@@ -329,19 +306,22 @@ class _Plan:
             length=length_of(shape),
             width=self._width(over),
             speed=min(lane.speed_limit_mps for lane in (lanes if path.inside else lanes[1:])),
-            lanelets=tuple(dict.fromkeys(lane.lane_id for lane in lanes)),
+            starts=self._starts(path, over),
             allow="" if lanes[0].kind == "vehicle" else lanes[0].kind,
             parts=tuple(self._lanelet_parts(self._inner_parts(path))),
         )
         driven = [self._topology.lane(piece).lane_id for piece in path.pieces]
         return Connection(
-            link=link,
+            path=path,
+            entry=heading(self._road_shape(path.start), end=True),
+            bend=bend(shape),
+            on=approach(self._topology, path),
+            on_ring=first.lane_id in self._ring,
             internal=internal,
             lanelets=tuple(i for k, i in enumerate(driven) if k == 0 or driven[k - 1] != i),
             enters=path.start[1] == 0
             and self._topology.rows[path.start[0]].pieces > 1
             and not first.predecessors,
-            starts=self._starts(path, over),
             from_edge=self._edge_name(*path.start[:2]),
             from_lane=path.start[2],
             to_edge=self._edge_name(*path.end[:2]),

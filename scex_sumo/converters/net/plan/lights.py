@@ -88,7 +88,7 @@ def controlled(
         for lane in rule.lanes:
             # A lane that begins at the map's border is entered where its first edge ends.
             enters = lane in others or (first == lane and c.enters)
-            leaves = first == lane and (bool(others) or _held(lanes[lane], rule, c.starts[-1][1]))
+            leaves = first == lane and (bool(others) or _held(lanes[lane], rule, c.internal.starts[-1][1]))
             if enters if lane in crossing else leaves:
                 found.append(c)
                 break
@@ -118,7 +118,7 @@ def _stages(
 
 
 def _oncoming(a: Sequence[Connection], b: Sequence[Connection]) -> bool:
-    return all(abs(turn(p.link.entry, q.link.entry)) > ONCOMING for p in a for q in b)
+    return all(abs(turn(p.entry, q.entry)) > ONCOMING for p in a for q in b)
 
 
 def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tuple[float, str], ...]:
@@ -147,7 +147,7 @@ def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
         letter = lit.get(c.internal.name, "r")
         if letter == "G":
             prefix = c.internal.name.rsplit("_", 2)[0]
-            foes = [f"{prefix}_{j}_0" for j in c.link.response]
+            foes = [f"{prefix}_{j}_0" for j in c.response]
             if any(lit.get(foe, "r") in "Gg" or foe not in known for foe in foes):
                 letter = "g"
         letters.append(letter)
@@ -177,9 +177,7 @@ def with_crossings(
         for crossing in walks.crossings:
             links = [nodes[crossing.node].connections[k] for k in crossing.crossed]
             crossed: _Crossed = {
-                index[c.internal.name]: abs(c.link.bend) > TURNING_RAD
-                for c in links
-                if c.internal.name in index
+                index[c.internal.name]: abs(c.bend) > TURNING_RAD for c in links if c.internal.name in index
             }
             if crossed and crossing.lane.edge not in taken:
                 taken.add(crossing.lane.edge)
@@ -189,7 +187,7 @@ def with_crossings(
             phases = _with_crossing(phases, crossed)
         closed = [k for k in range(len(lit)) if not any(state[-len(lit) + k] == "G" for _, state in phases)]
         if closed and programme is recorded:
-            never += [i for k in closed for i in lit[k][0].lane.lanelets]
+            never += [i for k in closed for i, _ in lit[k][0].lane.starts]
         elif closed:
             phases = _with_phase_of_their_own(phases, len(lit), closed)
         names = tuple(crossing.lane.edge for crossing, _ in lit)

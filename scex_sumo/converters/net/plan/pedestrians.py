@@ -262,10 +262,10 @@ class Walks:
         ending = [s.lane.name for s in self.sidewalks if s.nodes[1] == node]
         return [*ending, *dict.fromkeys(f"{c.start}_0" for c in self.at(node))]
 
-    def places(self) -> Iterator[tuple[str, list[tuple[int, float]]]]:
+    def places(self) -> Iterator[tuple[str, tuple[tuple[int, float], ...]]]:
         """Each lane for people, with the lanelet under it and its order along that lanelet."""
-        for k, lane in enumerate(walk.lane for walks in (self.crossings, self.sidewalks) for walk in walks):
-            yield lane.name, [(lanelet, float(k)) for lanelet in lane.lanelets]
+        for k, walk in enumerate((*self.crossings, *self.sidewalks)):
+            yield walk.lane.name, tuple((lanelet, float(k)) for lanelet, _ in walk.lane.starts)
 
 
 NO_WALKS = Walks(crossings=(), areas={}, sidewalks=(), nodes={})
@@ -306,7 +306,7 @@ class _Plan:
                 length=length_of(shape),
                 width=way.width,
                 speed=SPEED_MPS,
-                lanelets=() if way.lanelet is None else (way.lanelet,),
+                starts=() if way.lanelet is None else ((way.lanelet, 0.0),),
                 allow="pedestrian",
             )
             if way.name in self._across:
@@ -338,7 +338,7 @@ class _Plan:
 def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | None:
     pieces = {piece for lane, span in way.crossed for piece in topology.pieces_on(lane, *span)}
     for node in layout.nodes if pieces else ():
-        links = [k for k, c in enumerate(node.connections) if pieces & set(c.link.path.inside)]
+        links = [k for k, c in enumerate(node.connections) if pieces & set(c.path.inside)]
         if links:
             edges = dict.fromkeys(_nearer_edge(node.connections[k], way.shape) for k in links)
             return node.name, tuple(links), tuple(edges)

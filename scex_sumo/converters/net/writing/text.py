@@ -143,7 +143,7 @@ def _junction(name: str, kind: str, shape: FloatArray, incoming: Iterable[str], 
 
 def _junctions(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[str]:
     for node in nodes:
-        links, crossings = [connection.link for connection in node.connections], walks.at(node.name)
+        links, crossings = node.connections, walks.at(node.name)
         incoming = [*node.incoming, *walks.incoming(node.name)]
         inner = [c.internal.name for c in node.connections] + [crossing.lane.name for crossing in crossings]
         head = _junction(node.name, _type(node, lights), node.shape, incoming, inner)
@@ -170,7 +170,7 @@ def _request(index: int, response: set[int], foes: set[int], size: int) -> str:
 def _type(node: Node, lights: Lights) -> str:
     if any(connection.internal.name in lights for connection in node.connections):
         return "traffic_light"
-    states = {connection.link.state for connection in node.connections}
+    states = {connection.state for connection in node.connections}
     return next(
         (kind for state, kind in KINDS.items() if state in states), "priority" if states else "dead_end"
     )
@@ -185,12 +185,12 @@ def _connections(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterato
     every = [c for node in nodes for c in node.connections]
     for c in every:
         via, light = f' via="{c.internal.name}"', _light(c.internal.name, lights)
-        state = ("o" if c.link.response else "O") if light else c.link.state
-        head = f'    <connection {_ends(c)}{via}{light} dir="{direction(c.link.bend)}" state="{state}"'
+        state = ("o" if c.response else "O") if light else c.state
+        head = f'    <connection {_ends(c)}{via}{light} dir="{direction(c.bend)}" state="{state}"'
         conflicts = told.get(c.internal.name, ())
         yield from [f"{head}>", *conflicts, "    </connection>"] if conflicts else [f"{head}/>"]
     for c in every:
-        yield _way(c.internal.edge, c.to_edge, c.to_lane, turn=direction(c.link.bend))
+        yield _way(c.internal.edge, c.to_edge, c.to_lane, turn=direction(c.bend))
     for crossing in walks.crossings:
         light, state = _light(crossing.lane.edge, lights), "M" if crossing.marked else "m"
         yield _way(crossing.start, crossing.lane.edge, light=light, state=state)
@@ -220,10 +220,10 @@ def _conflict_stretches(node: Node) -> Iterator[tuple[Connection, Connection, _S
     SUMO looks for the point where two internal lanes cross; lanes that pass close by have none.
     """
     links = node.connections
-    sampled = {i: SampledLine.of(c.internal.shape) for i, c in enumerate(links) if c.link.foes}
+    sampled = {i: SampledLine.of(c.internal.shape) for i, c in enumerate(links) if c.foes}
     spans: dict[tuple[int, int], _Span] = {}
     for i in sampled:
-        for j in sorted(links[i].link.foes):
+        for j in sorted(links[i].foes):
             if i < j:
                 both = _unseen(links[i], links[j], sampled[i], sampled[j])
                 spans |= zip(((i, j), (j, i)), both, strict=True) if both else ()
