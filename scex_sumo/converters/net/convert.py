@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import pickle
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -80,24 +81,9 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     layout = layout.beside(_side_lanes(road))
     net_path.write_text(net_text(layout, lights, road.georeference, walks), encoding="utf-8")
     table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
-    table.write(net_file(net_path, ".lanes.csv"))
-    extras = net_file(net_path, ".add.xml")
-    extras.write_text(extras_text(road), encoding="utf-8")
-    changes = tuple(f"{a} to {b}" for a, b in lost)
-    losses = (
-        [
-            MapLoss(
-                kind="lane changes",
-                why="not possible in SUMO, because the lanes lie in different edges",
-                elements=changes,
-            )
-        ]
-        if lost
-        else []
-    )
-    return SumoNet(
-        path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=(*road.losses, *losses)
-    )
+    why = "not possible in SUMO, because the lanes lie in different edges"
+    loss = MapLoss(kind="lane changes", why=why, elements=tuple(f"{a} to {b}" for a, b in lost))
+    return _with_files(road, net_path, table, notes, (*road.losses, *([loss] if lost else ())))
 
 
 def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
@@ -105,38 +91,41 @@ def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
     root = net_root(source)
     places = lane_places(root)
     table = lane_table(places, read_ends(root), {lane for _, under in places for lane, _ in under})
-    table.write(net_file(net_path, ".lanes.csv"))
-    extras = net_file(net_path, ".add.xml")
-    extras.write_text(extras_text(road), encoding="utf-8")
     lit = [light.get("id", "") for light in root.iter("tlLogic") if light.find("condition") is not None]
     note = f"traffic lights with conditions: {listed(lit)}; in the futures their phases ignore the conditions"
-    return SumoNet(path=net_path, extras=extras, lanes=table, notes=(note,) if lit else ())
+    return _with_files(road, net_path, table, [note] if lit else [], ())
+
+
+def _with_files(
+    road: Road, net_path: Path, table: LaneTable, notes: Sequence[str], losses: tuple[MapLoss, ...]
+) -> SumoNet:
+    extras = net_file(net_path, ".add.xml")
+    table.write(net_file(net_path, ".lanes.csv"))
+    extras.write_text(extras_text(road), encoding="utf-8")
+    return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=losses)
 
 
 def _side_lanes(road: Road) -> NetLayout:
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
     ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
-    following = {
-        i: tuple(
-            j
-            for j in own
-            if j != i and own[i].kind == own[j].kind and math.dist(ends[i][1], ends[j][0]) < JOINED_M
-        )
+    joined = [
+        (i, j)
         for i in own
-    }
+        for j in own
+        if j != i and own[i].kind == own[j].kind and math.dist(ends[i][1], ends[j][0]) < JOINED_M
+    ]
     lanes = {
-        i: replace(
+        k: replace(
             lane,
-            successors=following[i],
-            predecessors=tuple(j for j in own if i in following[j]),
+            successors=tuple(j for i, j in joined if i == k),
+            predecessors=tuple(i for i, j in joined if j == k),
             left=None,
             right=None,
             conflicts=(),
         )
-        for i, lane in own.items()
+        for k, lane in own.items()
     }
-    rows, _ = build_rows(lanes)
-    return plan_net(Topology(rows, lanes, []), road.regulations, [])
+    return plan_net(Topology(build_rows(lanes)[0], lanes, []), road.regulations, [])
 
 
 def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -> list[Programme]:

@@ -346,10 +346,10 @@ def _lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
 
 def _union_outline(areas: Sequence[Polygon]) -> FloatArray:
     union = unary_union(shapely.buffer(areas, 0.01, quad_segs=16))
-    hull = union if union.geom_type == "Polygon" else union.convex_hull
-    if hull.geom_type != "Polygon":
+    area = union if union.geom_type == "Polygon" else union.convex_hull
+    if area.geom_type != "Polygon":
         return np.empty((0, 2))
-    return np.asarray(hull.simplify(0.05).exterior.coords)[:-1]
+    return np.asarray(area.simplify(0.05).exterior.coords)[:-1]
 
 
 def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
@@ -362,13 +362,15 @@ def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
                     across = np.array([-np.sin(angle), np.cos(angle)]) * lane.width / 2
                     tip = lane.shape[-1 if end else 0]
                     points += [tip + across, tip - across]
-    hull = MultiPoint(np.array(points)).convex_hull
-    coords = hull.exterior.coords[:-1] if hull.geom_type == "Polygon" else hull.coords
-    return np.asarray(coords)
+    return hull(points)
+
+
+def hull(points: Sequence[FloatArray]) -> FloatArray:
+    """Return the (P, 2) convex hull of points, in order."""
+    found = MultiPoint(np.vstack(points)).convex_hull
+    return np.asarray(found.exterior.coords[:-1] if found.geom_type == "Polygon" else found.coords)
 
 
 def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:
     start, end = project(ends, bound)[0]
-    return (
-        cut(bound, start, end) if end - start > 1e-3 else np.vstack([along(bound, start), along(bound, end)])
-    )
+    return cut(bound, start, end) if end - start > 1e-3 else along(bound, np.array([start, end]))

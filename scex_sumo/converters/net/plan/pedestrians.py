@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout
+from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, hull
 from scex_sumo.converters.net.topology.graph import Groups, Topology, Zone
 from scex_sumo.geometry.polylines import along, cut, heading, length_of, nearest
 from scex_sumo.road import Lane
@@ -329,9 +329,9 @@ class _Plan:
                 sidewalks.append(_Sidewalk(lane=lane, nodes=nodes, areas=areas))
         return Walks(
             crossings=tuple(sorted(crossings, key=lambda c: c.lane.name)),
-            areas={name: _hull(corner[place]) for place, name in self._area.items()},
+            areas={name: hull(corner[place]) for place, name in self._area.items()},
             sidewalks=tuple(sidewalks),
-            nodes={n: _hull(corner[place]) for place, n in self._node.items() if n == f"p{place}"},
+            nodes={n: hull(corner[place]) for place, n in self._node.items() if n == f"p{place}"},
         )
 
 
@@ -364,15 +364,11 @@ def _halved(ways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[
 
 
 def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterator[int]) -> Iterator[Footway]:
-    ends = [place for way in ways for place in way.places]
+    places = [place for way in ways for place in way.places]
     for way in crosswalks:
-        for k, (place, tip, angle) in enumerate(
-            (
-                (way.places[0], way.shape[0], heading(way.shape, end=False) + math.pi),
-                (way.places[1], way.shape[-1], heading(way.shape, end=True)),
-            )
-        ):
-            if ends.count(place) == 1:
+        for k, place in enumerate(way.places):
+            if places.count(place) == 1:
+                angle, tip = heading(way.shape, end=k == 1) + (math.pi if k == 0 else 0.0), way.shape[-k]
                 outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
                 yield Footway(
                     name=f"{way.name}#{k}",
@@ -387,8 +383,3 @@ def _trimmed(shape: FloatArray, areas: tuple[str, str]) -> FloatArray:
     length = length_of(shape)
     off = min(TRIM_M, length / 4)
     return cut(shape, off * bool(areas[0]), length - off * bool(areas[1]))
-
-
-def _hull(points: Sequence[FloatArray]) -> FloatArray:
-    hull = shapely.MultiPoint(np.vstack(points)).convex_hull
-    return np.asarray(hull.exterior.coords[:-1] if hull.geom_type == "Polygon" else hull.coords)
