@@ -26,7 +26,7 @@ class Shapes:
         lanelets: of the map, for vehicles; ``covered`` are those under SUMO lanes for cars.
         deviations: (N,) m, from lanelets to SUMO lanes and back.
         worst: (lanelet, largest deviation in m), the largest first.
-        overhangs: m that each SUMO lane runs on beyond its lanelets.
+        overhangs: (SUMO lane, m that it runs on beyond its lanelets).
         width_errors: (N,) m; ``width_floor`` (N,) is that of lanes with the median width.
         wrong_lengths: edges whose written length is not the mean of their lanes' (edge, written, mean).
         reversed: (lanelet, SUMO lane) of opposite directions.
@@ -45,14 +45,16 @@ class Shapes:
             entry for i in self.covered for entry in _wrong_speed(matching, i, present[i])[:1]
         ]
         worst = {i: float(off.max()) for i, off in forth.items()}
-        pooled, self.overhangs = list(forth.values()), dict[str, float]()
+        pooled, overhangs = list(forth.values()), dict[str, float]()
         for name in matching.by_sumo_lane:
             under = matching.lanelets(name)
             if name in net.car_lanes and under & self.lanelets.keys():
-                off, self.overhangs[name] = _back(net.lanes[name], [lanes[i] for i in under])
+                off, overhangs[name] = _back(net.lanes[name], [lanes[i] for i in under])
                 pooled.append(off)
                 for i in under:
                     worst[i] = max(worst.get(i, 0.0), float(off.max(initial=0.0)))
+        self.overhang_max_m = max(overhangs.values(), default=0.0)
+        self.overhangs = sorted((name, m) for name, m in overhangs.items() if m > STUB_M)
         self.deviations = np.concatenate(pooled) if forth else np.array([np.nan])
         self.worst = sorted(((i, m) for i, m in worst.items() if m > WORST_M), key=lambda entry: -entry[1])
         self.wrong_lengths, self.reversed = _wrong_lengths(net), _reversed(matching)

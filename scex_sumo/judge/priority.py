@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from itertools import combinations, permutations, product
+from itertools import combinations, product
 from typing import TypeAlias
 
 import numpy as np
@@ -52,7 +52,7 @@ class RightOfWay:
                 # A positive turn: the second heads to the left of the first, so it comes from the right.
                 both = (conflict.first, conflict.second)
                 self._judge_right(*(both if conflict.turn_rad > 0 else both[::-1]))
-        meeting = {pair for c in self.conflicts for pair in permutations((c.first, c.second))}
+        meeting = {pair for c in self.conflicts for pair in ((c.first, c.second), (c.second, c.first))}
         rules = [rule for rule in self.rules if rule.kind != "all_way_stop"]
         ruled = {(y, p) for rule in rules for y in rule.yielding for p in rule.priority if y != p}
         for yielding, priority in sorted(ruled):

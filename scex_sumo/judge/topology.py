@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TypeAlias, TypeVar
 
 import numpy as np
 import shapely
+from scipy.cluster.hierarchy import DisjointSet
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.geometry.polylines import length_of
@@ -38,7 +39,7 @@ class Moves:
         loose: routes by edges from border to border, which the map forbids and a router on edges would take.
         permitted: lane changes; ``adjacent`` lanelets lie side by side. ``inside`` are changes that only an
             edge within an intersection could hold.
-        possible: lengths in m of the net's lane changes; those of ``changes`` share more than a corner.
+        possible: lengths in m of the net's lane changes.
     """
 
     def __init__(self, matching: Matching) -> None:
@@ -58,35 +59,28 @@ class Moves:
         sides = {i: (lane.adjacent_left, lane.adjacent_right) for i, lane in lanes.items()}
         self.adjacent = {(i, j) for i, both in sides.items() for j in both if j in lanes}
         self.possible = _lengths_by_pair(changes, 0.0)
-        self.changes = _lengths_by_pair(changes, BESIDE_M).keys()
         self.inside = _changes_inside(lanes) - self.possible.keys()
+        self.missing_changes = self.permitted - self.possible.keys() - self.inside
+        self.invented_changes = _lengths_by_pair(changes, BESIDE_M).keys() - self.permitted
         for (one, other), shared in changes.items():
             if _beside(one, other, shared, BESIDE_M):  # corners would invent routes around junctions
                 ahead[one].add(other)
         reach = _reach({s: bit[s.lane_id] for s in ahead}, ahead)
         driven = _united((s.lane_id, row) for s, row in reach.items())
         steps = self.successors | self.permitted
-        self.routes = _reach(bit, _by_first(steps))
-        excused = (
-            _reach(bit, _by_first(steps - self.inside | self.successors)) if self.inside else self.routes
-        )
-        self.missing = {i: row & ~driven.get(i, 0) for i, row in excused.items()}
-        self.invented = {i: row & ~self.routes[i] for i, row in driven.items()}
-        self.missing, self.invented, self.routes = (
-            {i: row & ~bit[i] for i, row in rows.items()}
-            for rows in (self.missing, self.invented, self.routes)
-        )
-        self._ends = sum(bit[i] for i, lane in lanes.items() if not lanes.keys() & set(lane.successors))
-        reach, same = _by_edges(matching, on_lanes, bit)
-        loose = {i: row & ~same[i] & ~self.routes[i] for i, row in reach.items()}
-        self.loose = self.border(loose)
+        whole = _reach(bit, _by_first(steps))
+        wanted = _reach(bit, _by_first(steps - self.inside | self.successors)) if self.inside else whole
+        self.routes = {i: row & ~bit[i] for i, row in whole.items()}
+        self.missing = {i: row & ~driven.get(i, bit[i]) & ~bit[i] for i, row in wanted.items()}
+        self.invented = {i: row & ~whole[i] for i, row in driven.items()}
+        self._ends = sum(bit[i] for i, lane in lanes.items() if lanes.keys().isdisjoint(lane.successors))
+        led, same = _by_edges(matching, on_lanes, bit)
+        self.loose = self.border({i: row & ~same[i] & ~whole[i] for i, row in led.items()})
 
     def border(self, routes: Rows) -> Rows:
         """Select the routes from border to border."""
-        known = self.lanes.keys()
-        return {
-            i: row & self._ends for i, row in routes.items() if not known & set(self.lanes[i].predecessors)
-        }
+        starts = {i for i, x in self.lanes.items() if self.lanes.keys().isdisjoint(x.predecessors)}
+        return {i: row & self._ends for i, row in routes.items() if i in starts}
 
     def pairs(self, routes: Rows) -> list[Pair]:
         """Return the pairs of lanelets."""
@@ -105,10 +99,10 @@ def _forward(matching: Matching, on_lanes: Mapping[str, Sequence[Stretch]]) -> d
     moves: dict[Stretch, set[Stretch]] = {}
     for name, on in on_lanes.items():
         entered = [*following.get(name, ())]
-        for lane in entered if on else ():  # grows
+        for lane in entered:  # grows
             if not on_lanes.get(lane):
                 entered += [other for other in following.get(lane, ()) if other not in entered]
-        onward = {s for lane in entered for s in _first(on_lanes.get(lane, ()))} if on else set()
+        onward = {s for lane in entered for s in _first(on_lanes.get(lane, ()))}
         for stretch in on:
             moves[stretch] = _first(other for other in on if _precedes(stretch, other)) or {*onward}
     return moves
@@ -126,18 +120,16 @@ def _precedes(one: Stretch, other: Stretch) -> bool:
 def _changes(matching: Matching, on_lanes: Mapping[str, Sequence[Stretch]]) -> Changes:
     found: Changes = {}
     lanes = matching.net.lanes
-    beside = (pair for names in matching.net.edges.values() for pair in pairwise(names))
-    for right, left in beside:
+    for right, left in (pair for names in matching.net.edges.values() for pair in pairwise(names)):
         lengths = [max(lanes[name].line.length, 1e-9) for name in (right, left)]
-        for one in on_lanes.get(right, ()):
-            for other in on_lanes.get(left, ()):
-                start = max(one.start_m / lengths[0], other.start_m / lengths[1])
-                end = min(one.end_m / lengths[0], other.end_m / lengths[1])
-                shared = float((end - start) * min(lengths))
-                if shared > 0.0 and lanes[right].change_left:
-                    found[one, other] = shared
-                if shared > 0.0 and lanes[left].change_right:
-                    found[other, one] = shared
+        for one, other in product(on_lanes.get(right, ()), on_lanes.get(left, ())):
+            start = max(one.start_m / lengths[0], other.start_m / lengths[1])
+            end = min(one.end_m / lengths[0], other.end_m / lengths[1])
+            shared = float((end - start) * min(lengths))
+            if shared > 0.0 and lanes[right].change_left:
+                found[one, other] = shared
+            if shared > 0.0 and lanes[left].change_right:
+                found[other, one] = shared
     return found
 
 
@@ -185,10 +177,9 @@ def _by_edges(
 ) -> tuple[Rows, Rows]:
     """Return the lanelets that edges lead to from a lanelet, and those on its own edges."""
     lanes = matching.net.lanes
-    edge = {name: lane.edge_id for name, lane in lanes.items()}
-    on = [(edge[name], s.lane_id) for name, own in on_lanes.items() if not lanes[name].internal for s in own]
-    links = [(edge[link.from_lane], edge[link.to_lane]) for link in matching.net.car_links]
-    own = dict.fromkeys([*edge.values()], 0)
+    on = [(lanes[n].edge_id, s.lane_id) for n, own in on_lanes.items() if not lanes[n].internal for s in own]
+    links = [(lanes[link.from_lane].edge_id, lanes[link.to_lane].edge_id) for link in matching.net.car_links]
+    own = dict.fromkeys((lane.edge_id for lane in lanes.values()), 0)
     for name, i in on:
         own[name] |= bit[i]
     reach = _reach(own, _by_first(links))
@@ -197,23 +188,16 @@ def _by_edges(
 
 def _changes_inside(lanes: Mapping[int, Lane]) -> set[Pair]:
     """Permitted changes between lanelets of which no stretch as long as a car is clear of other lanelets."""
-    found: set[Pair] = set()
-    for group in _groups(lanes):
+    beside = [(i, j) for i, lane in lanes.items() for j in (lane.left, lane.right) if j in lanes]
+    groups, inside = DisjointSet({i for pair in beside for i in pair}), set[int]()
+    for pair in beside:
+        groups.merge(*pair)
+    for group in groups.subsets():
         free = np.logical_and.reduce([_free(lanes, i, group) for i in group])
         longest = max((end - start + 1 for start, end in runs(free)), default=0)
         if longest / FRACTIONS * np.mean([length_of(lanes[i].centreline) for i in group]) < ROOM_M:
-            found |= {(i, j) for i in group for j in (lanes[i].left, lanes[i].right) if j in group}
-    return found
-
-
-def _groups(lanes: Mapping[int, Lane]) -> list[set[int]]:
-    groups: list[set[int]] = []
-    for i, lane in lanes.items():
-        own = {i} | {j for j in (lane.left, lane.right) if j in lanes}
-        if len(own) > 1:
-            joined = [group for group in groups if group & own]
-            groups = [group for group in groups if group not in joined] + [own.union(*joined)]
-    return groups
+            inside |= group
+    return {(i, j) for i, j in beside if i in inside and j is not None}
 
 
 def _free(lanes: Mapping[int, Lane], lane_id: int, group: Collection[int]) -> BoolArray:

@@ -264,8 +264,9 @@ class Walks:
 
     def places(self) -> Iterator[tuple[str, tuple[tuple[int, float], ...]]]:
         """Each lane for people, with the lanelet under it and its order along that lanelet."""
-        for k, walk in enumerate((*self.crossings, *self.sidewalks)):
-            yield walk.lane.name, tuple((lanelet, float(k)) for lanelet, _ in walk.lane.starts)
+        lanes = [crossing.lane for crossing in self.crossings] + [walk.lane for walk in self.sidewalks]
+        for k, lane in enumerate(lanes):
+            yield lane.name, tuple((lanelet, float(k)) for lanelet, _ in lane.starts)
 
 
 NO_WALKS = Walks(crossings=(), areas={}, sidewalks=(), nodes={})

@@ -317,15 +317,15 @@ def endless(after: Mapping[Node, Collection[Node]]) -> set[Node]:
             left[other] -= 1
             if not left[other]:
                 ends.append(other)
-    return after.keys() - ends
+    return {*after} - {*ends}
 
 
 def _on_rings(after: _Steps, before: _Steps) -> set[Piece]:
     rest, rings = endless(after), set[Piece]()
     while rest:
         piece = next(iter(rest))
-        onward, back = ({p: steps[p] for p in rest} for steps in (after, before))
-        ring = reached([piece], onward) & reached([piece], back)
+        there, back = (reached([piece], {p: steps[p] for p in rest}) for steps in (after, before))
+        ring = there & back
         if len(ring) > 1 or piece in after[piece]:
             rings |= ring
         rest -= ring
