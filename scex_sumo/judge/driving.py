@@ -16,7 +16,6 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError, reason_of
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.net.reader import NetContent, read_net
-from scex_sumo.geometry.polylines import begin_inside
 from scex_sumo.judge.loading import run
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
@@ -158,7 +157,8 @@ def border_routes(net: NetContent) -> list[tuple[str, ...]]:
     entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
     left = {net.lanes[link.from_lane].edge_id for link in net.car_links}
     first, ends = edges - entered, edges - left
-    starts = first - _begin_inside(net, first, ends) or first or edges
+    inside = {net.lanes[name].edge_id for name in net.begin_inside(first, ends)}
+    starts = first - inside or first or edges
     for room_m in (CHANGE_M, 0.0):
         moves = _lane_moves(net, room_m)
         routes = [
@@ -170,17 +170,6 @@ def border_routes(net: NetContent) -> list[tuple[str, ...]]:
         if routes:
             break
     return routes
-
-
-def _begin_inside(net: NetContent, first: set[str], ends: set[str]) -> set[str]:
-    cars = net.car_lanes
-    apart = {name: {*net.edges[lane.edge_id]} for name, lane in cars.items() if lane.edge_id in first}
-    for link in net.car_links:
-        if link.from_lane in apart:
-            apart[link.from_lane] |= {*link.via, link.to_lane}
-    shapes = {name: lane.shape for name, lane in cars.items()}
-    loose = {name for name, lane in cars.items() if lane.edge_id in first | ends}
-    return {cars[i].edge_id for i in begin_inside(shapes, starts=apart, loose=loose, apart=apart)}
 
 
 def _lane_moves(net: NetContent, room_m: float) -> dict[str, list[str]]:
