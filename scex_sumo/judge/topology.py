@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from graphlib import TopologicalSorter
 from itertools import pairwise, product
 from typing import TypeAlias, TypeVar
 
 import numpy as np
 import shapely
 from scipy.cluster.hierarchy import DisjointSet
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.geometry.polylines import length_of
@@ -161,15 +164,17 @@ def _united(rows: Iterable[tuple[int, int]]) -> Rows:
 
 def _reach(own: Mapping[Node, int], ahead: Mapping[Node, Iterable[Node]]) -> dict[Node, int]:
     """Return the bits of each node and of all nodes that it leads to."""
-    reach, before = dict(own), _by_first((j, i) for i, onward in ahead.items() for j in onward)
-    stack = [*own]
-    while stack:
-        node = stack.pop()
-        for other in before.get(node, ()):
-            if reach[other] | reach[node] != reach[other]:
-                reach[other] |= reach[node]
-                stack.append(other)
-    return reach
+    number = {node: k for k, node in enumerate(own)}
+    steps = np.array([(number[i], number[j]) for i, onward in ahead.items() for j in onward], dtype=np.int64)
+    ends = steps.reshape(-1, 2).T
+    graph = coo_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(len(own), len(own)))
+    label = connected_components(graph, connection="strong")[1] if own else np.empty(0)
+    onward = _by_first(zip(*label[ends].tolist(), strict=True)) if ends.size else {}
+    reach = _united(zip(label.tolist(), own.values(), strict=True))
+    for ring in TopologicalSorter({i: onward.get(i, set()) - {i} for i in reach}).static_order():
+        for other in onward.get(ring, ()):  # sorted before
+            reach[ring] |= reach[other]
+    return {node: reach[k] for node, k in zip(own, label.tolist(), strict=True)}
 
 
 def _by_edges(
