@@ -164,17 +164,19 @@ def _united(rows: Iterable[tuple[int, int]]) -> Rows:
 
 def _reach(own: Mapping[Node, int], ahead: Mapping[Node, Iterable[Node]]) -> dict[Node, int]:
     """Return the bits of each node and of all nodes that it leads to."""
+    if not own:
+        return {}
     number = {node: k for k, node in enumerate(own)}
-    steps = np.array([(number[i], number[j]) for i, onward in ahead.items() for j in onward], dtype=np.int64)
-    ends = steps.reshape(-1, 2).T
-    graph = coo_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(len(own), len(own)))
-    label = connected_components(graph, connection="strong")[1] if own else np.empty(0)
-    onward = _by_first(zip(*label[ends].tolist(), strict=True)) if ends.size else {}
-    reach = _united(zip(label.tolist(), own.values(), strict=True))
-    for ring in TopologicalSorter({i: onward.get(i, set()) - {i} for i in reach}).static_order():
-        for other in onward.get(ring, ()):  # sorted before
-            reach[ring] |= reach[other]
-    return {node: reach[k] for node, k in zip(own, label.tolist(), strict=True)}
+    steps = [(number[i], number[j]) for i, others in ahead.items() for j in others]
+    rows, columns = np.array(steps, dtype=np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(steps)), (rows, columns)), shape=(len(own), len(own)))
+    ring: list[int] = connected_components(graph, connection="strong")[1].tolist()
+    onward = _by_first((ring[i], ring[j]) for i, j in steps if ring[i] != ring[j])
+    reach = _united(zip(ring, own.values(), strict=True))
+    for k in TopologicalSorter({k: onward.get(k, set()) for k in reach}).static_order():
+        for other in onward.get(k, ()):  # sorted before
+            reach[k] |= reach[other]
+    return {node: reach[k] for node, k in zip(own, ring, strict=True)}
 
 
 def _by_edges(

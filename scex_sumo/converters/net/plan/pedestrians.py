@@ -57,7 +57,8 @@ class _Crossed:
 
 def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Footway]:
     """Cut crosswalks and walkways where others join from the side and where they leave the road."""
-    walked = {i: x for i, x in lanes.items() if x.kind == "pedestrian" and _long(x)}
+    walked = {i: lane for i, lane in lanes.items() if lane.kind == "pedestrian"}
+    walked = {i: lane for i, lane in walked.items() if length_of(lane.centreline) >= SHORTEST_M}
     roads = shapely.STRtree([shapely.LineString(x.centreline) for x in driven.values()])
     walked = {i: _beside_lanes(x, driven, roads) for i, x in walked.items()}
     crossed = {i: list(_crossed(x, driven, roads)) for i, x in walked.items()}
@@ -93,18 +94,13 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
 def crossed_zones(ways: list[Footway]) -> list[Zone]:
     """Return one zone of vehicle lanes for each group of crosswalks that meet."""
     groups: Groups[int] = Groups()
-    for way in ways:
-        if way.crossed:
-            groups.join(*way.places)
+    crosswalks = [way for way in ways if way.crossed]
+    for way in crosswalks:
+        groups.join(*way.places)
     crossed: dict[int, list[tuple[int, tuple[float, float]]]] = {}
-    for way in ways:
-        if way.crossed:
-            crossed.setdefault(groups.name(way.places[0]), []).extend(way.crossed)
+    for way in crosswalks:
+        crossed.setdefault(groups.name(way.places[0]), []).extend(way.crossed)
     return [Zone(lanes=tuple(i for i, _ in on), spans=tuple(s for _, s in on)) for on in crossed.values()]
-
-
-def _long(lane: Lane) -> bool:
-    return length_of(lane.centreline) >= SHORTEST_M
 
 
 def _ground(lane: Lane) -> shapely.Geometry:

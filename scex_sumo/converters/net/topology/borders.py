@@ -6,15 +6,14 @@ Without it SUMO does not notice that such lanes overlap, and inserts vehicles in
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.topology.graph import SHORTEST_M, STUB_M
-from scex_sumo.geometry.polylines import cut, heading, length_of, turn
+from scex_sumo.geometry.polylines import cut, heading, length_of, wrap
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
@@ -31,16 +30,9 @@ def add_entries(lanes: Mapping[int, Lane], taken: Collection[int] = ()) -> dict[
     """
     result = dict(lanes)
     ids = _fresh(lanes, taken)
-    for group in _groups(lanes, lambda lane: not lane.predecessors, end=False):
-        result |= _entered(result, group, next(ids))
-    for group in _groups(result, lambda lane: not lane.successors, end=True):
-        line = result[group[0]].centreline
-        last, fresh = cut(line, length_of(line) - SHORTEST_M, length_of(line)), next(ids)
-        result[fresh] = _piece(result[group[0]], fresh, last, predecessors=tuple(group))
-        for i in group:
-            line = result[i].centreline
-            rest = cut(line, 0.0, length_of(line) - SHORTEST_M)
-            result[i] = replace(result[i], centreline=rest, successors=(fresh,))
+    for end in (False, True):
+        for group in _groups(result, end=end):
+            result |= _joined(result, group, next(ids), end=end)
     return result
 
 
@@ -59,18 +51,38 @@ def add_approaches(
     }
     for lane in sorted(blocked):
         if length_of(lanes[lane].centreline) > 10 * SHORTEST_M:
-            result |= _entered(result, [lane], next(ids))
+            result |= _joined(result, [lane], next(ids), end=False)
     return result
 
 
-def _entered(lanes: Mapping[int, Lane], group: Sequence[int], fresh: int) -> dict[int, Lane]:
+def _joined(lanes: Mapping[int, Lane], group: Sequence[int], fresh: int, *, end: bool) -> dict[int, Lane]:
     first = lanes[group[0]]
-    line = _prolonged(cut(first.centreline, 0.0, SHORTEST_M))
-    result = {fresh: _piece(first, fresh, line, successors=tuple(group))}
-    for i in group:
-        line = lanes[i].centreline
-        rest = cut(line, SHORTEST_M, length_of(line))
-        result[i] = replace(lanes[i], centreline=rest, predecessors=(fresh,))
+    sizes = {i: length_of(lanes[i].centreline) for i in group}
+    if end:
+        line = cut(first.centreline, sizes[group[0]] - SHORTEST_M, sizes[group[0]])
+    else:
+        line = cut(first.centreline, 0.0, SHORTEST_M)
+        along = (line[1] - line[0]) / float(np.hypot(*(line[1] - line[0])))
+        line = np.vstack([line[0] - ROOM_M * along, line])
+    step = line[-1] - line[0]
+    across = first.width_m / 2 * np.array([-step[1], step[0]]) / float(np.hypot(*step))
+    result = {
+        fresh: replace(
+            first,
+            lane_id=fresh,
+            subtype=ENTRY,
+            centreline=line,
+            left_bound=line + across,
+            right_bound=line - across,
+            successors=() if end else tuple(group),
+            predecessors=tuple(group) if end else (),
+            conflicts=(),
+        )
+    }
+    for i, size in sizes.items():
+        rest = cut(lanes[i].centreline, *((0.0, size - SHORTEST_M) if end else (SHORTEST_M, size)))
+        lane = replace(lanes[i], centreline=rest)
+        result[i] = replace(lane, successors=(fresh,)) if end else replace(lane, predecessors=(fresh,))
     return result
 
 
@@ -83,60 +95,24 @@ def _changing(lanes: Mapping[int, Lane]) -> set[int]:
     return beside | {i for i, lane in lanes.items() if lane.left is not None or lane.right is not None}
 
 
-def _groups(lanes: Mapping[int, Lane], loose: Callable[[Lane], bool], *, end: bool) -> list[list[int]]:
-    tips: list[tuple[int, FloatArray, float]] = []
+def _groups(lanes: Mapping[int, Lane], *, end: bool) -> list[list[int]]:
     changing = _changing(lanes)
-    for i, lane in sorted(lanes.items()):
-        if loose(lane) and i not in changing and length_of(lane.centreline) > 10 * SHORTEST_M:
-            tip = lane.centreline[-1 if end else 0]
-            tips.append((i, tip, heading(lane.centreline, end=end, reach=1.0)))
-    groups: list[list[int]] = []
-    taken: set[int] = set()
-    places = np.array([tip for _, tip, _ in tips]).reshape(-1, 2)
-    for i, tip, angle in tips:
-        if i in taken:
-            continue
-        group = [
-            j
-            for j, other, other_angle in (tips[k] for k in _beside(places, tip))
-            if j not in taken
-            and math.dist(tip, other) < TOGETHER_M
-            and abs(turn(angle, other_angle)) < ALIGNED
-        ]
-        if len(group) > 1:
-            groups.append(group)
-            taken.update(group)
+    loose = {
+        i: lane.centreline
+        for i, lane in sorted(lanes.items())
+        if not (lane.successors if end else lane.predecessors)
+        and i not in changing
+        and length_of(lane.centreline) > 10 * SHORTEST_M
+    }
+    ids, groups = list(loose), list[list[int]]()
+    tips = np.array([line[-1 if end else 0] for line in loose.values()]).reshape(-1, 2)
+    angles = np.array([heading(line, end=end, reach=1.0) for line in loose.values()])
+    left = np.ones(len(ids), dtype=np.bool_)
+    for k in range(len(ids)):
+        near = (
+            left & (np.hypot(*(tips - tips[k]).T) < TOGETHER_M) & (np.abs(wrap(angles - angles[k])) < ALIGNED)
+        )
+        if left[k] and near.sum() > 1:
+            groups.append([ids[j] for j in np.flatnonzero(near)])
+            left &= ~near
     return groups
-
-
-def _beside(places: FloatArray, tip: FloatArray) -> list[int]:
-    found: list[int] = np.flatnonzero((np.abs(places - tip) < TOGETHER_M).all(axis=1)).tolist()
-    return found
-
-
-def _prolonged(line: FloatArray) -> FloatArray:
-    along = (line[1] - line[0]) / float(np.hypot(*(line[1] - line[0])))
-    return np.vstack([line[0] - ROOM_M * along, line])
-
-
-def _piece(
-    lane: Lane,
-    lane_id: int,
-    centreline: FloatArray,
-    *,
-    successors: tuple[int, ...] = (),
-    predecessors: tuple[int, ...] = (),
-) -> Lane:
-    step = centreline[-1] - centreline[0]
-    across = lane.width_m / 2 * np.array([-step[1], step[0]]) / float(np.hypot(*step))
-    return replace(
-        lane,
-        lane_id=lane_id,
-        subtype=ENTRY,
-        centreline=centreline,
-        left_bound=centreline + across,
-        right_bound=centreline - across,
-        successors=successors,
-        predecessors=predecessors,
-        conflicts=(),
-    )
