@@ -29,22 +29,18 @@ class Groups(Generic[Node]):
     """Disjoint groups of things, each named by its smallest member."""
 
     def __init__(self) -> None:
-        self._above: dict[Node, Node] = {}
+        self.above: dict[Node, Node] = {}
 
     def name(self, member: Node) -> Node:
         """Return the smallest member of a thing's group; its own group is new."""
-        while (above := self._above.setdefault(member, member)) != member:
+        while (above := self.above.setdefault(member, member)) != member:
             member = above
         return member
 
     def join(self, one: Node, other: Node) -> None:
         """Make two groups one."""
         first, second = sorted((self.name(one), self.name(other)))
-        self._above[second] = first
-
-    def members(self) -> list[Node]:
-        """Return all things."""
-        return list(self._above)
+        self.above[second] = first
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -193,8 +193,8 @@ def _connections(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterato
         yield _way(c.internal.edge, c.to_edge, c.to_lane, turn=direction(c.bend))
     for crossing in walks.crossings:
         light, state = _light(crossing.lane.edge, lights), "M" if crossing.marked else "m"
-        yield _way(crossing.start, crossing.lane.edge, light=light, state=state)
-        yield _way(crossing.lane.edge, crossing.end)
+        yield _way(crossing.areas[0], crossing.lane.edge, light=light, state=state)
+        yield _way(crossing.lane.edge, crossing.areas[1])
     for walk in walks.sidewalks:
         for ends in ((walk.areas[0], walk.lane.edge), (walk.lane.edge, walk.areas[1])):
             if all(ends):
