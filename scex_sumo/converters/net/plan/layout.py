@@ -35,9 +35,6 @@ from scex_sumo.geometry.polylines import (
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
-DECIMALS = 3  # millimetres: what SUMO's tools expect
-EXACT = 9  # decimals of lanes' shapes: drivers on a net that is read back shall plan as on its map
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetLane:
@@ -134,14 +131,6 @@ class NetLayout:
     def ends(self) -> dict[str, tuple[str, str]]:
         """Return the edges before and after each internal lane."""
         return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
-
-
-def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
-    """Format a polyline as SUMO does: ``x,y x,y``."""
-    # Adding 0.0 turns a rounded -0.0 into 0.0.
-    return " ".join(
-        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
-    )
 
 
 def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Conflict]) -> NetLayout:

@@ -264,9 +264,6 @@ class Walks:
             yield lane.name, tuple((lanelet, float(k)) for lanelet, _ in lane.starts)
 
 
-NO_WALKS = Walks(crossings=(), areas={}, sidewalks=(), nodes={})
-
-
 def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -> Walks:
     """Put a map's footways into the net of its vehicle lanes."""
     met = {way.name: _across(way, topology, layout) for way in ways}
