@@ -405,17 +405,14 @@ def cut_lanes(
     lanes = {i: replace(x, left=None, right=None) if i in closed else x for i, x in lanes.items()}
     rows, _ = build_rows(lanes)
     zones: list[Conflict | Zone] = [*found, *walked]
-    rows = [_with_road_to_change_on(row) for row in lay_zones(rows, lanes, zones)]
+    rows = [  # lanes side by side need some road to change on
+        _opened(row, 0) if len(row.lanes) > 1 and all(row.inside) else row
+        for row in lay_zones(rows, lanes, zones)
+    ]
     rows = _open_knots(rows, lanes)
     rows = _fill_gaps(Topology(rows, lanes, zones))
     rows = _split_loops(Topology(rows, lanes, zones))
     return Topology(rows, lanes, zones), lost
-
-
-def _with_road_to_change_on(row: Row) -> Row:
-    if len(row.lanes) == 1 or not all(row.inside):
-        return row
-    return row.with_road(0, min(STUB_M / row.size(0), 1 / 3) * row.cuts[1])
 
 
 def _fill_gaps(topology: Topology) -> list[Row]:
@@ -482,10 +479,8 @@ def _knot(chains: _Chains) -> tuple[int, int] | None:
     for r, k in {piece[:2] for piece in chains.unsound(chains.pieces())}:
         merging = any(len(chains.before((r, k, at))) > 1 for at in range(len(chains.rows[r].lanes)))
         candidates.append((merging, chains.rows[r].size(k), -r, -k))
-    if not candidates:
-        return None
-    _, _, r, k = max(candidates)
-    return -r, -k
+    _, _, r, k = max(candidates, default=(False, 0.0, 1, 1))
+    return (-r, -k) if r <= 0 else None
 
 
 def _double_way(chains: _Chains) -> list[tuple[int, int]]:
