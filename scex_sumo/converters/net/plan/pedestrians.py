@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, hull
+from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, corners, hull
 from scex_sumo.converters.net.topology.graph import Groups, Topology, Zone
 from scex_sumo.geometry.polylines import along, cut, heading, length_of, nearest
 from scex_sumo.road import Lane
@@ -197,18 +197,10 @@ def _area(lane: Lane) -> shapely.Polygon:
     return shapely.Polygon(np.vstack([lane.left_bound, lane.right_bound[::-1]])).buffer(0.0)
 
 
-def corners(shape: FloatArray, width: float, *, end: bool) -> FloatArray:
-    """(2, 2) left and right corner of a footway's end, m."""
-    length = length_of(shape)
-    a, b = along(shape, np.array([length - min(0.5, length), length] if end else [0.0, min(0.5, length)]))
-    across = np.array([a[1] - b[1], b[0] - a[0]]) / max(float(np.hypot(*(b - a))), 1e-9) * width / 2
-    tip = shape[-1 if end else 0]
-    return np.array([tip + across, tip - across])
-
-
 _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, its links, edges at them
 
 SPEED_MPS = 2.78  # SUMO's own for sidewalks
+TIP_M = 0.5  # of a footway, for its direction
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
 STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
 
@@ -285,7 +277,7 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
         areas = (area.get(start, ""), area.get(end, ""))
         shape = _trimmed(way.shape, areas)
         for place, last in ((start, False), (end, True)):
-            corner.setdefault(place, []).append(corners(shape, way.width, end=last))
+            corner.setdefault(place, []).append(corners(shape, way.width, end=last, reach=TIP_M))
         name = (
             f":{across[way.name][0]}_c{next(crossed[across[way.name][0]])}"
             if way.name in across

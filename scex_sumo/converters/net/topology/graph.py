@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
@@ -85,16 +86,8 @@ class Row:
 
     def with_zones(self, zones: list[tuple[float, float]]) -> Row:
         """Cut the row so that exactly these fractions (disjoint, ascending) lie in junctions."""
-        cuts, inside = [0.0], []
-        for start, end in zones:
-            if start > cuts[-1]:
-                cuts.append(start)
-                inside.append(False)
-            cuts.append(end)
-            inside.append(True)
-        if cuts[-1] < 1.0:
-            cuts.append(1.0)
-            inside.append(False)
+        cuts = sorted({0.0, 1.0, *(cut for zone in zones for cut in zone)})
+        inside = [any(start <= a and b <= end for start, end in zones) for a, b in pairwise(cuts)]
         return replace(self, cuts=tuple(cuts), inside=tuple(inside))
 
     def with_inside(self, piece: int, inside: bool) -> Row:
@@ -126,27 +119,20 @@ def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, in
                 continue
             right, left = (i, neighbour) if leftward else (neighbour, i)
             free = left_of.get(right, left) == left and right_of.get(left, right) == right
-            if free and not _reaches(left_of, left, right):
+            if free and right not in _leftward(left_of, left):
                 left_of[right], right_of[left] = left, right
             else:
                 lost.append((i, neighbour))
-    rows = []
-    for i in sorted(lanes):
-        if i not in right_of:
-            chain = [i]
-            while chain[-1] in left_of:
-                chain.append(left_of[chain[-1]])
-            lengths = tuple(length_of(lanes[k].centreline) for k in chain)
-            rows.append(Row(lanes=tuple(chain), lengths=lengths))
+    chains = [_leftward(left_of, i) for i in lanes if i not in right_of]
+    rows = [Row(lanes=c, lengths=tuple(length_of(lanes[i].centreline) for i in c)) for c in chains]
     return sorted(rows, key=lambda row: min(row.lanes)), lost
 
 
-def _reaches(left_of: Mapping[int, int], start: int, goal: int) -> bool:
-    while start in left_of:
-        start = left_of[start]
-        if start == goal:
-            return True
-    return False
+def _leftward(left_of: Mapping[int, int], first: int) -> tuple[int, ...]:
+    chain = [first]
+    while chain[-1] in left_of:
+        chain.append(left_of[chain[-1]])
+    return tuple(chain)
 
 
 def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict | Zone]) -> list[Row]:
