@@ -275,7 +275,9 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
     for way in ways:
         start, end = way.places
         areas = (area.get(start, ""), area.get(end, ""))
-        shape = _trimmed(way.shape, areas)
+        size = length_of(way.shape)
+        off = min(TRIM_M, size / 4)
+        shape = cut(way.shape, off * bool(areas[0]), size - off * bool(areas[1]))
         for place, last in ((start, False), (end, True)):
             corner.setdefault(place, []).append(corners(shape, way.width, end=last, reach=TIP_M))
         name = (
@@ -346,9 +348,3 @@ def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterat
                     width=way.width,
                     places=(next(fresh), place),
                 )
-
-
-def _trimmed(shape: FloatArray, areas: tuple[str, str]) -> FloatArray:
-    length = length_of(shape)
-    off = min(TRIM_M, length / 4)
-    return cut(shape, off * bool(areas[0]), length - off * bool(areas[1]))
