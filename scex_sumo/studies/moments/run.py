@@ -21,7 +21,7 @@ from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.moments.references import Failure, MomentRef
+from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.settings import StudySettings, built
 
 Task = TypeVar("Task", bound="MomentTask")

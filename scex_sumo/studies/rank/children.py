@@ -17,7 +17,7 @@ from scex_sumo.extrapolation.job import Job, parts_in_memory
 from scex_sumo.results.folder import tracks_table
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask, attempt, compared
 from scex_sumo.studies.moments.settings import built
 from scex_sumo.studies.rank.settings import MIXED, RankSettings

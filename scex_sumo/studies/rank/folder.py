@@ -13,14 +13,18 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.results.output_folder import as_json
 from scex_sumo.studies.moments.folder import (
+    Listing,
+    MomentRef,
     StudyFolder,
+    as_row,
     checksum,
     damaged,
+    from_row,
+    plain,
     read_record,
     read_table,
     write_table,
 )
-from scex_sumo.studies.moments.references import Listing, MomentRef, as_row, from_row, plain
 from scex_sumo.studies.moments.settings import built
 from scex_sumo.studies.rank.children import PAIR_NUMBERS, MomentPart, children_schema
 from scex_sumo.studies.rank.settings import RankSettings

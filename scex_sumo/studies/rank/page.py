@@ -27,7 +27,7 @@ from scex_sumo.reports.page.report import filled_report
 from scex_sumo.reports.page.scene import scene_svg
 from scex_sumo.reports.page.study import Table, card, table, table_place, write_study
 from scex_sumo.reports.run_table import counted
-from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.moments.run import MomentTask, unpack_road
 from scex_sumo.studies.moments.settings import written
 from scex_sumo.studies.rank.folder import REPORTS

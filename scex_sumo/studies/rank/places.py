@@ -14,7 +14,7 @@ from scipy.special import ndtri
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.folder import MomentRef
 
 DRAWS = 200
 NEARBY_S = 3.0

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
-from scex_sumo.studies.moments.references import Failure, Listing, MomentRef
+from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.rank.children import MAX_KEPT, RankTask, pairs_of, score_of

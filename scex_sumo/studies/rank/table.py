@@ -19,7 +19,7 @@ from scex_sumo.metrics.registry import side_of
 from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.moments.references import Failure, MomentRef, as_row
+from scex_sumo.studies.moments.folder import Failure, MomentRef, as_row
 from scex_sumo.studies.rank.children import MICRO, pairs_of
 from scex_sumo.studies.rank.places import Tally, place
 from scex_sumo.studies.rank.ranking_run import RankingRun

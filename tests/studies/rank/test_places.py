@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.rank.places import (
     Tally,
     distinct_moments,

@@ -16,7 +16,7 @@ import pytest
 import scex_sumo
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.workers import Done
 from scex_sumo.studies.rank.children import MomentPart, RankTask, children_table, choose_kept, score_of
 from scex_sumo.studies.rank.folder import RankFolder

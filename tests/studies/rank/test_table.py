@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.rank.children import MomentPart
 from scex_sumo.studies.rank.places import Tally
 from scex_sumo.studies.rank.settings import RankSettings
