@@ -114,43 +114,44 @@ class StudyFolder(OutputFolder):
 
     def fail(self, failure: Failure) -> None:
         """Record that a moment has no result."""
-        row = as_row(failure)
-        write_atomic(self._failure_file(failure.moment), as_json({**row, "check": checksum([row])}).encode())
+        self._save(_FAILED, failure.moment, [as_row(failure)])
 
     def failures(self) -> dict[str, Failure]:
         """Return failures by moment; damaged files are removed, so that their moments run again."""
         found = {}
         for file in sorted((self.path / _FAILED).glob("*.json")):
-            row = read_record(file)
             try:
-                if row.pop("check") != checksum([row]):
-                    raise ValueError
-                failure = Failure(**from_row(row))
+                rows = self._kept(_FAILED, file.stem) or []
+                failure = Failure(**from_row(rows[0]))
                 found[failure.moment] = failure
-            except (ValueError, KeyError, TypeError):
+            except (IndexError, KeyError, TypeError):
                 file.unlink()
         return found
 
     def clear_failure(self, moment: str) -> None:
         """Let a moment be tried again."""
-        self._failure_file(moment).unlink(missing_ok=True)
+        self._record(_FAILED, moment).unlink(missing_ok=True)
 
-    def _failure_file(self, moment: str) -> Path:
-        return self.path / _FAILED / f"{moment}.json"
+    def _record(self, kind: str, name: str) -> Path:
+        return self.path / kind / f"{plain(name)}.json"
+
+    def _save(self, kind: str, name: str, rows: Sequence[dict[str, Any]], **more: str) -> None:
+        """Write rows and their checksum to a small JSON file."""
+        content = {**more, "seeds": rows, "check": _checksum(rows)}
+        write_atomic(self._record(kind, name), as_json(content).encode())
+
+    def _kept(self, kind: str, name: str) -> list[dict[str, Any]] | None:
+        """Return the rows of `_save`; None if the file is missing or damaged."""
+        try:
+            content = json.loads(self._record(kind, name).read_text())
+            rows: list[dict[str, Any]] = content["seeds"]
+            return rows if content["check"] == _checksum(rows) else None
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            return None
 
 
-def checksum(rows: Sequence[dict[str, Any]]) -> int:
-    """Return the checksum of the rows of a file of listings or failures."""
+def _checksum(rows: Sequence[dict[str, Any]]) -> int:
     return zlib.crc32(as_json({"seeds": rows}).encode())
-
-
-def read_record(file: Path) -> dict[str, Any]:
-    """Read a small JSON file; empty if it is missing or damaged."""
-    try:
-        content = json.loads(file.read_text())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return content if isinstance(content, dict) else {}
 
 
 def write_table(file: Path, table: pa.Table, **options: Any) -> None:

@@ -1,4 +1,4 @@
-"""Children of a moment of a ranking: run and measured in a worker, scored, and as a table."""
+"""Children of a moment of a ranking: run and measured in a worker, and as a table."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.evaluation.encounters import answers_of
-from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.job import Job, parts_in_memory
 from scex_sumo.results.folder import tracks_table
 from scex_sumo.results.parts import Part
@@ -20,16 +18,11 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask, attempt, compared
 from scex_sumo.studies.moments.settings import built
-from scex_sumo.studies.rank.settings import MIXED, RankSettings
+from scex_sumo.studies.rank.exact import ExactTables, find_tables
+from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, score_of
 
 MAX_KEPT = 5
 """Children of a moment whose tracks ``critical`` keeps at most."""
-CRITICAL_WEIGHT = 0.1
-"""Of a critical encounter beside a collision in the score of a moment."""
-MICRO = 10**6
-PAIR_NUMBERS = 5  # of a critical encounter
-HARD_MPS = 10.0
-"""Relative speed at impact that makes a collision count twice."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,10 +31,12 @@ class RankTask(MomentTask):
 
     Attributes:
         spare: how many more children may have their tracks kept.
+        drawn: critical encounters of all drawn children: search exact tables for them.
     """
 
     settings: RankSettings
     spare: int
+    drawn: Sequence[IntArray] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,20 +52,22 @@ class MomentPart:
     tracks: pa.Table | None
 
 
-def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | Failure:
+def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | ExactTables | Failure:
     """Run the children of a task on its road or the one given; or return the moment's failure."""
     return attempt(_run, task, road)
 
 
-def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart:
+def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart | ExactTables:
     models, run = built(task.settings.models), task.settings.run
     if task.children.start == 0:
         models.try_on(scene, seed=run.seed)
     drawn = models.draw(scene.track_ids, children=task.children.stop, seed=run.seed, design=run.design)
     same = compared(net, task.ref)
     job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
+    if task.drawn is not None:
+        return find_tables(job, task.drawn, task.settings.by)
     parts = parts_in_memory(job, task.children)
-    pairs = [rows for part in parts for rows in _critical_pairs(part, scene.track_ids)]
+    pairs = [rows for part in parts for rows in critical_pairs(part, scene.track_ids)]
     kept = choose_kept(score_of(pairs, task.settings.by), task.settings.keep, task.spare)
     children = np.concatenate([part.children for part in parts])
     table = children_table(
@@ -93,39 +90,6 @@ def _fallbacks(part: Part) -> IntArray:
     of_child = np.asarray(part.fallbacks["child"], dtype=np.int64)
     row = np.searchsorted(part.children, of_child)
     return np.bincount(row, minlength=len(part.children)).astype(np.int64)
-
-
-def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
-    assert part.encounters is not None and part.collisions is not None
-    injured = {
-        (hit["child"], frozenset((hit["track_id"], hit["other_id"]))): round(
-            MICRO * ((hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0))
-        )
-        for hit in part.collisions.to_pylist()
-    }
-    found = encounters_of_rows(part.encounters)
-    answers = answers_of(found)
-    some = np.flatnonzero(answers["critical"])
-    speed = np.round(100 * found.relative_speed[some])
-    hits = answers["collision"][some]
-    child, one, other = found.child[some], track_ids[found.first[some]], track_ids[found.second[some]]
-    pairs = zip(child.tolist(), one.tolist(), other.tolist(), strict=True)
-    injuries = np.array([injured.get((c, frozenset((a, b))), 0) for c, a, b in pairs], dtype=np.int64)
-    rows = np.stack([one, other, hits, speed, injuries], axis=-1)
-    return [rows[child == number].astype(np.int64) for number in part.children]
-
-
-def score_of(pairs: Sequence[IntArray], by: str = MIXED) -> FloatArray:
-    """Return the scores (C,) of children from their critical encounters.
-
-    ``mixed``: a collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
-    ``severity``: expected severe injuries. ``collisions``, ``encounters``: their number.
-    """
-    if by != MIXED:
-        counts = {"severity": lambda r: r[:, 4].sum() / MICRO, "collisions": lambda r: r[:, 2].sum()}
-        return np.array([float(counts.get(by, len)(rows)) for rows in pairs], dtype=np.float64)
-    hard = [(rows[:, 2] * (1 + rows[:, 3] / (100 * HARD_MPS))).sum() for rows in pairs]
-    return np.array(hard, dtype=np.float64) + CRITICAL_WEIGHT * np.array([len(rows) for rows in pairs])
 
 
 def choose_kept(score: FloatArray, keep: str, spare: int) -> BoolArray:
@@ -196,15 +160,3 @@ def children_table(
     data["model"] = pa.array([list(row) for row in models], pa.list_(pa.string()))
     data["critical_pairs"] = pa.array([rows.reshape(-1) for rows in pairs], pa.list_(pa.int64()))
     return pa.table(data)
-
-
-def pairs_of(table: pa.Table) -> list[IntArray]:
-    """Return the critical encounters (E, 5) of each child.
-
-    Rows are track_id, other_id, 1 in a collision, the relative speed at impact in cm/s, and the expected
-    severe injuries in millionths.
-    """
-    return [
-        np.asarray(row, dtype=np.int64).reshape(-1, PAIR_NUMBERS)
-        for row in table["critical_pairs"].to_pylist()
-    ]

@@ -50,6 +50,7 @@ def rank_command(
     by: Annotated[
         str, Option(metavar="mixed|severity|collisions|encounters", help="Order of the moments.")
     ] = "mixed",
+    exact: Annotated[bool, Option(help="Exact P where a few more futures than drawn give it.")] = True,
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
@@ -79,6 +80,7 @@ def rank_command(
             cache=cache,
             top=top,
             by=by,
+            exact=exact,
             seed=seed,
             workers=workers,
             cluster=cluster,

@@ -10,28 +10,24 @@ from typing import Any
 import pyarrow as pa
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.base.files import write_atomic
-from scex_sumo.results.output_folder import as_json
 from scex_sumo.studies.moments.folder import (
     Listing,
     MomentRef,
     StudyFolder,
     as_row,
-    checksum,
     damaged,
     from_row,
-    plain,
-    read_record,
     read_table,
     write_table,
 )
 from scex_sumo.studies.moments.settings import built
-from scex_sumo.studies.rank.children import PAIR_NUMBERS, MomentPart, children_schema
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.children import MomentPart, children_schema
+from scex_sumo.studies.rank.exact import ExactTables
+from scex_sumo.studies.rank.scores import PAIR_NUMBERS, RankSettings
 
 REPORTS = "moments"
 """Folder of the reports of the moments that are shown."""
-_CHILDREN, _TRACKS, _SEEDS = "children", "tracks", "seeds"
+_CHILDREN, _TRACKS, _SEEDS, _EXACT = "children", "tracks", "seeds", "exact"
 _PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
 
 
@@ -45,7 +41,7 @@ class RankFolder(StudyFolder):
     info, what = "rank.json", "ranking"
     another = "another ranking, of other recordings or with other options"
     evidence = ("ranking.parquet", "ranking.csv", _SEEDS)
-    kept = (*(f"ranking.{end}" for end in ("parquet", "csv", "html")), _CHILDREN, _TRACKS, _SEEDS, REPORTS)
+    kept = ("ranking.parquet", "ranking.csv", "ranking.html", _CHILDREN, _TRACKS, _SEEDS, _EXACT, REPORTS)
 
     def __init__(
         self, path: Path, identity: Mapping[str, Any], settings: RankSettings, *, overwrite: bool = False
@@ -77,23 +73,30 @@ class RankFolder(StudyFolder):
 
     def listing(self, recording: str) -> Listing | None:
         """Return the moments of a recording; None if it is not listed, or the file is damaged."""
-        content = read_record(self._listing_file(recording))
+        rows = self._kept(_SEEDS, recording)
         try:
-            rows = content["seeds"]
-            if content["check"] != checksum(rows):
-                return None
-            return Listing(recording=recording, moments=tuple(MomentRef(**from_row(row)) for row in rows))
+            refs = None if rows is None else tuple(MomentRef(**from_row(row)) for row in rows)
+            return None if refs is None else Listing(recording=recording, moments=refs)
         except (KeyError, TypeError):
             return None
 
     def save_listing(self, listing: Listing) -> None:
         """Keep the moments of a recording."""
         rows = [as_row(ref) for ref in listing.moments]
-        content = {"recording": listing.recording, "seeds": rows, "check": checksum(rows)}
-        write_atomic(self._listing_file(listing.recording), as_json(content).encode())
+        self._save(_SEEDS, listing.recording, rows, recording=listing.recording)
 
-    def _listing_file(self, recording: str) -> Path:
-        return self.path / _SEEDS / f"{plain(recording)}.json"
+    def tables(self, ref: MomentRef) -> ExactTables | None:
+        """Return the exact tables of a moment; None if they were not searched, or the file is damaged."""
+        rows = self._kept(_EXACT, ref.moment)
+        try:
+            return None if rows is None else ExactTables.from_json(rows[0])
+        except (KeyError, TypeError, ValueError, IndexError):
+            return None
+
+    def save_tables(self, ref: MomentRef, tables: ExactTables) -> None:
+        """Keep the exact tables of a moment."""
+        (self.path / _EXACT).mkdir(exist_ok=True)
+        self._save(_EXACT, ref.moment, [tables.to_json()])
 
     def has(self, ref: MomentRef, first: int) -> bool:
         """Whether the part of a moment that begins with child ``first`` is there."""

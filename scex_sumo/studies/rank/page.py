@@ -130,7 +130,7 @@ def _command(run: RankingRun, ref: MomentRef) -> list[str]:
 
 
 def _summary(run: RankingRun, ranking: pa.Table) -> str:
-    ran = sum(tally.children for tallies in run.tallies.values() for tally in tallies)
+    ran = sum(pc.sum(ranking[name]).as_py() for name in ("children", "extra"))
     failed = len(ranking) - len(run.refs)
     return (
         f"{counted(len(run.refs), 'seed scene')} of {counted(len(run.recordings), 'recording')} at "

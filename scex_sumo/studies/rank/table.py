@@ -20,10 +20,10 @@ from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.folder import Failure, MomentRef, as_row
-from scex_sumo.studies.rank.children import MICRO, pairs_of
+from scex_sumo.studies.rank.exact import COLLISION, CRITICAL, ExactTables
 from scex_sumo.studies.rank.places import Tally, place
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.scores import MICRO, SCORED, RankSettings, pairs_of
 
 _ROWS_AT_ONCE = 500
 _ENDS = ("", "_low", "_high")
@@ -58,8 +58,8 @@ def schema(settings: RankSettings) -> pa.Schema:
     fields += [("score", pa.float64()), ("score_error", pa.float64())]
     fields += [(name, pa.string()) for name in ("seed", "location", "recording", "case")]
     fields += [("time_s", pa.float64()), ("vehicles", pa.int64()), ("children", pa.int64())]
-    fields += [("fallbacks", pa.int64())]
-    fields += [(f"p_collision{end}", pa.float64()) for end in _ENDS]
+    fields += [("extra", pa.int64()), ("fallbacks", pa.int64())]
+    fields += [(f"p_collision{end}", pa.float64()) for end in _ENDS] + [("remainder", pa.float64())]
     fields += [("collisions", pa.float64()), ("encounters", pa.float64())]
     fields += [("expected_mais3", pa.float64())]
     fields += [("worst_track_id", pa.int64()), ("worst_other_id", pa.int64())]
@@ -74,14 +74,19 @@ def schema(settings: RankSettings) -> pa.Schema:
 def moment_row(
     ref: MomentRef, parts: Sequence[pa.Table], tally: Tally, settings: RankSettings
 ) -> dict[str, Any]:
-    """Return the row of a moment without its rank, from its children and their tally."""
+    """Return the row of a moment without its rank, from its children and their tally.
+
+    An exact P(collision) has no interval but a ``remainder``.
+    """
     children = pa.concat_tables(parts)
     intervals = settings.intervals(children["model"].to_pylist())
     pairs = pairs_of(children)
     row: dict[str, Any] = as_row(ref) | {"children": children.num_rows}
-    row |= {"score": tally.score, "score_error": tally.error}
+    row |= {"score": tally.score, "score_error": tally.error, "extra": 0}
     row["fallbacks"] = int(np.asarray(children["fallbacks"]).sum())
     row |= _outcome(pairs, intervals)
+    if tally.tables is not None:
+        row |= _exact(row, tally, tally.tables, settings.by)
     for column in settings.run.columns:
         values = column_of(children, column)
         samples = values[~np.isnan(values)]
@@ -112,6 +117,23 @@ def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str,
     names = ("worst_track_id", "worst_other_id", "worst_p_collision", "worst_p_critical")
     shares = (hits[worst] / len(pairs), critical[worst] / len(pairs))
     return row | dict(zip(names, (*both[worst].tolist(), *shares), strict=True))
+
+
+def _exact(row: Mapping[str, Any], tally: Tally, tables: ExactTables, by: str) -> dict[str, Any]:
+    """Return the values of a row that the tables make exact, or more certain."""
+    known: dict[str, Any] = {"extra": tables.extra}
+    if by in SCORED:
+        known[SCORED[by]] = tally.score
+    p_collision = tables.p_collision()
+    if p_collision is not None:
+        known |= {f"p_collision{end}": p_collision for end in _ENDS} | {"remainder": tables.remainder}
+    for name, event in (("worst_p_collision", COLLISION), ("worst_p_critical", CRITICAL)):
+        if (
+            name in row
+            and (exact := tables.pair(row["worst_track_id"], row["worst_other_id"], event)) is not None
+        ):
+            known[name] = exact
+    return known
 
 
 def failed_row(failure: Failure) -> dict[str, Any]:

@@ -18,11 +18,11 @@ from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.workers import Done
-from scex_sumo.studies.rank.children import MomentPart, RankTask, children_table, choose_kept, score_of
+from scex_sumo.studies.rank.children import MomentPart, RankTask, children_table, choose_kept
 from scex_sumo.studies.rank.folder import RankFolder
 from scex_sumo.studies.rank.places import distinct_moments
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.scores import RankSettings, score_of
 
 ONE_MODEL = RunSettings(models="standard_driver", children=96)
 
