@@ -19,7 +19,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.exact.search import BASE_ROWS, Search
-from scex_sumo.exact.tables import InfluenceTable, union_probability
+from scex_sumo.exact.tables import InfluenceTable, remainder_of, union_probability
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
 from scex_sumo.extrapolation.exact_futures import MAX_FUTURES, MIN_CHECKED, why_not_exact
 from scex_sumo.extrapolation.job import Job, parts_in_memory
@@ -85,7 +85,7 @@ class ExactTables:
     @property
     def remainder(self) -> float:
         """Share of assignments that a table may get wrong, at most, with 95 % (rule of three)."""
-        return 3.0 / self.checked
+        return remainder_of(self.checked)
 
     def is_exact(self, by: str) -> bool:
         """Whether the tables of all events that an order counts are there."""
