@@ -18,7 +18,7 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask, attempt, compared
 from scex_sumo.studies.moments.settings import built
-from scex_sumo.studies.rank.exact import ExactTables, find_tables
+from scex_sumo.studies.rank.exact import ExactScore, find_exact_score
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, score_of
 
 MAX_KEPT = 5
@@ -31,7 +31,7 @@ class RankTask(MomentTask):
 
     Attributes:
         spare: how many more children may have their tracks kept.
-        drawn: critical encounters of all drawn children: search exact tables for them.
+        drawn: critical encounters of all drawn children, for the search of an exact score.
     """
 
     settings: RankSettings
@@ -52,20 +52,21 @@ class MomentPart:
     tracks: pa.Table | None
 
 
-def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | ExactTables | Failure:
+def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | ExactScore | Failure:
     """Run the children of a task on its road or the one given; or return the moment's failure."""
     return attempt(_run, task, road)
 
 
-def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart | ExactTables:
+def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart | ExactScore:
     models, run = built(task.settings.models), task.settings.run
     if task.children.start == 0:
         models.try_on(scene, seed=run.seed)
-    drawn = models.draw(scene.track_ids, children=task.children.stop, seed=run.seed, design=run.design)
+    count = task.children.stop if task.drawn is None else task.settings.children
+    drawn = models.draw(scene.track_ids, children=count, seed=run.seed, design=run.design)
     same = compared(net, task.ref)
     job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
     if task.drawn is not None:
-        return find_tables(job, task.drawn, task.settings.by)
+        return find_exact_score(job, task.drawn, task.settings.by)
     parts = parts_in_memory(job, task.children)
     pairs = [rows for part in parts for rows in critical_pairs(part, scene.track_ids)]
     kept = choose_kept(score_of(pairs, task.settings.by), task.settings.keep, task.spare)

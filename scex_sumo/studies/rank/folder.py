@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from scex_sumo.studies.moments.folder import (
 )
 from scex_sumo.studies.moments.settings import built
 from scex_sumo.studies.rank.children import MomentPart, children_schema
-from scex_sumo.studies.rank.exact import ExactTables
+from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.scores import PAIR_NUMBERS, RankSettings
 
 REPORTS = "moments"
@@ -85,18 +86,18 @@ class RankFolder(StudyFolder):
         rows = [as_row(ref) for ref in listing.moments]
         self._save(_SEEDS, listing.recording, rows, recording=listing.recording)
 
-    def tables(self, ref: MomentRef) -> ExactTables | None:
-        """Return the exact tables of a moment; None if they were not searched, or the file is damaged."""
+    def exact(self, ref: MomentRef) -> ExactScore | None:
+        """Return the exact score of a moment; None if it was not searched, or the file is damaged."""
         rows = self._kept(_EXACT, ref.moment)
         try:
-            return None if rows is None else ExactTables.from_json(rows[0])
-        except (KeyError, TypeError, ValueError, IndexError):
+            return None if rows is None else ExactScore(**rows[0])
+        except (TypeError, IndexError):
             return None
 
-    def save_tables(self, ref: MomentRef, tables: ExactTables) -> None:
-        """Keep the exact tables of a moment."""
+    def save_exact(self, ref: MomentRef, exact: ExactScore) -> None:
+        """Keep the exact score of a moment."""
         (self.path / _EXACT).mkdir(exist_ok=True)
-        self._save(_EXACT, ref.moment, [tables.to_json()])
+        self._save(_EXACT, ref.moment, [asdict(exact)])
 
     def has(self, ref: MomentRef, first: int) -> bool:
         """Whether the part of a moment that begins with child ``first`` is there."""

@@ -122,11 +122,7 @@ def _summary(run: RankingRun, ranking: pa.Table) -> str:
 
 
 def _moment(
-    row: Mapping[str, Any],
-    picture: Html | None,
-    beside: int,
-    command: str,
-    limits: Mapping[str, float],
+    row: Mapping[str, Any], picture: Html | None, beside: int, command: str, limits: Mapping[str, float]
 ) -> Html:
     name = row["seed"]
     title = element("h2", element("b", str(row["rank"])), f" {name}")

@@ -15,7 +15,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.folder import MomentRef
-from scex_sumo.studies.rank.exact import ExactTables, exact_round
+from scex_sumo.studies.rank.exact import ExactScore, search_after
 from scex_sumo.studies.rank.scores import RankSettings
 
 DRAWS = 200
@@ -119,16 +119,14 @@ class Tally:
         children: of this round.
         score: mean of all its children so far, corrected by the tables.
         kept: children of this round whose tracks are kept.
-        tables: exact tables, if they were searched.
-        settled: the tables make the score exact.
+        exact: what tables say, if they were searched.
     """
 
     children: int
     score: float
     error: float
     kept: int = 0
-    tables: ExactTables | None = None
-    settled: bool = False
+    exact: ExactScore | None = None
 
 
 def rounds(settings: RankSettings) -> list[range]:
@@ -136,7 +134,7 @@ def rounds(settings: RankSettings) -> list[range]:
     ends = [settings.first]
     while ends[-1] < settings.children:
         ends.append(min(2 * ends[-1], settings.children))
-    spans, searched = list(map(range, [0, *ends], ends)), exact_round(settings, ends)
+    spans, searched = list(map(range, [0, *ends], ends)), search_after(settings, ends)
     return spans if searched is None else sorted([*spans, range(searched, searched)], key=lambda s: s.stop)
 
 
@@ -166,7 +164,11 @@ def undecided(
     places = current_places(known, before, seed=seed)
     shown = distinct_moments(known, places.order(), top)
     last = max((int(places.rank[i]) for i in shown), default=0)
-    possible = [len(before[ref.moment]) == number and not before[ref.moment][-1].settled for ref in known]
+    last_of = [before[ref.moment][-1].exact for ref in known]
+    possible = [
+        len(before[ref.moment]) == number and not (exact and exact.settled)
+        for ref, exact in zip(known, last_of, strict=True)
+    ]
     uncertain = (places.low <= last) & (places.low < places.high) & possible
     return [known[i] for i in np.flatnonzero(uncertain)]
 

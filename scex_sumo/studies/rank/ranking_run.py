@@ -16,7 +16,7 @@ from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.rank.children import MAX_KEPT, RankTask
-from scex_sumo.studies.rank.exact import ExactTables
+from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.folder import RankFolder
 from scex_sumo.studies.rank.places import Tally, mean_score, rounds, undecided
 from scex_sumo.studies.rank.scores import RankSettings, pairs_of, score_of
@@ -86,9 +86,9 @@ class RankingRun:
                 for task, result in self._workers.run(self._tasks(items, _cost(span))):
                     if isinstance(result, Failure):
                         self._fail(result)
-                    elif isinstance(result, ExactTables):
-                        self._folder.save_tables(task.ref, result)
-                        self._count(task.ref, tables=result)
+                    elif isinstance(result, ExactScore):
+                        self._folder.save_exact(task.ref, result)
+                        self._count(task.ref, exact=result)
                     else:
                         self._folder.append(task.ref, result)
                         self._count(task.ref, result.children)
@@ -152,7 +152,7 @@ class RankingRun:
         return ref.moment not in self.failures and not self._has(ref, span)
 
     def _has(self, ref: MomentRef, span: range) -> bool:
-        return self._folder.has(ref, span.start) if span else self._folder.tables(ref) is not None
+        return self._folder.has(ref, span.start) if span else self._folder.exact(ref) is not None
 
     def _enter(self, listing: Listing) -> None:
         self.listings[listing.recording] = listing
@@ -163,32 +163,27 @@ class RankingRun:
                 if span:
                     self._count(ref, self._folder.read(ref, span.start))
                 else:
-                    self._count(ref, tables=self._folder.tables(ref))
+                    self._count(ref, exact=self._folder.exact(ref))
 
     def _pairs(self, ref: MomentRef) -> list[IntArray]:
         return [rows for part in self._drawn[ref.moment] for rows in pairs_of(part)]
 
     def _count(
-        self, ref: MomentRef, children: pa.Table | None = None, tables: ExactTables | None = None
+        self, ref: MomentRef, children: pa.Table | None = None, exact: ExactScore | None = None
     ) -> None:
         tallies, parts = self.tallies.setdefault(ref.moment, []), self._drawn.setdefault(ref.moment, [])
+        kept = 0
         if children is not None:
-            parts.append(children.select(["track_id", "model", "critical_pairs"]))
-        tables = tables or (tallies[-1].tables if tallies else None)
+            parts.append(children.select(["model", "critical_pairs"]))
+            kept = pc.sum(children["kept"]).as_py()
+        exact = exact or (tallies[-1].exact if tallies else None)
         models = [row for part in parts for row in part["model"].to_pylist()]
-        scores, whole = score_of(self._pairs(ref), self.settings.by), 0.0
-        if tables is not None:
-            whole, scores = tables.corrected(scores, parts[0]["track_id"][0].as_py(), models)
+        scores, mean = score_of(self._pairs(ref), self.settings.by), 0.0
+        if exact is not None:
+            scores, mean = scores - exact.predicted[: len(scores)], exact.mean
         score, error = mean_score(scores, self.settings.intervals(models))
-        tally = Tally(
-            children=0 if children is None else len(children),
-            score=whole + score,
-            error=error,
-            kept=0 if children is None else pc.sum(children["kept"]).as_py(),
-            tables=tables,
-            settled=tables is not None and tables.is_exact(self.settings.by),
-        )
-        tallies.append(tally)
+        count = 0 if children is None else len(children)
+        tallies.append(Tally(children=count, score=mean + score, error=error, kept=kept, exact=exact))
 
     def _fail(self, failure: Failure) -> None:
         self.failures[failure.moment] = failure

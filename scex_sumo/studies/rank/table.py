@@ -20,7 +20,7 @@ from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.folder import Failure, MomentRef, as_row
-from scex_sumo.studies.rank.exact import COLLISION, CRITICAL, ExactTables
+from scex_sumo.studies.rank.exact import COLLISION, CRITICAL, ExactScore
 from scex_sumo.studies.rank.places import Tally, place
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import MICRO, SCORED, RankSettings, pairs_of
@@ -152,8 +152,8 @@ def moment_row(
     row |= {"score": tally.score, "score_error": tally.error, "extra": 0}
     row["fallbacks"] = int(np.asarray(children["fallbacks"]).sum())
     row |= _outcome(pairs, intervals)
-    if tally.tables is not None:
-        row |= _exact(row, tally, tally.tables, settings.by)
+    if tally.exact is not None:
+        row |= _exact(row, tally.score, tally.exact, settings.by)
     for column in settings.run.columns:
         values = column_of(children, column)
         samples = values[~np.isnan(values)]
@@ -186,20 +186,16 @@ def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str,
     return row | dict(zip(names, (*both[worst].tolist(), *shares), strict=True))
 
 
-def _exact(row: Mapping[str, Any], tally: Tally, tables: ExactTables, by: str) -> dict[str, Any]:
-    """Return the values of a row that the tables make exact, or more certain."""
-    known: dict[str, Any] = {"extra": tables.extra}
+def _exact(row: Row, score: float, exact: ExactScore, by: str) -> dict[str, Any]:
+    """Return the values of a row that tables make exact, or more certain."""
+    known: dict[str, Any] = {"extra": exact.extra}
     if by in SCORED:
-        known[SCORED[by]] = tally.score
-    p_collision = tables.p_collision()
-    if p_collision is not None:
-        known |= dict.fromkeys(_ends("p_collision"), p_collision) | {"remainder": tables.remainder}
+        known[SCORED[by]] = score
+    if exact.p_collision is not None:
+        known |= dict.fromkeys(_ends("p_collision"), exact.p_collision) | {"remainder": exact.remainder}
     for name, event in (("worst_p_collision", COLLISION), ("worst_p_critical", CRITICAL)):
-        if (
-            name in row
-            and (exact := tables.pair(row["worst_track_id"], row["worst_other_id"], event)) is not None
-        ):
-            known[name] = exact
+        share = exact.pair(row["worst_track_id"], row["worst_other_id"], event) if name in row else None
+        known |= {} if share is None else {name: share}
     return known
 
 
