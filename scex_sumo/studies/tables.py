@@ -42,9 +42,15 @@ def page_table(columns: Sequence[Column], rows: Iterable[Row]) -> Table:
 
 
 def print_columns(
-    columns: Sequence[Column], rows: Iterable[Row], console: Console, title: str, caption: str | None = None
+    columns: Sequence[Column],
+    rows: Iterable[Row],
+    console: Console,
+    title: str,
+    caption: str | None = None,
+    *,
+    grouped: bool = False,
 ) -> None:
-    """Print rows as a table; words stand left and are folded. None starts a new section."""
+    """Print rows as a table; words stand left. ``grouped``: rows of one first cell are a section."""
     from rich.table import Table as Printed
 
     from scex_sumo.reports.run_table import print_table
@@ -55,8 +61,13 @@ def print_columns(
             printed.add_column(column.title, overflow="fold")
         else:
             printed.add_column(column.title, justify="right", no_wrap=True)
+    last = None
     for row in rows:
-        printed.add_row(*(_printed(column.of(row), column.form) for column in columns))
+        cells = [_printed(column.of(row), column.form) for column in columns]
+        if grouped and last not in (None, cells[0]):
+            printed.add_section()
+        last, cells[0] = cells[0], "" if grouped and cells[0] == last else cells[0]
+        printed.add_row(*cells)
     print_table(printed, console)
 
 
