@@ -18,8 +18,7 @@ from scex_sumo.converters.datasets.recordings import (
     seed_at,
 )
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, moment_name, plain
-from scex_sumo.studies.moments.run import MomentTask, pack_road
-from scex_sumo.studies.moments.settings import StudySettings
+from scex_sumo.studies.moments.run import MomentTask, StudySettings, pack_road
 
 T = TypeVar("T")
 Item: TypeAlias = Listing | Failure | MomentTask

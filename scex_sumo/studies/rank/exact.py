@@ -23,7 +23,7 @@ from scex_sumo.exact.tables import InfluenceTable, remainder_of, union_probabili
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
 from scex_sumo.extrapolation.exact_futures import MAX_FUTURES, MIN_CHECKED, why_not_exact
 from scex_sumo.extrapolation.job import Job, parts_in_memory
-from scex_sumo.studies.moments.settings import built
+from scex_sumo.studies.moments.run import built
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, worth_of
 
 COLLISION, CRITICAL = _BOTH = ("collision", "critical")

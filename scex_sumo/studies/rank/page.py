@@ -27,9 +27,8 @@ from scex_sumo.reports.page.scene import scene_svg
 from scex_sumo.reports.page.study import card, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.studies.moments.folder import MomentRef
-from scex_sumo.studies.moments.run import MomentTask, unpack_road
-from scex_sumo.studies.moments.settings import written
-from scex_sumo.studies.rank.folder import REPORTS
+from scex_sumo.studies.moments.run import MomentTask, unpack_road, written
+from scex_sumo.studies.rank.children import REPORTS
 from scex_sumo.studies.rank.places import distinct_moments, nearby
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.table import critical_words, page_columns

@@ -18,8 +18,7 @@ from scex_sumo.converters.datasets.recordings import find_recordings
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.provenance import versions
 from scex_sumo.studies.moments.workers import moment_workers
-from scex_sumo.studies.rank.children import run_moment
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.children import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import MIXED, RankSettings

@@ -15,9 +15,8 @@ from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.rank.children import MAX_KEPT, RankTask
+from scex_sumo.studies.rank.children import MAX_KEPT, RankFolder, RankTask
 from scex_sumo.studies.rank.exact import ExactScore
-from scex_sumo.studies.rank.folder import RankFolder
 from scex_sumo.studies.rank.places import Tally, mean_score, rounds, undecided
 from scex_sumo.studies.rank.scores import RankSettings, pairs_of, score_of
 

@@ -17,7 +17,7 @@ from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.parts import Part
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.moments.settings import StudySettings, built
+from scex_sumo.studies.moments.run import StudySettings, built
 
 KEEP = ("none", "critical", "all")
 MIXED = "mixed"

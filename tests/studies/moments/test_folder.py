@@ -11,7 +11,7 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.studies.moments.folder import Failure, Listing, read_table, write_table
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.children import RankFolder
 from scex_sumo.studies.rank.table import write_ranking
 from tests.studies.rank.parts import SETTINGS, moment_part, moment_ref
 

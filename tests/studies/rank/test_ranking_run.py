@@ -20,9 +20,8 @@ from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.workers import Done
-from scex_sumo.studies.rank.children import MomentPart, RankTask, children_table, choose_kept
+from scex_sumo.studies.rank.children import MomentPart, RankFolder, RankTask, children_table, choose_kept
 from scex_sumo.studies.rank.exact import ExactScore
-from scex_sumo.studies.rank.folder import RankFolder
 from scex_sumo.studies.rank.places import distinct_moments
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import RankSettings, score_of
