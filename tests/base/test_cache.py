@@ -151,7 +151,7 @@ def test_the_package_unpickles_nothing_but_answers_of_its_own_processes() -> Non
     files = [file for file in package.rglob("*.py") if "pickle.load" in file.read_text(encoding="utf-8")]
     assert {file.relative_to(package).as_posix() for file in files} <= {
         "extrapolation/workers.py",  # pipes of workers
-        "studies/moments/run.py",  # roads and models that this process has used
+        "studies/moments/run.py",  # roads that this process has sent
     }
 
 
