@@ -151,7 +151,7 @@ def _share(words: str, row: Mapping[str, Any], name: str) -> Html:
     value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
     shown, sure = percent(value), f"95 %: {percent(low)} – {percent(high)}"
     if name == f"p_{COLLISION}" and row["remainder"] is not None:
-        shown, sure = f"{100 * value:.4g} %", f"exact, remainder {row['remainder']:.1%}"
+        sure = f"exactly {100 * value:.4g} %, remainder {row['remainder']:.1%}"
     plane = Plane(x=(0.0, 1.0), width=200, height=10)
     drawn = [plane.box((0.0, value), (0.2, 0.8), "drawn"), plane.box((0.0, value), (0.2, 0.8), "drawn")]
     drawn.append(plane.line(np.array([low, high]), np.full(2, 0.5), "recorded"))
