@@ -281,7 +281,7 @@ def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
     assert (row["children"], row["remainder"]) == (64, 3 / 64)
     assert 0 < row["extra"] <= 128
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
-    run = scex_sumo.extrapolate(seed, children=150)
+    run = scex_sumo.extrapolate(seed, children=150, out=tmp_path / "run")
     assert run.p_collision.exact == pytest.approx(row["p_collision"])
     collisions = [table for key, table in run.exact.tables.items() if key[2] == "collision"]
     assert row["score"] == row["collisions"]
