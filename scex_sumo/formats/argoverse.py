@@ -13,11 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.boxes import box_table
+from scex_sumo.formats.boxes import box_table, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -31,13 +30,13 @@ _KINDS = {
     **dict.fromkeys(("vehicle", "REGULAR_VEHICLE", EGO), "car"),
     **dict.fromkeys(("bus", "BUS", "SCHOOL_BUS", "ARTICULATED_BUS"), "bus"),
     **dict.fromkeys(("LARGE_VEHICLE", "BOX_TRUCK", "TRUCK", "TRUCK_CAB"), "truck"),
-    **dict.fromkeys(("motorcyclist", "MOTORCYCLE", "MOTORCYCLIST"), "motorcycle"),
+    **dict.fromkeys(("motorcyclist", "MOTORCYCLE"), "motorcycle"),
     **dict.fromkeys(("cyclist", "BICYCLIST", "WHEELED_RIDER"), "bicycle"),
     **dict.fromkeys(
         ("pedestrian", "PEDESTRIAN", "OFFICIAL_SIGNALER", "WHEELCHAIR", "STROLLER"), "pedestrian"
     ),
 }
-"""Road users; all other types of Argoverse 2 are no road users, or stand without a rider."""
+"""Road users; the others are things, or one of two boxes: motorcycle and rider, bicycle and rider."""
 _LANE_KINDS = {"VEHICLE": "vehicle", "BIKE": "bicycle", "BUS": "bus"}
 _COLUMNS = (
     "track_id",
@@ -136,7 +135,7 @@ def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
         raise TrackError(f"{path.with_name(POSES)}: no pose in it; fetch the file again")
     order = np.argsort(pose_time)
     pose_time, ego_x, ego_y = (column[order] for column in (pose_time, ego_x, ego_y))
-    ego_yaw = np.unwrap(_yaw(*(column[order] for column in ego_turn)))
+    ego_yaw = np.unwrap(yaw_of(*(column[order] for column in ego_turn)))
     is_ego = np.array([kind == EGO for kind in kinds], bool)
     if not is_ego.any():  # the log as published: the ego has poses only
         frames = np.unique(time)
@@ -144,10 +143,10 @@ def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
         put = (frames, EGO_CENTRE_M, 0.0, *EGO_SIZE_M, 0.0)
         time, x, y, length, width, yaw = (
             np.append(column, np.broadcast_to(value, len(frames)))
-            for column, value in zip((time, x, y, length, width, _yaw(*turn)), put, strict=True)
+            for column, value in zip((time, x, y, length, width, yaw_of(*turn)), put, strict=True)
         )
     else:
-        yaw = _yaw(*turn)
+        yaw = yaw_of(*turn)
     ex, ey, ea = (np.interp(time, pose_time, column) for column in (ego_x, ego_y, ego_yaw))
     c, s = np.cos(ea), np.sin(ea)
     unknown = np.full(len(time), np.nan)
@@ -156,10 +155,6 @@ def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
     )
     ego = next((name for name, kind in zip(names, kinds, strict=True) if kind == EGO), "")
     return box_table(path, names, _kinds(names, kinds), values, ego=ego)
-
-
-def _yaw(qw: FloatArray, qx: FloatArray, qy: FloatArray, qz: FloatArray) -> FloatArray:
-    return np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy**2 + qz**2))
 
 
 def _columns(table: Any, names: Sequence[str]) -> list[Any]:

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -84,6 +85,11 @@ def box_table(
     )
 
 
+def yaw_of(qw: Any, qx: Any, qy: Any, qz: Any) -> Any:
+    """Return the heading of a quaternion, rad."""
+    return np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+
+
 def _check(path: Path, names: Sequence[str], values: FloatArray) -> None:
     limits = np.array([MAX_VALUES.get(name, 1e4) for name in FLOAT_COLUMNS])
     wrong = ~(np.abs(values) <= limits)
@@ -102,6 +108,8 @@ def _check(path: Path, names: Sequence[str], values: FloatArray) -> None:
 
 def _fill_velocities(track: IntArray, values: FloatArray) -> list[str]:
     missing = np.isnan(values[:, 3:5]).any(axis=1)
+    # Some writers leave all velocities at zero; a track that stands gets zero anyway.
+    missing |= ~np.isin(track, np.unique(track[(values[:, 3:5] != 0.0).any(axis=1)]))
     for number in np.unique(track[missing]):
         rows = np.flatnonzero(track == number)
         if len(rows) > 1:
