@@ -140,10 +140,11 @@ def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
     if not is_ego.any():  # the log as published: the ego has poses only
         frames = np.unique(time)
         names, kinds = [*names, *([EGO] * len(frames))], [*kinds, *([EGO] * len(frames))]
-        put = (frames, EGO_CENTRE_M, 0.0, *EGO_SIZE_M, 0.0)
+        put: tuple[Any, ...] = (frames, EGO_CENTRE_M, 0.0, *EGO_SIZE_M, 0.0)
+        columns = (time, x, y, length, width, yaw_of(*turn))
         time, x, y, length, width, yaw = (
-            np.append(column, np.broadcast_to(value, len(frames)))
-            for column, value in zip((time, x, y, length, width, yaw_of(*turn)), put, strict=True)
+            np.append(column, np.zeros(len(frames)) + value)
+            for column, value in zip(columns, put, strict=True)
         )
     else:
         yaw = yaw_of(*turn)

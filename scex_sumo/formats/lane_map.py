@@ -42,10 +42,14 @@ MIN_LIMIT_MPS, MAX_LIMIT_MPS = 1.0, 70.0
 class Links(Protocol):
     """Relations of one lane by id, as a map names them."""
 
-    successors: Collection[int]
-    predecessors: Collection[int]
-    left_neighbour: int | None
-    right_neighbour: int | None
+    @property
+    def successors(self) -> Collection[int]: ...  # noqa: D102
+    @property
+    def predecessors(self) -> Collection[int]: ...  # noqa: D102
+    @property
+    def left_neighbour(self) -> int | None: ...  # noqa: D102
+    @property
+    def right_neighbour(self) -> int | None: ...  # noqa: D102
 
 
 def connected(
@@ -204,12 +208,21 @@ def local_frame(points: FloatArray) -> FloatArray:
     return np.floor(points.min(axis=0) / 1000.0) * 1000.0 if far else np.zeros(2)
 
 
-def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY) -> Road:
+def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection: str = "!") -> Road:
     """Build the road of a map of lane polylines.
 
+    ``projection``: of far coordinates, as PROJ; ``!`` is SUMO's word for an unknown one.
+
     Raises:
-        MapError: no lane for cars is usable.
+        MapError: no lane for cars is usable, or a name, width or limit of a lane is none.
     """
+    try:
+        return _road(drawn, name, country, projection)
+    except (TypeError, ValueError) as error:
+        raise MapError(f"{drawn.path}: a lane cannot be read ({error}); fetch the file again") from None
+
+
+def _road(drawn: DrawnMap, name: str, country: str, projection: str) -> Road:
     ids = drawn.lane_ids()
     lanes = _lanes(drawn, ids, country)
     driven = [lane for lane in lanes.values() if lane.kind == "vehicle"]
@@ -241,7 +254,7 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY) -> Road:
         ),
         notes=(*drawn.notes(), *drawn.remarks),
     )
-    return _moved(road, local_frame(np.concatenate([lane.centreline for lane in driven])))
+    return _moved(road, local_frame(np.concatenate([lane.centreline for lane in driven])), projection)
 
 
 def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[int, Lane]:
@@ -453,7 +466,7 @@ def _borders(lanes: Mapping[int, Lane]) -> list[tuple[str, str, FloatArray]]:
     return lines
 
 
-def _moved(road: Road, frame: FloatArray) -> Road:
+def _moved(road: Road, frame: FloatArray, projection: str) -> Road:
     """Return a road with coordinates relative to a place; a note and the georeference keep it."""
     if not frame.any():
         return road
@@ -476,7 +489,7 @@ def _moved(road: Road, frame: FloatArray) -> Road:
         ),
         markings=tuple(replace(line, points=line.points - frame) for line in road.markings),
         areas=tuple(replace(area, outline=area.outline - frame) for area in road.areas),
-        georeference=Georeference(projection="!", east_m=east, north_m=north),
+        georeference=Georeference(projection=projection, east_m=east, north_m=north),
         notes=(
             *road.notes,
             f"coordinates are relative to x = {east:.0f} m, y = {north:.0f} m of the dataset",

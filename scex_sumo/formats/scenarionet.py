@@ -6,13 +6,12 @@ The pickles are read by an unpickler that admits NumPy arrays of numbers and tex
 from __future__ import annotations
 
 import collections
-import io
 import math
 import pickle
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import shapely
@@ -40,7 +39,7 @@ _USERS = {"PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
 _LIGHTS = (("STOP", "r"), ("RED", "r"), ("CAUTION", "y"), ("YELLOW", "y"), ("GO", "G"), ("GREEN", "G"))
 
 
-def unpickle(file: io.BufferedIOBase) -> Any:
+def unpickle(file: BinaryIO) -> Any:
     """Load a pickle of NumPy arrays and plain containers.
 
     Raises:
@@ -77,7 +76,7 @@ def _admitted() -> dict[tuple[str, str], Any]:
         def __setstate__(self, state: tuple[Any, ...]) -> None:
             *_, shape, dtype, by_column, raw = state
             values = np.frombuffer(raw, dtype.dtype).reshape(shape, order="F" if by_column else "C")
-            super().__setstate__((1, values.shape, values.dtype, False, values.tobytes()))
+            super().__setstate__((1, values.shape, values.dtype, np.False_, values.tobytes()))
 
     def array(*_: Any) -> Any:
         return np.zeros(0).view(Array)
