@@ -76,7 +76,8 @@ def _admitted() -> dict[tuple[str, str], Any]:
         def __setstate__(self, state: tuple[Any, ...]) -> None:
             *_, shape, dtype, by_column, raw = state
             values = np.frombuffer(raw, dtype.dtype).reshape(shape, order="F" if by_column else "C")
-            super().__setstate__((1, values.shape, values.dtype, np.False_, values.tobytes()))
+            plain: Any = (1, values.shape, values.dtype, False, values.tobytes())
+            super().__setstate__(plain)
 
     def array(*_: Any) -> Any:
         return np.zeros(0).view(Array)
@@ -87,7 +88,16 @@ def _admitted() -> dict[tuple[str, str], Any]:
     def from_buffer(raw: Any, dtype: Dtype, shape: tuple[int, ...], order: str) -> Any:
         return np.frombuffer(raw, dtype.dtype).reshape(shape, order="F" if order == "F" else "C")
 
+    def encode(text: str, *_: Any) -> bytes:  # bytes, as protocols 0 to 2 hold them
+        return text.encode("latin1")
+
+    def no_bytes() -> bytes:
+        return b""
+
     admitted: dict[tuple[str, str], Any] = {
+        ("_codecs", "encode"): encode,
+        ("__builtin__", "bytes"): no_bytes,
+        ("__builtin__", "set"): set,
         ("numpy", "ndarray"): np.ndarray,
         ("numpy", "dtype"): Dtype,
         ("builtins", "set"): set,
