@@ -162,6 +162,7 @@ def _columns(table: Any, names: Sequence[str]) -> list[Any]:
     """Columns of a table, of text as lists, else as numbers; raises `KeyError`."""
     import pyarrow as pa
 
+    table.validate(full=True)  # offsets of a damaged file lead out of its buffers
     columns: list[Any] = []
     for name in names:
         column = table[name]

@@ -64,15 +64,17 @@ def _msgpack() -> Any:
 def _table(path: Path) -> Any:
     import pyarrow as pa
 
-    with pa.memory_map(str(path), "rb") as source:
-        return pa.ipc.open_file(source).read_all()
+    with pa.OSFile(str(path), "rb") as source:
+        table = pa.ipc.open_file(source).read_all()
+    table.validate(full=True)  # offsets of a damaged file lead out of its buffers
+    return table
 
 
 def _meta(path: Path) -> dict[str, Any]:
     """Return the metadata of a file, from its schema."""
     import pyarrow as pa
 
-    with pa.memory_map(str(path), "rb") as source:
+    with pa.OSFile(str(path), "rb") as source:
         schema = pa.ipc.open_file(source).schema
     packed = (schema.metadata or {}).get(b"metadata")
     if packed is None:
