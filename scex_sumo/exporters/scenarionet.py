@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -65,8 +64,6 @@ def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
             size = float(others.length[o]), float(others.width[o])
             key = label if label not in tracks else f"obstacle_{label}"
             tracks[key] = _track(key, others.types[o], size, others.states[o, frames], present)
-    summary = {key: _summary(key, track) for key, track in tracks.items()}
-    kinds = Counter(track["type"] for track in tracks.values())
     metadata = {
         "ts": STEP_S * np.arange(steps),
         "sample_rate": STEP_S,
@@ -78,12 +75,6 @@ def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
         "map": request.road.name,
         "sdc_id": str(scene.track_ids[ego]),
         "current_time_index": LOGGED_HISTORY - 1,
-        "object_summary": summary,
-        "number_summary": {
-            "num_objects": len(tracks),
-            "object_types": set(kinds),
-            "num_objects_each_type": dict(kinds),
-        },
     }
     return {
         "id": name,
@@ -116,19 +107,6 @@ def _track(
     word = _USERS.get(user, "VEHICLE")
     metadata = {"type": kind, "object_id": name, "track_length": len(valid), "dataset": "scex-sumo"}
     return {"type": word, "state": {**state, "valid": valid.copy()}, "metadata": metadata}
-
-
-def _summary(name: str, track: dict[str, Any]) -> dict[str, Any]:
-    valid = track["state"]["valid"]
-    driven = np.diff(track["state"]["position"][valid, :2], axis=0)
-    return {
-        "type": track["type"],
-        "object_id": name,
-        "track_length": len(valid),
-        "moving_distance": float(np.hypot(*driven.T).sum()),
-        "valid_length": int(valid.sum()),
-        "continuous_valid_length": int(valid.sum()),
-    }
 
 
 def _features(road: Road) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import numpy as np
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.boxes import box_table, yaw_of
+from scex_sumo.formats.boxes import box_table, one_line, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -52,18 +52,12 @@ _COLUMNS = (
 
 def _read_road(path: Path, **options: Any) -> Road:
     """Read ``log_map_archive_*.json``; the speed limits are those of the United States."""
-    try:
+    with one_line(MapError, path, "map of Argoverse 2"):
         content = json.loads(path.read_bytes())
         segments, crossings = ([*content[key].values()] for key in ("lane_segments", "pedestrian_crossings"))
         drawn = DrawnMap(path=path, lanes=[_lane(segment) for segment in segments])
         drawn.crosswalks = [[*_points(one["edge1"]), *_points(one["edge2"])[::-1]] for one in crossings]
-    except OSError as error:
-        raise MapError(f"{path}: cannot be read ({error.strerror}); check the path of the map") from None
-    except KeyError as error:
-        raise MapError(f"{path}: no {error.args[0]} in it; name a map of Argoverse 2 as published") from None
-    except (ValueError, TypeError, AttributeError) as error:
-        raise MapError(f"{path}: no map of Argoverse 2 ({error}); fetch the file again") from None
-    return drawn_road(drawn, name=_name(path), country=options.get("country") or "us")
+        return drawn_road(drawn, name=_name(path), country=options.get("country") or "us")
 
 
 def _lane(segment: Mapping[str, Any]) -> DrawnLane:
@@ -90,17 +84,9 @@ def _points(points: Sequence[Mapping[str, float]]) -> list[list[float]]:
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    import pyarrow as pa
-
     path = paths[0]
-    try:
+    with one_line(TrackError, path, "recording of Argoverse 2"):
         return _scenario(path) if path.suffix == ".parquet" else _log(path)
-    except KeyError as error:
-        raise TrackError(f"{path}: no column {error.args[0]}; take the file as published") from None
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TrackError(
-            f"{path}: cannot be read ({str(error).splitlines()[0][:160]}); fetch the file again"
-        ) from None
 
 
 def _scenario(path: Path) -> tuple[TrackTable, tuple[str, ...]]:

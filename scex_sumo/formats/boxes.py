@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
+import sqlite3
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import TrackError
+from scex_sumo.base.errors import InputError, TrackError, reason_of
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows
@@ -28,7 +31,24 @@ SIZES = {
 }
 """Length and width in m of road users without a recorded size."""
 SWAPPED = 1.5  # a vehicle so many times as wide as long has its sides swapped
+_LIBRARIES = (sqlite3.Error, shapely.errors.ShapelyError)
 UNFILLED = ("timestamp_ms", "x", "y", "psi_rad")
+
+
+@contextmanager
+def one_line(error: type[InputError], path: Path, what: str) -> Iterator[None]:
+    """Turn what a reader raises on a damaged file into an error of one line; ``what`` is no article."""
+    try:
+        yield
+    except InputError as known:
+        raise error(str(known)) from None
+    except OSError as why:
+        raise error(f"{path}: cannot be read ({why.strerror or why}); check the path") from None
+    except KeyError as key:
+        name = re.sub(r'.*"(.*)".*', r"\1", str(key.args[0]))[:160]  # of a column, in a sentence of Arrow
+        raise error(f"{path}: no {name} in it; take the file as published") from None
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, *_LIBRARIES) as why:
+        raise error(f"{path}: no {what} can be read ({reason_of(why)[:160]}); fetch the file again") from None
 
 
 def box_table(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -182,6 +183,14 @@ class DrawnMap(Findings):
             return {name: int(name) for name in names}  # type: ignore[call-overload]
         return {name: number for number, name in enumerate(dict.fromkeys(names), start=1)}
 
+    @cached_property
+    def frame(self) -> FloatArray:
+        """(2,) whole kilometres, m, by which coordinates beyond 100 km are moved."""
+        lines = [line for one in self.lanes for part in (one.centre, one.left) if len(line := polyline(part))]
+        points = np.concatenate([np.empty((0, 2)), *lines])
+        far = len(points) and float(np.abs(points).max()) > FAR_M
+        return np.floor(points.min(axis=0) / 1000.0) * 1000.0 if far else np.zeros(2)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _NamedLinks:
@@ -191,21 +200,15 @@ class _NamedLinks:
     right_neighbour: int | None
 
 
-def polyline(points: Any) -> FloatArray:
-    """Convert points to (P, 2) m without repeats; empty if they are no finite polyline."""
+def polyline(points: Any, frame: FloatArray | float = 0.0) -> FloatArray:
+    """Convert points to (P, 2) m from a place, without repeats; empty if they are no finite polyline."""
     try:
         line = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError):
         return np.empty((0, 2))
     if line.ndim != 2 or line.shape[1] < 2 or not (np.abs(line[:, :2]) <= MAX_M).all():
         return np.empty((0, 2))
-    return without_repeats(line[:, :2])
-
-
-def local_frame(points: FloatArray) -> FloatArray:
-    """Return the (2,) whole kilometres, m, that coordinates beyond 100 km are moved by."""
-    far = len(points) and float(np.abs(points).max()) > FAR_M
-    return np.floor(points.min(axis=0) / 1000.0) * 1000.0 if far else np.zeros(2)
+    return without_repeats(line[:, :2] - frame)
 
 
 def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection: str = "!") -> Road:
@@ -214,19 +217,11 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection
     ``projection``: of far coordinates, as PROJ; ``!`` is SUMO's word for an unknown one.
 
     Raises:
-        MapError: no lane for cars is usable, or a name, width or limit of a lane is none.
+        MapError: no lane for cars is usable.
     """
-    try:
-        return _road(drawn, name, country, projection)
-    except (TypeError, ValueError) as error:
-        raise MapError(f"{drawn.path}: a lane cannot be read ({error}); fetch the file again") from None
-
-
-def _road(drawn: DrawnMap, name: str, country: str, projection: str) -> Road:
-    ids = drawn.lane_ids()
+    ids, frame = drawn.lane_ids(), drawn.frame
     lanes = _lanes(drawn, ids, country)
-    driven = [lane for lane in lanes.values() if lane.kind == "vehicle"]
-    if not driven:
+    if not any(lane.kind == "vehicle" for lane in lanes.values()):
         why = "; ".join(drawn.notes()) or "it holds no lane for cars"
         raise MapError(f"{drawn.path}: no usable lane for cars ({why}); name another map")
     of = {ids[lane.name]: lane for lane in drawn.lanes}
@@ -236,12 +231,16 @@ def _road(drawn: DrawnMap, name: str, country: str, projection: str) -> Road:
         return free and not (of[left].inside or of[right].inside)
 
     lanes = connected(drawn, _links(drawn, ids, lanes), lanes, may_change)
-    heights = {i: _heights(of[i], lane) for i, lane in lanes.items()}
-    lanes = overlapping(lanes, heights)
-    free_id = max(lanes) + 1
-    walks = [line for outline in drawn.crosswalks if len(line := polyline(outline)) > 2]
-    lines = [(*line[:2], points) for line in drawn.lines if len(points := polyline(line[2])) > 1]
-    road = Road(
+    lanes = overlapping(lanes, {i: _heights(of[i], lane, frame) for i, lane in lanes.items()})
+    first = max(lanes) + 1
+    walks = [line for outline in drawn.crosswalks if len(line := polyline(outline, frame)) > 2]
+    lines = [(*line[:2], points) for line in drawn.lines if len(points := polyline(line[2], frame)) > 1]
+    place = None
+    if frame.any():
+        place = Georeference(projection=projection, east_m=float(frame[0]), north_m=float(frame[1]))
+        said = f"x = {frame[0]:.0f} m, y = {frame[1]:.0f} m"
+        drawn.remarks.append(f"coordinates are relative to {said} of the dataset")
+    return Road(
         name=name,
         lanes=lanes,
         regulations=tuple(_regulations(drawn, ids, lanes)),
@@ -249,69 +248,56 @@ def _road(drawn: DrawnMap, name: str, country: str, projection: str) -> Road:
             Marking(line_id=k, kind=kind, subtype=subtype, points=points)
             for k, (kind, subtype, points) in enumerate(lines or _borders(lanes), start=1)
         ),
-        areas=tuple(
-            Area(area_id=free_id + k, kind="crosswalk", outline=walk) for k, walk in enumerate(walks)
-        ),
+        areas=tuple(Area(area_id=k, kind="crosswalk", outline=walk) for k, walk in enumerate(walks, first)),
+        georeference=place,
         notes=(*drawn.notes(), *drawn.remarks),
     )
-    return _moved(road, local_frame(np.concatenate([lane.centreline for lane in driven])), projection)
 
 
 def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[int, Lane]:
-    parts: dict[int, tuple[DrawnLane, list[FloatArray]]] = {}
+    lines: dict[int, tuple[DrawnLane, FloatArray, list[FloatArray]]] = {}
     for one in drawn.lanes:
-        left, right, centre = (
-            polyline(line if line is not None else ()) for line in (one.left, one.right, one.centre)
-        )
-        bounded = len(left) > 1 and len(right) > 1
-        if len(centre) < 2 and bounded:
-            centre = without_repeats(mean_line([left, right]))
+        left, right, centre = (polyline(line, drawn.frame) for line in (one.left, one.right, one.centre))
+        bounds = [left, right] if len(left) > 1 and len(right) > 1 else []
+        if len(centre) < 2 and bounds:
+            centre = without_repeats(mean_line(bounds))
         if len(centre) < 2 or length_of(centre) < MIN_LENGTH_M:
             drawn.note("lanes left out, no usable line", str(one.name)[:24])
-        elif ids[one.name] in parts:
+        elif ids[one.name] in lines:
             drawn.note("lanes with one name, the first kept", str(one.name)[:24])
         else:
-            parts[ids[one.name]] = one, [left, right, centre] if bounded else [centre]
-    usual = _usual_width([one.width_m for one, _ in parts.values()])
-    lanes = {}
-    guessed = 0
-    for i, (one, lines) in parts.items():
-        centre = lines[-1]
-        width = float(np.clip(one.width_m or math.nan, *WIDTHS_M))
-        width = width if math.isfinite(width) else usual
-        left, right = lines[:2] if len(lines) > 1 else (beside(centre, side * width / 2) for side in (1, -1))
-        limit = one.limit_mps if one.limit_mps and MIN_LIMIT_MPS <= one.limit_mps <= MAX_LIMIT_MPS else None
-        guessed += limit is None and one.kind == "vehicle"
-        tags = {"subtype": one.subtype, "location": one.location}
+            lines[ids[one.name]] = one, centre, bounds
+    usual = _usual_width([one.width_m for one, *_ in lines.values()])
+    lanes, unlimited = {}, set()
+    for i, (one, centre, bounds) in sorted(lines.items()):
+        width = float(np.nan_to_num(np.clip(one.width_m or math.nan, *WIDTHS_M), nan=usual))
+        left, right = bounds or (beside(centre, side * width / 2) for side in (1, -1))
+        speed = default_speed_mps({"subtype": one.subtype, "location": one.location}, one.kind, country)
+        if one.limit_mps and MIN_LIMIT_MPS <= one.limit_mps <= MAX_LIMIT_MPS:
+            speed = one.limit_mps
+        elif one.kind == "vehicle":
+            unlimited.add(i)
         lanes[i] = Lane(
             lane_id=i,
             centreline=centre,
             left_bound=left,
             right_bound=right,
-            width_m=mean_width_m(left, right) if len(lines) > 1 else width,
-            speed_limit_mps=limit or default_speed_mps(tags, one.kind, country),
+            width_m=mean_width_m(left, right) if bounds else width,
+            speed_limit_mps=speed,
             kind=one.kind,
             subtype=one.subtype,
             location=one.location,
         )
-    if any(len(lines) == 1 for _, lines in parts.values()):
+    if not all(bounds for *_, bounds in lines.values()):
         drawn.remarks.append(
-            f"lanes without bounds: bounds half a width beside the centreline, {usual:.3g} m if unknown"
+            f"lanes without bounds: half a width beside the centreline, {usual:.3g} m if unknown"
         )
-    if guessed:
-        kmh = sorted(
-            {
-                round(
-                    3.6
-                    * default_speed_mps({"subtype": one.subtype, "location": one.location}, one.kind, country)
-                )
-                for one, _ in parts.values()
-                if one.kind == "vehicle"
-            }
+    if unlimited:
+        said = "/".join(
+            str(kmh) for kmh in sorted({round(3.6 * lanes[i].speed_limit_mps) for i in unlimited})
         )
-        said = "/".join(map(str, kmh))
-        drawn.remarks.append(f"{guessed} lanes have no speed limit: {said} km/h by their type")
-    return dict(sorted(lanes.items()))
+        drawn.remarks.append(f"{len(unlimited)} lanes have no speed limit: {said} km/h by their type")
+    return lanes
 
 
 def _usual_width(widths: Iterable[float | None]) -> float:
@@ -319,12 +305,12 @@ def _usual_width(widths: Iterable[float | None]) -> float:
     return float(np.clip(np.median(known), *WIDTHS_M)) if len(known) else WIDTH_M
 
 
-def _heights(drawn: DrawnLane, lane: Lane) -> FloatArray:
+def _heights(drawn: DrawnLane, lane: Lane, frame: FloatArray) -> FloatArray:
     """Return a line of the lane with heights, (P, 3), if the map has them; else the centreline."""
     for points in (drawn.centre, drawn.left):
-        line = np.asarray(points if points is not None else (), dtype=np.float64)
+        line = np.asarray(() if points is None else points, dtype=np.float64)
         if line.ndim == 2 and line.shape[1] == 3 and np.isfinite(line).all():
-            return line
+            return line - np.append(frame, 0.0)
     return lane.centreline
 
 
@@ -377,25 +363,20 @@ def _along_most(a: Lane, b: Lane) -> bool:
     return True
 
 
-def _ends(lanes: Mapping[int, Lane]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n, 3) x, y and heading of starts, middles and ends."""
-    ends = []
-    for share in (0.0, 0.5, 1.0):
-        rows = []
-        for lane in lanes.values():
-            line, size = lane.centreline, length_of(lane.centreline)
-            if share == 0.5:
-                a, b = along(line, size * np.array([0.45, 0.55]))
-                rows.append([*along(line, size / 2), math.atan2(b[1] - a[1], b[0] - a[0])])
-            else:
-                rows.append([*line[-1 if share else 0], heading(line, end=bool(share))])
-        ends.append(np.array(rows))
-    return ends[0], ends[1], ends[2]
+def _places(lanes: Mapping[int, Lane]) -> FloatArray:
+    """Return (3, n, 3) x, y and heading of starts, middles and ends."""
+    rows = []
+    for lane in lanes.values():
+        line, size = lane.centreline, length_of(lane.centreline)
+        (x, y), (u, v) = along(line, size * np.array([0.45, 0.55]))
+        middle = (*along(line, size / 2), math.atan2(v - y, u - x))
+        rows.append([(*line[0], heading(line, end=False)), middle, (*line[-1], heading(line, end=True))])
+    return np.array(rows).transpose(1, 0, 2)
 
 
 def _joined(lanes: Mapping[int, Lane]) -> dict[int, list[int]]:
     ids = list(lanes)
-    starts, _, ends = _ends(lanes)
+    starts, _, ends = _places(lanes)
     following = {}
     for k, i in enumerate(ids):
         near = np.hypot(*(starts[:, :2] - ends[k, :2]).T) < JOINT_M
@@ -408,7 +389,7 @@ def _side_by_side(lanes: Mapping[int, Lane]) -> dict[int, int]:
     """Return the nearest lane on the left of each lane, beside its start, middle and end."""
     ids = list(lanes)
     widths = np.array([lane.width_m for lane in lanes.values()])
-    places = _ends(lanes)
+    places = _places(lanes)
     left_of = {}
     for k, i in enumerate(ids):
         fits: BoolArray = np.ones(len(ids), bool)
@@ -437,7 +418,11 @@ def _regulations(
     for name, place in drawn.lit.items():
         if (lane := ids.get(name)) in lanes and lane is not None:
             number += 1
-            lines = () if place is None else (_stop_line(lanes[lane], np.asarray(place, np.float64)[:2]),)
+            lines = (
+                ()
+                if place is None
+                else (_stop_line(lanes[lane], np.asarray(place, np.float64)[:2] - drawn.frame),)
+            )
             yield Regulation(
                 element_id=number, kind="traffic_light", lanes=(lane,), stop_lines=lines, lights=(number,)
             )
@@ -464,34 +449,3 @@ def _borders(lanes: Mapping[int, Lane]) -> list[tuple[str, str, FloatArray]]:
             if lane.adjacent_right is None:
                 lines.append(("road_border", "", lane.right_bound))
     return lines
-
-
-def _moved(road: Road, frame: FloatArray, projection: str) -> Road:
-    """Return a road with coordinates relative to a place; a note and the georeference keep it."""
-    if not frame.any():
-        return road
-    lanes = {
-        i: replace(
-            lane,
-            centreline=lane.centreline - frame,
-            left_bound=lane.left_bound - frame,
-            right_bound=lane.right_bound - frame,
-        )
-        for i, lane in road.lanes.items()
-    }
-    east, north = frame.tolist()
-    return replace(
-        road,
-        lanes=lanes,
-        regulations=tuple(
-            replace(rule, stop_lines=tuple(line - frame for line in rule.stop_lines))
-            for rule in road.regulations
-        ),
-        markings=tuple(replace(line, points=line.points - frame) for line in road.markings),
-        areas=tuple(replace(area, outline=area.outline - frame) for area in road.areas),
-        georeference=Georeference(projection=projection, east_m=east, north_m=north),
-        notes=(
-            *road.notes,
-            f"coordinates are relative to x = {east:.0f} m, y = {north:.0f} m of the dataset",
-        ),
-    )

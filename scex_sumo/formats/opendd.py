@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import shapely
 
-from scex_sumo.base.errors import MapError, TrackError, reason_of
+from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.boxes import box_table
-from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, local_frame
+from scex_sumo.formats.boxes import box_table, one_line
+from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.road import Road
 
 UTM32 = "+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs"
@@ -63,33 +63,25 @@ def _drawn(path: Path) -> DrawnMap:
 
 
 def _read_road(path: Path, **options: Any) -> Road:
-    try:
-        drawn = _drawn(path)
-    except (sqlite3.Error, KeyError, ValueError, TypeError, shapely.errors.ShapelyError) as error:
-        raise MapError(
-            f"{path}: no map of openDD can be read ({reason_of(error)[:160]}); fetch it again"
-        ) from None
-    return drawn_road(drawn, name=_name(path), country=options.get("country") or "de", projection=UTM32)
+    with one_line(MapError, path, "map of openDD"):
+        return drawn_road(
+            _drawn(path), name=_name(path), country=options.get("country") or "de", projection=UTM32
+        )
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    path, table = paths[0].parent, paths[0].name
-    try:
-        rows = _rows(path, table, _COLUMNS)
-        frame = local_frame(np.concatenate([lane.centre for lane in _drawn(_map_of(paths[0])).lanes]))
-    except (sqlite3.Error, KeyError, ValueError, TypeError, shapely.errors.ShapelyError) as error:
-        raise TrackError(f"{paths[0]}: cannot be read ({reason_of(error)[:160]}); fetch it again") from None
-    names = [str(row[0]) for row in rows]
-    words = [str(row[1]).lower() for row in rows]
-    kinds = {name: _KINDS.get(word, word) for name, word in zip(names, words, strict=True)}
-    numbers = [[np.nan if value is None else value for value in row[2:]] for row in rows]
-    try:
+    path = paths[0]
+    with one_line(TrackError, path, "recording of openDD"):
+        rows = _rows(path.parent, path.name, _COLUMNS)
+        names = [str(row[0]) for row in rows]
+        words = [str(row[1]).lower() for row in rows]
+        kinds = {name: _KINDS.get(word, word) for name, word in zip(names, words, strict=True)}
+        numbers = [[np.nan if value is None else value for value in row[2:]] for row in rows]
         time, x, y, speed, angle, length, width = np.array(numbers, np.float64).reshape(-1, 7).T
-    except ValueError as error:
-        raise TrackError(f"{paths[0]}: {error}; fetch it again") from None
-    v = (speed * np.cos(angle), speed * np.sin(angle))
-    values = np.stack([1000.0 * time, x - frame[0], y - frame[1], *v, angle, length, width], axis=1)
-    return box_table(paths[0], names, kinds, values)
+        east, north = _drawn(_map_of(path)).frame
+        v = (speed * np.cos(angle), speed * np.sin(angle))
+        values = np.stack([1000.0 * time, x - east, y - north, *v, angle, length, width], axis=1)
+        return box_table(path, names, kinds, values)
 
 
 def _is_mine(path: Path) -> bool:
@@ -129,10 +121,6 @@ def _name(path: Path) -> str:
     return path.stem.removeprefix("map_")
 
 
-def _name_of(map_path: Path, files: Sequence[Path]) -> str:
-    return files[0].name
-
-
 OPENDD_MAP = MapFormat(
     is_mine=lambda path: path.match("map_rdb*.sqlite"),
     read=_read_road,
@@ -140,4 +128,6 @@ OPENDD_MAP = MapFormat(
     name=_name,
     asks_for="--tracks trajectories_rdbN_v3.sqlite/TABLE",
 )
-OPENDD = Dataset(is_mine=_is_mine, read=_read, recordings=_recordings, files=_files, name=_name_of)
+OPENDD = Dataset(
+    is_mine=_is_mine, read=_read, recordings=_recordings, files=_files, name=lambda path, files: files[0].name
+)

@@ -14,14 +14,14 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MapError, MissingExtraError, TrackError, reason_of
+from scex_sumo.base.errors import MapError, MissingExtraError, TrackError
 from scex_sumo.converters.naming import beginning
 from scex_sumo.converters.net.elements import NetLayout
 from scex_sumo.converters.net.traffic_lights import Programme
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.boxes import box_table, yaw_of
-from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, local_frame, polyline
+from scex_sumo.formats.boxes import box_table, one_line, yaw_of
+from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.road import Road
 
@@ -110,19 +110,8 @@ def _map_of(path: Path) -> Path:
 
 
 def _read_road(path: Path, **options: Any) -> Road:
-    return drawn_road(_drawn_checked(path), name=_name(path), country=options.get("country") or "us")
-
-
-def _drawn_checked(path: Path) -> DrawnMap:
-    import pyarrow as pa
-
-    try:
-        return _drawn(path)
-    except OSError as error:
-        raise MapError(f"{path}: cannot be read ({error}); check the path of the map") from None
-    except (ValueError, KeyError, TypeError, AttributeError, pa.ArrowException) as error:
-        why = f"no {error.args[0]} in it" if isinstance(error, KeyError) else reason_of(error)[:200]
-        raise MapError(f"{path}: no map of 123D can be read ({why}); convert the data anew") from None
+    with one_line(MapError, path, "map of 123D"):
+        return drawn_road(_drawn(path), name=_name(path), country=options.get("country") or "us")
 
 
 def _drawn(path: Path) -> DrawnMap:
@@ -264,34 +253,20 @@ def _lights(path: Path) -> dict[int, list[tuple[float, str]]]:
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    import pyarrow as pa
-
     path = paths[0]
-    try:
+    with one_line(TrackError, path, "log of 123D"):
         names, kinds, values = _boxes(path)
-        values = values.copy()
-        values[:, 1:3] -= _frame(path)
-    except MapError as error:
-        raise TrackError(str(error)) from None
-    except OSError as error:
-        raise TrackError(f"{path}: cannot be read ({error}); check the path of the log") from None
-    except (ValueError, KeyError, TypeError, pa.ArrowException) as error:
-        why = f"no {error.args[0]} in it" if isinstance(error, KeyError) else reason_of(error)[:200]
-        raise TrackError(f"{path}: no log of 123D can be read ({why}); convert the data anew") from None
-    return box_table(path, names, kinds, values, ego=EGO)
-
-
-def _frame(path: Path) -> FloatArray:
-    lines = [line for lane in _drawn_checked(path).lanes if len(line := polyline(lane.centre))]
-    return local_frame(np.concatenate(lines)) if lines else np.zeros(2)
+        values[:, 1:3] -= _drawn(path).frame
+        return box_table(path, names, kinds, values, ego=EGO)
 
 
 def _read_signals(
     layout: NetLayout, origin: tuple[float, float], path: Path
 ) -> tuple[Programme | None, list[str]]:
-    ids, log = _drawn_checked(path).lane_ids(), path.with_name(SYNC)
-    runs = {ids[lane]: run for lane, run in _lights(log).items() if lane in ids}
-    return lane_programme(layout, runs, path.parent.name)
+    with one_line(MapError, path, "lights of 123D"):
+        ids = _drawn(path).lane_ids()
+        runs = {ids[lane]: run for lane, run in _lights(path).items() if lane in ids}
+        return lane_programme(layout, runs, path.parent.name)
 
 
 def _is_map(path: Path) -> bool:
@@ -319,10 +294,6 @@ def _name(path: Path) -> str:
     return path.absolute().parent.name if path.name in (SYNC, MAP) else path.stem
 
 
-def _name_of(map_path: Path, files: Sequence[Path]) -> str:
-    return _name(files[0])
-
-
 def _tracks(path: Path) -> Path | None:
     return log if (log := path.with_name(SYNC)).is_file() and path.name in (SYNC, MAP) else None
 
@@ -331,6 +302,11 @@ PY123D_MAP = MapFormat(
     is_mine=_is_map, read=_read_road, tracks=_tracks, name=_name, asks_for="--tracks LOG/sync.arrow"
 )
 PY123D = Dataset(
-    is_mine=_is_log, read=_read, recordings=_recordings, files=_files, name=_name_of, from_car=True
+    is_mine=_is_log,
+    read=_read,
+    recordings=_recordings,
+    files=_files,
+    name=lambda path, files: _name(files[0]),
+    from_car=True,
 )
 PY123D_LIGHTS = SignalFormat(is_mine=lambda path: path.name == SYNC, read=_read_signals)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import collections
 import math
 import pickle
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -25,8 +25,8 @@ from scex_sumo.converters.net.traffic_lights import Programme
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.boxes import box_table
-from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, local_frame, polyline
+from scex_sumo.formats.boxes import box_table, one_line
+from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.geometry.polylines import samples
 from scex_sumo.road import Road
@@ -36,7 +36,15 @@ FILLER_KMH = 100.0  # ScenarioNet writes it for lanes without a limit
 PLAIN_KINDS = "biufSU"  # of NumPy types
 MAX_BYTES = 2**31
 _USERS = {"PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
-_LIGHTS = (("STOP", "r"), ("RED", "r"), ("CAUTION", "y"), ("YELLOW", "y"), ("GO", "G"), ("GREEN", "G"))
+_LIGHTS = (
+    ("FLASHING", ""),
+    ("STOP", "r"),
+    ("RED", "r"),
+    ("CAUTION", "y"),
+    ("YELLOW", "y"),
+    ("GO", "G"),
+    ("GREEN", "G"),
+)
 
 
 def unpickle(file: BinaryIO) -> Any:
@@ -112,20 +120,11 @@ def _admitted() -> dict[tuple[str, str], Any]:
 
 
 def read_scenario(path: Path) -> dict[str, Any]:
-    """Read a scenario, of at most 2 GB.
-
-    Raises:
-        InputError: no such file, no such pickle, or no scenario in it.
-    """
-    try:
-        scenario = _scenario(path, path.stat().st_mtime_ns)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    missing = [
-        key for key in ("tracks", "map_features", "metadata") if not isinstance(scenario.get(key), dict)
-    ]
-    if missing:
-        raise InputError(f"{path}: no scenario of ScenarioNet, it has no {missing[0]}; name a file sd_*.pkl")
+    """Read a scenario of at most 2 GB; raises `InputError` if there is none."""
+    scenario = _scenario(path, path.stat().st_mtime_ns)
+    for key in ("tracks", "map_features", "metadata"):
+        if not isinstance(scenario.get(key), dict):
+            raise InputError(f"{path}: no scenario of ScenarioNet, it has no {key}; name a file sd_*.pkl")
     return scenario
 
 
@@ -139,25 +138,17 @@ def _scenario(path: Path, _changed_ns: int) -> dict[str, Any]:
     except InputError:
         raise
     except Exception as error:  # of any kind: the bytes of a pickle call constructors
-        raise InputError(
-            f"{path}: no pickle that can be read ({reason_of(error)[:200]}); name a file sd_*.pkl"
-        ) from None
+        why = reason_of(error)[:200]
+        raise InputError(f"{path}: no pickle that can be read ({why}); name a file sd_*.pkl") from None
     return dict(scenario) if isinstance(scenario, Mapping) else {}
 
 
 def _read_road(path: Path, **options: Any) -> Road:
-    try:
+    with one_line(MapError, path, "map of ScenarioNet"):
         scenario = read_scenario(path)
-        drawn = _drawn(path, scenario)
-    except InputError as error:
-        raise MapError(str(error)) from None
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise MapError(
-            f"{path}: a map feature cannot be read ({reason_of(error)[:200]}); convert the data anew"
-        ) from None
-    # Singapore's limit in towns is Germany's.
-    country = GERMANY if "singapore" in str(scenario["metadata"].get("map")) else "us"
-    return drawn_road(drawn, name=_name(path), country=options.get("country") or country)
+        # Singapore's limit in towns is Germany's.
+        country = GERMANY if "singapore" in str(scenario["metadata"].get("map")) else "us"
+        return drawn_road(_drawn(path, scenario), name=_name(path), country=options.get("country") or country)
 
 
 def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
@@ -272,29 +263,13 @@ def _is_place(place: Any) -> bool:
         return False
 
 
-def _frame(scenario: Mapping[str, Any]) -> FloatArray:
-    lines = [
-        _line(one["polyline"])
-        for one in scenario["map_features"].values()
-        if str(one["type"]).startswith("LANE_")
-    ]
-    lines = [line for line in map(polyline, lines) if len(line)]
-    return local_frame(np.concatenate(lines)) if lines else np.zeros(2)
-
-
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
     path = paths[0]
-    try:
+    with one_line(TrackError, path, "tracks of ScenarioNet"):
         scenario = read_scenario(path)
         names, kinds, values = _boxes(path, scenario)
-        values[:, 1:3] -= _frame(scenario)
-    except InputError as error:
-        raise TrackError(str(error)) from None
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise TrackError(
-            f"{path}: a track cannot be read ({reason_of(error)[:200]}); convert the data anew"
-        ) from None
-    return box_table(path, names, kinds, values, ego=str(scenario["metadata"].get("sdc_id", "")))
+        values[:, 1:3] -= _drawn(path, scenario).frame
+        return box_table(path, names, kinds, values, ego=str(scenario["metadata"].get("sdc_id", "")))
 
 
 def _boxes(path: Path, scenario: Mapping[str, Any]) -> tuple[list[str], dict[str, str], FloatArray]:
@@ -347,21 +322,16 @@ def _kind(track: Mapping[str, Any]) -> str:
 def _read_signals(
     layout: NetLayout, origin: tuple[float, float], path: Path
 ) -> tuple[Programme | None, list[str]]:
-    try:
+    with one_line(MapError, path, "lights of ScenarioNet"):
         scenario = read_scenario(path)
-    except InputError as error:
-        raise MapError(str(error)) from None
-    ids = {str(name): number for name, number in _drawn(path, scenario).lane_ids().items()}
-    runs = {}
-    for name, words, _ in _lit(scenario):
-        times = _times(path, scenario, len(words))
-        letters = [
-            next((letter for word, letter in _LIGHTS if word in said and "FLASHING" not in said), "")
-            for said in words
-        ]
-        if name in ids:
-            runs[ids[name]] = list(zip((times - times[0]).tolist(), letters, strict=True))
-    return lane_programme(layout, runs, path.name)
+        ids = {str(name): number for name, number in _drawn(path, scenario).lane_ids().items()}
+        runs = {}
+        for name, words, _ in _lit(scenario):
+            times = _times(path, scenario, len(words))
+            letters = [next((letter for part, letter in _LIGHTS if part in word), "") for word in words]
+            if name in ids:
+                runs[ids[name]] = list(zip((times - times[0]).tolist(), letters, strict=True))
+        return lane_programme(layout, runs, path.name)
 
 
 def _is_mine(path: Path) -> bool:
@@ -382,7 +352,12 @@ def _name(path: Path) -> str:
     return map_name(path).removeprefix("sd_")
 
 
-_name_of: Callable[[Path, Sequence[Path]], str] = lambda map_path, files: _name(files[0])  # noqa: E731
 SCENARIONET_MAP = MapFormat(is_mine=_is_mine, read=_read_road, tracks=lambda path: path, name=_name)
-SCENARIONET = Dataset(is_mine=_is_mine, read=_read, recordings=_recordings, name=_name_of, from_car=True)
+SCENARIONET = Dataset(
+    is_mine=_is_mine,
+    read=_read,
+    recordings=_recordings,
+    name=lambda path, files: _name(files[0]),
+    from_car=True,
+)
 SCENARIONET_LIGHTS = SignalFormat(is_mine=_is_mine, read=_read_signals)

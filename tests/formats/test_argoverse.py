@@ -184,7 +184,7 @@ def test_tracks_without_a_column_or_with_a_bad_value_are_one_line(scenario: Path
     table = columns()
     missing = {other: values for other, values in table.items() if other != name}
     pa.parquet.write_table(pa.table(missing), path)
-    with pytest.raises(TrackError, match=f"no column .*{name}"):
+    with pytest.raises(TrackError, match=f"no {name} in it"):
         read_recorded([path])
     if name.startswith(("position", "heading")):
         table[name][7] = np.inf
@@ -196,7 +196,7 @@ def test_tracks_without_a_column_or_with_a_bad_value_are_one_line(scenario: Path
 def test_files_that_are_no_table_or_no_json_are_one_line(scenario: Path) -> None:
     path = scenario.with_name("scenario_abcdefgh-1.parquet")
     path.write_bytes(b"PAR1 and no more")
-    with pytest.raises(TrackError, match="cannot be read"):
+    with pytest.raises(TrackError, match="no recording of Argoverse 2 can be read"):
         read_recorded([path])
     scenario.write_text("{")
     with pytest.raises(MapError, match="no map of Argoverse 2"):

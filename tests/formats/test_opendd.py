@@ -110,10 +110,10 @@ def test_a_missing_table_and_files_that_are_no_database_are_one_line(place: Path
     with pytest.raises(TrackError, match="table rdb1_9"):
         read_recorded([path / "rdb1_9"])
     path.write_bytes(b"no database at all, but long enough to be read" * 30)
-    with pytest.raises(TrackError, match="cannot be read"):
+    with pytest.raises(TrackError, match="no recording of openDD can be read"):
         read_recorded([path / "rdb1_2"])
     map_path = place / "rdb1/map_rdb1/map_rdb1.sqlite"
     map_path.unlink()
     write_map(map_path, {"id": "REAL", "type": "TEXT", "geometry": "TEXT"})
-    with pytest.raises(MapError, match="no map of openDD"):
+    with pytest.raises(MapError, match="no column successors in table rdb1"):
         read_map(map_path)
