@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, S
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -40,30 +40,25 @@ BESIDE_M, BESIDE_RAD = 3.0, math.radians(20.0)  # along, of neighbours
 MIN_LIMIT_MPS, MAX_LIMIT_MPS = 1.0, 70.0
 
 
-class Links(Protocol):
-    """Relations of one lane by id, as a map names them."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Links:
+    """Relations of lanes by id, as a map names them; ids that are no vehicle lane are ignored."""
 
-    @property
-    def successors(self) -> Collection[int]: ...  # noqa: D102
-    @property
-    def predecessors(self) -> Collection[int]: ...  # noqa: D102
-    @property
-    def left_neighbour(self) -> int | None: ...  # noqa: D102
-    @property
-    def right_neighbour(self) -> int | None: ...  # noqa: D102
+    after: Mapping[int, Collection[int]]
+    before: Mapping[int, Collection[int]]
+    left: Mapping[int, int | None]
+    right: Mapping[int, int | None]
 
 
 def connected(
     findings: Findings,
-    links: Mapping[int, Links],
+    links: Links,
     lanes: Mapping[int, Lane],
     may_change: Callable[[int, int, bool], bool],
 ) -> dict[int, Lane]:
     """Add successors, predecessors and neighbours to vehicle lanes, each known to both sides.
 
-    Args:
-        links: of each lane; ids that are no vehicle lane are ignored.
-        may_change: ``may_change(left, right, leftwards)``: whether a change between two lanes is allowed.
+    ``may_change(left, right, leftwards)``: whether a change between two lanes is allowed.
     """
     driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
     pairs = _successors(findings, links, lanes, driven)
@@ -90,10 +85,10 @@ def connected(
 
 
 def _successors(
-    findings: Findings, links: Mapping[int, Links], lanes: Mapping[int, Lane], driven: set[int]
+    findings: Findings, links: Links, lanes: Mapping[int, Lane], driven: set[int]
 ) -> set[tuple[int, int]]:
-    ahead = {(i, j) for i in driven for j in driven.intersection(links[i].successors)}
-    behind = {(j, i) for i in driven for j in driven.intersection(links[i].predecessors)}
+    ahead = {(i, j) for i in driven for j in driven.intersection(links.after[i])}
+    behind = {(j, i) for i in driven for j in driven.intersection(links.before[i])}
     for i, j in ahead ^ behind:
         findings.note("successors that only one of the two lanelets knows, kept", f"{i}-{j}")
     for i, j in ahead | behind:
@@ -102,9 +97,9 @@ def _successors(
     return ahead | behind
 
 
-def _left_neighbours(findings: Findings, links: Mapping[int, Links], driven: set[int]) -> dict[int, int]:
-    beside_it = {(i, j) for i in driven if (j := links[i].left_neighbour) in driven and j is not None}
-    other = {(i, j) for j in driven if (i := links[j].right_neighbour) in driven and i is not None}
+def _left_neighbours(findings: Findings, links: Links, driven: set[int]) -> dict[int, int]:
+    beside_it = {(i, j) for i in driven if (j := links.left[i]) in driven and j is not None}
+    other = {(i, j) for j in driven if (i := links.right[j]) in driven and i is not None}
     for i, j in beside_it ^ other:
         findings.note("neighbours that only one of the two lanelets knows, left out", f"{i}-{j}")
     left_of = dict(sorted(beside_it & other))
@@ -190,14 +185,6 @@ class DrawnMap(Findings):
         points = np.concatenate([np.empty((0, 2)), *lines])
         far = len(points) and float(np.abs(points).max()) > FAR_M
         return np.floor(points.min(axis=0) / 1000.0) * 1000.0 if far else np.zeros(2)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _NamedLinks:
-    successors: tuple[int, ...]
-    predecessors: tuple[int, ...]
-    left_neighbour: int | None
-    right_neighbour: int | None
 
 
 def polyline(points: Any, frame: FloatArray | float = 0.0) -> FloatArray:
@@ -314,9 +301,9 @@ def _heights(drawn: DrawnLane, lane: Lane, frame: FloatArray) -> FloatArray:
     return lane.centreline
 
 
-def _links(drawn: DrawnMap, ids: Mapping[Hashable, int], lanes: Mapping[int, Lane]) -> dict[int, _NamedLinks]:
+def _links(drawn: DrawnMap, ids: Mapping[Hashable, int], lanes: Mapping[int, Lane]) -> Links:
     cars = {i: lane for i, lane in lanes.items() if lane.kind == "vehicle"}
-    of = {ids[lane.name]: lane for lane in drawn.lanes}
+    of = {ids[lane.name]: lane for lane in drawn.lanes if ids[lane.name] in lanes}
     joined, left_of = {}, {}
     if any(of[i].successors is None for i in cars):
         joined = _joined(cars)
@@ -326,29 +313,31 @@ def _links(drawn: DrawnMap, ids: Mapping[Hashable, int], lanes: Mapping[int, Lan
         drawn.remarks.append("lanes without neighbours in the map: lanes side by side are neighbours")
     right_of = {j: i for i, j in left_of.items()}
 
-    def named(names: Sequence[Hashable] | None, else_: Iterable[int]) -> tuple[int, ...]:
-        return tuple(else_) if names is None else tuple(ids[name] for name in names if name in ids)
+    def named(names: Iterable[Hashable]) -> list[int]:
+        return [ids[name] for name in names if name in ids]
 
-    def one_beside(i: int, names: Sequence[Hashable] | None, else_: int | None) -> int | None:
+    def nearest(i: int, names: Iterable[Hashable]) -> int | None:
         """Return the neighbour along most of a lane that leads the same way; None if there is none."""
-        if names is None:
-            return else_
-        return next((j for j in named(names, ()) if j in cars and _along_most(lanes[i], lanes[j])), None)
+        return next((j for j in named(names) if j in cars and _along_most(lanes[i], lanes[j])), None)
 
-    after = {i: named(of[i].successors, joined.get(i, ())) for i in lanes}
-    before: dict[int, list[int]] = {}
+    after = {
+        i: joined.get(i, []) if one.successors is None else named(one.successors) for i, one in of.items()
+    }
+    behind: dict[int, list[int]] = {}
     for i, following in after.items():
         for j in following:
-            before.setdefault(j, []).append(i)
-    return {
-        i: _NamedLinks(
-            successors=after[i],
-            predecessors=named(of[i].predecessors, before.get(i, ())),
-            left_neighbour=one_beside(i, of[i].left_neighbours, left_of.get(i)),
-            right_neighbour=one_beside(i, of[i].right_neighbours, right_of.get(i)),
+            behind.setdefault(j, []).append(i)
+    sides = [
+        {i: others.get(i) if names is None else nearest(i, names) for i, names in given.items()}
+        for given, others in (
+            ({i: one.left_neighbours for i, one in of.items()}, left_of),
+            ({i: one.right_neighbours for i, one in of.items()}, right_of),
         )
-        for i in lanes
+    ]
+    before = {
+        i: behind.get(i, []) if one.predecessors is None else named(one.predecessors) for i, one in of.items()
     }
+    return Links(after=after, before=before, left=sides[0], right=sides[1])
 
 
 def _along_most(a: Lane, b: Lane) -> bool:

@@ -25,7 +25,7 @@ from scex_sumo.formats.commonroad.lanes import (
     with_reverse,
 )
 from scex_sumo.formats.commonroad.rules import Sign
-from scex_sumo.formats.lane_map import connected
+from scex_sumo.formats.lane_map import Links, connected
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import overlapping
 
@@ -51,7 +51,13 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
         )
     with _quiet():
         signs = _signs(file, name_of_sign)
-    lanes = connected(file, lanelets, lanes_of(file, lanelets, signs), partial(may_change, lanelets))
+    links = Links(
+        after={i: one.successors for i, one in lanelets.items()},
+        before={i: one.predecessors for i, one in lanelets.items()},
+        left={i: one.left_neighbour for i, one in lanelets.items()},
+        right={i: one.right_neighbour for i, one in lanelets.items()},
+    )
+    lanes = connected(file, links, lanes_of(file, lanelets, signs), partial(may_change, lanelets))
     lanes = with_reverse(lanes, driven_both_ways(lanelets, lanes))
     lanes = overlapping(lanes, {i: lanelets[lane.reverse_of or i].centre for i, lane in lanes.items()})
     return Road(
