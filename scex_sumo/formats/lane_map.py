@@ -297,7 +297,7 @@ def _heights(drawn: DrawnLane, lane: Lane, frame: FloatArray) -> FloatArray:
     for points in (drawn.centre, drawn.left):
         line = np.asarray(() if points is None else points, dtype=np.float64)
         if line.ndim == 2 and line.shape[1] == 3 and np.isfinite(line).all():
-            return line - np.append(frame, 0.0)
+            return np.asarray(line - np.append(frame, 0.0))
     return lane.centreline
 
 

@@ -16,8 +16,8 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, MissingExtraError, TrackError
 from scex_sumo.converters.naming import beginning
-from scex_sumo.converters.net.elements import NetLayout
-from scex_sumo.converters.net.traffic_lights import Programme
+from scex_sumo.converters.net.plan.layout import NetLayout
+from scex_sumo.converters.net.plan.lights import Programme
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import box_table, one_line, yaw_of

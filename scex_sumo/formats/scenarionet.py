@@ -20,8 +20,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
 from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import beginning, map_name, open_binary
-from scex_sumo.converters.net.elements import NetLayout
-from scex_sumo.converters.net.traffic_lights import Programme
+from scex_sumo.converters.net.plan.layout import NetLayout
+from scex_sumo.converters.net.plan.lights import Programme
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
@@ -35,6 +35,7 @@ MPH, KMH = 0.44704, 1 / 3.6
 FILLER_KMH = 100.0  # ScenarioNet writes it for lanes without a limit
 PLAIN_KINDS = "biufSU"  # of NumPy types
 MAX_BYTES = 2**31
+_RELATIONS = ("exit_lanes", "entry_lanes", "left_neighbor", "right_neighbor")
 _USERS = {"PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
 _LIGHTS = (
     ("FLASHING", ""),
@@ -102,7 +103,12 @@ def _admitted() -> dict[tuple[str, str], Any]:
     def no_bytes() -> bytes:
         return b""
 
+    def counts(*_: Any) -> dict[Any, Any]:  # a defaultdict without its factory
+        return {}
+
     admitted: dict[tuple[str, str], Any] = {
+        ("collections", "defaultdict"): counts,
+        ("builtins", "int"): None,
         ("_codecs", "encode"): encode,
         ("__builtin__", "bytes"): no_bytes,
         ("__builtin__", "set"): set,
@@ -161,14 +167,21 @@ def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
     if len(given) == 1 and abs(given.pop() / KMH - FILLER_KMH) < 0.1:
         drawn.remarks.append(f"{FILLER_KMH:g} km/h at every lane is ScenarioNet's word for no limit")
         limits = dict.fromkeys(limits)
-    areas = any("polygon" in one for one in lanes.values())
+    # nuScenes draws areas of lanes, but not of their connectors in intersections.
+    areas = sum("polygon" in one for one in lanes.values()) > 0.2 * len(lanes)
+    # Some converters write empty lists where they know of no relations.
+    used = {key for key in _RELATIONS for one in lanes.values() if key in one and np.size(one[key])}
+    lanes = {
+        name: {key: x for key, x in one.items() if key in used or key not in _RELATIONS}
+        for name, one in lanes.items()
+    }
     for name, one in lanes.items():
         kind = str(one["type"])
         inside = kind == "LANE_SURFACE_UNSTRUCTURE" or bool(one.get("interpolating"))
         drawn.lanes.append(
             DrawnLane(
                 name=names[name],
-                centre=_line(one["polyline"]),
+                centre=_line(one.get("polyline", ())),
                 width_m=_width_m(one),
                 kind="bicycle" if "BIKE" in kind else "bus" if "BUS" in kind else "vehicle",
                 subtype="highway" if "FREEWAY" in kind else "road",
@@ -206,7 +219,8 @@ def _key(name: str, lanes: Mapping[str, Any]) -> Hashable:
 
 def _line(points: Any) -> FloatArray:
     """Points (P, 2) of a feature; the third column is a height in some data sets, a heading in others."""
-    return np.asarray(points, np.float64).reshape(len(points), -1)[:, :2]
+    line = np.asarray(points, np.float64)
+    return line.reshape(len(line), -1)[:, :2] if line.size else np.empty((0, 2))
 
 
 def _names(names: Any, known: Mapping[str, Hashable]) -> list[Hashable] | None:
@@ -235,10 +249,7 @@ def _width_m(lane: Mapping[str, Any]) -> float:
     sides = np.asarray(lane.get("width", ()), np.float64)
     if sides.ndim == 2 and len(sides := sides[(sides > 0.1).all(axis=1)]):
         return float(np.median(sides.sum(axis=1)))
-    line, ring = (
-        polyline(_line(lane["polyline"])),
-        polyline(_line(lane.get("polygon", ())) if len(lane.get("polygon", ())) else ()),
-    )
+    line, ring = (polyline(_line(lane.get(key, ()))) for key in ("polyline", "polygon"))
     if len(ring) < 3 or len(line) < 2:
         return math.nan
     _, points = samples(line, 2.0)

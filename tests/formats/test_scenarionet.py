@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import copy
 import os
 import pickle
@@ -186,6 +187,18 @@ def test_its_lights_are_replayed_in_the_net(scenario: Path, tmp_path: Path) -> N
     assert 'id="tl_recorded"' in text and 'programID="recorded"' in text
     states = [line.split('state="')[1][0] for line in text.splitlines() if "<phase" in line]
     assert "r" in states and "G" in states
+
+
+def test_empty_relations_everywhere_are_none_at_all_and_counts_of_a_defaultdict_are_read(
+    tmp_path: Path,
+) -> None:
+    scenario = content()
+    for feature in scenario["map_features"].values():
+        feature |= {key: [] for key in feature if key.endswith(("_lanes", "_neighbor"))}
+    scenario["map_features"]["7"] = {"type": "LANE_SURFACE_UNSTRUCTURE", "polygon": [[0, 0], [1, 0], [1, 1]]}
+    scenario["metadata"]["number_summary"] = collections.defaultdict(int, {"VEHICLE": 5})
+    road = read_map(written(tmp_path, scenario))
+    assert (road.lanes[1].successors, road.lanes[1].left, 7 in road.lanes) == ((3, 5), 2, False)
 
 
 def test_swapped_sides_and_a_filler_limit_are_noticed(tmp_path: Path) -> None:
