@@ -31,7 +31,7 @@ SIZES = {
 }
 """Length and width in m of road users without a recorded size."""
 SWAPPED = 1.5  # a vehicle so many times as wide as long has its sides swapped
-_LIBRARIES = (sqlite3.Error, shapely.errors.ShapelyError)
+_DAMAGE = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
 UNFILLED = ("timestamp_ms", "x", "y", "psi_rad")
 
 
@@ -47,8 +47,9 @@ def one_line(error: type[InputError], path: Path, what: str) -> Iterator[None]:
     except KeyError as key:
         name = re.sub(r'.*"(.*)".*', r"\1", str(key.args[0]))[:160]  # of a column, in a sentence of Arrow
         raise error(f"{path}: no {name} in it; take the file as published") from None
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, *_LIBRARIES) as why:
-        raise error(f"{path}: no {what} can be read ({reason_of(why)[:160]}); fetch the file again") from None
+    except (*_DAMAGE, sqlite3.Error, shapely.errors.ShapelyError) as why:
+        reason = " ".join(reason_of(why).split())[:160]
+        raise error(f"{path}: no {what} can be read ({reason}); fetch the file again") from None
 
 
 def box_table(

@@ -198,10 +198,10 @@ def polyline(points: Any, frame: FloatArray | float = 0.0) -> FloatArray:
     return without_repeats(line[:, :2] - frame)
 
 
-def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection: str = "!") -> Road:
+def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection: str = "") -> Road:
     """Build the road of a map of lane polylines.
 
-    ``projection``: of far coordinates, as PROJ; ``!`` is SUMO's word for an unknown one.
+    ``projection``: of the coordinates, as PROJ; empty if it is unknown.
 
     Raises:
         MapError: no lane for cars is usable.
@@ -224,7 +224,8 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection
     lines = [(*line[:2], points) for line in drawn.lines if len(points := polyline(line[2], frame)) > 1]
     place = None
     if frame.any():
-        place = Georeference(projection=projection, east_m=float(frame[0]), north_m=float(frame[1]))
+        if projection:
+            place = Georeference(projection=projection, east_m=float(frame[0]), north_m=float(frame[1]))
         said = f"x = {frame[0]:.0f} m, y = {frame[1]:.0f} m"
         drawn.remarks.append(f"coordinates are relative to {said} of the dataset")
     return Road(

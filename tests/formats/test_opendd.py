@@ -12,6 +12,8 @@ import pytest
 from scex_sumo import extrapolate, find_recordings, load_recording, read_map, read_seed
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.judge.report import check_net
 from tests.formats import streets
 
 EAST_M, NORTH_M = 619_300.0, 5_809_100.0
@@ -75,6 +77,8 @@ def test_each_table_of_a_folder_is_a_recording_with_its_map(place: Path) -> None
     frame = loaded.road.georeference
     assert frame is not None and (frame.east_m, frame.north_m) == (619_000.0, 5_809_000.0)
     assert "+zone=32" in frame.projection
+    report = check_net(convert(loaded.road, place / "x.net.xml").path, loaded.road)
+    assert not report.problems() and report["deviation_max_m"] <= 0.1
     assert loaded.table.vehicles.labels == ("0", "1", "2") and set(loaded.table.vehicles.length) == {4.4}
     np.testing.assert_allclose(loaded.table.vehicles.y.min(), 100.0, atol=0.1)
 
