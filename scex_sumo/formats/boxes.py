@@ -43,7 +43,8 @@ def one_line(error: type[InputError], path: Path, what: str) -> Iterator[None]:
     except InputError as known:
         raise error(str(known)) from None
     except OSError as why:
-        raise error(f"{path}: cannot be read ({why.strerror or why}); check the path") from None
+        reason = " ".join(str(why.strerror or why).split())[:160]  # Arrow's has lines
+        raise error(f"{path}: cannot be read ({reason}); check the file") from None
     except KeyError as key:
         name = re.sub(r'.*"(.*)".*', r"\1", str(key.args[0]))[:160]  # of a column, in a sentence of Arrow
         raise error(f"{path}: no {name} in it; take the file as published") from None

@@ -203,6 +203,16 @@ def test_files_that_are_no_table_or_no_json_are_one_line(scenario: Path) -> None
         read_map(scenario)
 
 
+def test_a_table_with_a_damaged_page_is_one_line(scenario: Path) -> None:
+    path = scenario.with_name("scenario_abcdefgh-1.parquet")
+    raw = bytearray(path.read_bytes())
+    raw[30:400] = bytes(370)
+    path.write_bytes(raw)
+    with pytest.raises(TrackError) as error:
+        read_recorded([path])
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
 def test_the_shared_scenes_are_faithful_and_on_their_lanes(data: Path) -> None:
     folder = data / "av2"
     if not folder.is_dir():
