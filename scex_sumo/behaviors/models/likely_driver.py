@@ -65,7 +65,8 @@ RELIEF_MPS2 = 3.0  # a driver who must brake this hard has no additional acceler
 STRONGEST_MPS2 = 4.0
 HARDEST_MPS2 = -4.0
 BRAKING_MPS2 = (0.5, 8.0)  # bounds
-ROOM_SHARE = 0.8  # of the room to vehicles beside, the largest random offset
+ROOM_SHARE = 0.4  # of the room to vehicles beside, the largest motion towards them
+TURNING, MAX_TURNING_M = np.array([1.0, 3.0, 4.5]), 6.0  # weights of ``across`` off the mapped lanes
 MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
@@ -123,7 +124,7 @@ class LikelyDriver:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
-        history = estimated_history(history)
+        history = estimated_history(history, road)
         paths, row = self._paths(history, road, who)
         drivers = self._drivers(history, road, who, paths, row)
         now = history.now[who.child, who.vehicle]
@@ -136,7 +137,7 @@ class LikelyDriver:
         accelerate = _acceleration(
             history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
         )
-        aside = kept_clear(drivers.aside, history, who, paths, row, s)
+        aside = kept_clear(drivers.aside, history, road, who, paths, row, s)
         made = drive(history, who, paths, row, accelerate, aside=aside)
         return respond(made, history, road, who, attention)
 
@@ -200,8 +201,13 @@ class LikelyDriver:
         people, across = self.population, observations_of(scene, paths).across[row]
         wide = people.side_m * spread_of(side_shown(scene), people.side_noise, people.side_unsure)[vehicle, 0]
         right, left = (ROOM_SHARE * room_beside(scene)[vehicle]).T
-        keeps = across @ people.keeps_side + np.clip(wide * off, -right, left)
-        keeps = np.clip(keeps, -MAX_ASIDE_M, MAX_ASIDE_M)
+        most = np.maximum(MAX_ASIDE_M, np.abs(across[:, 0]))
+        keeps = np.clip(across @ people.keeps_side + wide * off, -most, most)
+        # Vehicles beside each other share the space between them.
+        keeps = across[:, 0] + np.clip(keeps - across[:, 0], -right, left)
+        # Off the mapped lanes there is no lane to return to: the turn goes on.
+        turning = np.clip(across @ TURNING, -MAX_TURNING_M, MAX_TURNING_M)
+        keeps = np.where(paths.on_road[vehicle], keeps, turning)
         share = change_shares(scene, road, paths, people)[row]
         to = change_to(across, lanes_beside(scene, road, paths)[row], people) + people.change_m * off[:, None]
         to = np.clip(to, -MAX_CHANGE_M, MAX_CHANGE_M)
