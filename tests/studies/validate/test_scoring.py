@@ -28,6 +28,7 @@ from scex_sumo.studies.validate.scoring import (
     encounter_scores,
     event_scores,
     gathered,
+    pair_scores,
     position_scores,
     probability,
     summary,
@@ -127,11 +128,17 @@ def test_positions_are_averaged_over_vehicles() -> None:
 
 def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore[no-untyped-def]
     found = gathered(FOUND)
-    rows = {"events": event_scores(found), "values": value_scores(found), "positions": position_scores(found)}
+    scored = {"events": event_scores, "pairs": pair_scores, "values": value_scores}
+    rows = {name: score(found) for name, score in scored.items()} | {"positions": position_scores(found)}
     info = {"models": ["likely"], "children": 4, "part": "all", "failed": {"m9": "no <vehicle>"}}
     write_validation_page(tmp_path, {**info, **summary(found, rows["events"])}, rows)
     page = (tmp_path / "validation.html").read_text()
-    assert "distance" in page and "no &lt;vehicle&gt;" in page and "://" not in page
+    assert (
+        "distance" in page
+        and "event of a pair" in page
+        and "no &lt;vehicle&gt;" in page
+        and "://" not in page
+    )
     assert not encounter_scores(found)
 
 
