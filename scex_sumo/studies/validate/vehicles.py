@@ -10,16 +10,15 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.extrapolation.measure import measure_outcome, recorded_steps_of
-from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.scene import STEP_S, SeedScene, States
+from scex_sumo.studies.validate.noise import along_tracks
 from scex_sumo.studies.validate.scores import covered, crps, rank_among
 
 SECONDS = (1, 2, 3)
 MOVING_MPS = 0.5
-REPLAN = 5  # steps
 ENCOUNTER_M = 10.0  # a pair that comes this near in some child is an encounter
 
 PAIR_EVENTS: Final = {
@@ -165,17 +164,9 @@ def gap_forecasts(
 def _pair_events(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> dict[str, BoolArray]:
     """Return (C, P) `PAIR_EVENTS` of pairs; planned paths are the driven tracks, then straight on."""
     count, steps, _ = states.shape
-    last = States(**{name: values[:, -1:] for name, values in vars(states).items()})
+    last = states[:, -1:]
     way = last.speed * STEP_S * np.arange(1, PLAN_STEPS + 1)[:, None]
-    at = np.arange(0, steps, REPLAN)[:, None] + np.arange(PLAN_STEPS)  # (R, H)
-    plan_x, plan_y = (
-        np.concatenate([driven, end + way * turn], axis=1)[:, at].swapaxes(2, 3)
-        for driven, end, turn in (
-            (states.x, last.x, np.cos(last.heading)),
-            (states.y, last.y, np.sin(last.heading)),
-        )
-    )
-    along = Rollout(children=np.arange(count), states=states, plan_x=plan_x, plan_y=plan_y, replan=REPLAN)
+    along = along_tracks(states, last.x + way * np.cos(last.heading), last.y + way * np.sin(last.heading))
     counted = recorded_steps_of(scene, steps)
     met = measure_outcome(scene, along, metrics=(metric_of("distance"),), counted=counted).encounters
     number = np.full((scene.vehicles, scene.vehicles), -1)
