@@ -134,13 +134,14 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     first, i, j, child = first[k], i[k], j[k], child[k]
     along = np.cos(heading[k, first] - one.heading[k, first])
     line = np.maximum(around.others.states.speed[child, j] * along, 0.0)
+    braking = np.where(line > 0, np.minimum(around.braking[child, j], view.profile.comfort_deceleration), 0.0)
     none = np.zeros(len(k))
     return StopLines(
         row=i,
         position=paths.arc[i, first] - line * STEP_S * first,
         speed=line,
-        deceleration=none,
-        stop_time=none + np.inf,
+        deceleration=braking,
+        stop_time=np.where(braking > 0, line / np.maximum(braking, 1e-9), np.inf),
         enter=none,
         until=none + np.inf,
         firm=none == 0,

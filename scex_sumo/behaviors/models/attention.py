@@ -35,6 +35,7 @@ REACTION_S, REACTION_SPREAD = 0.9, 0.3
 ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond; our choice
 # From the corner of the eye, drivers notice a leader that looms, but late (Lamble, Laakso, Summala 1999).
 LOOMING_MPS2, LOOMING_S = 3.0, 0.8
+LOOMING_FACTOR = 1.6  # then they brake harder than needed by this
 SAFE_ONSET = 2.0  # factor on the onset for vehicles that are missed with constant velocity and heading
 MORE_THAN_NEEDED = 1.2
 BESIDE_M = 0.3  # between boxes beside each other
@@ -132,12 +133,12 @@ def _bounds(
     needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
     most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
-    braking = np.minimum(MORE_THAN_NEEDED * needed, most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
     onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
     position, leader = line_motion(holds, t)
     looms = (position - s < LOOMING_S * (v - leader)) & (holds.enter <= t) & ~holds.safe
     onset = np.where(looms, 0.0, onset)
+    braking = np.minimum(np.where(looms, LOOMING_FACTOR, MORE_THAN_NEEDED) * needed, most)
     acts = (needed > onset) & (holds.until > t)
     lowest: FloatArray = np.minimum.reduceat(np.where(acts, v - braking * STEP_S, np.inf), first)
     return lowest

@@ -88,7 +88,8 @@ def write_validation_page(
         card(
             "Pairs",
             "Pairs of vehicles within 10 m of each other in some future. Recording and futures are compared "
-            "along the driven tracks; a collision counts as each event.",
+            "along the driven tracks; a collision counts as each event. Pairs whose recorded boxes touch are "
+            "left out.",
             table_place("pairs"),
         ),
         card(

@@ -187,10 +187,13 @@ def event_scores(found: Forecasts) -> list[dict[str, Any]]:
 
 
 def pair_scores(found: Forecasts) -> list[dict[str, Any]]:
-    """Return one row for each of `PAIR_EVENTS`, over pairs within 10 m in some child; empty without any."""
-    table = found.encounters
-    if not len(table):
+    """Return one row for each of `PAIR_EVENTS`; empty without pairs within 10 m in some child.
+
+    Pairs whose recorded boxes touch are left out: these boxes are inexact.
+    """
+    if not len(found.encounters):
         return []
+    table = found.encounters.filter(pc.greater(found.encounters["recorded_m"], 0.0))
     columns = {name: np.array(table[name].to_pylist()) for name in table.column_names}
     return [
         {

@@ -135,7 +135,7 @@ def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore
     page = (tmp_path / "validation.html").read_text()
     assert (
         "distance" in page
-        and "event of a pair" in page
+        and "Pairs of vehicles" in page
         and "no &lt;vehicle&gt;" in page
         and "://" not in page
     )
