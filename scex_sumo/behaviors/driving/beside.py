@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray, between
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
@@ -83,7 +83,7 @@ def offsets_beside(
         s: (n,) arc length of its centre now, m.
         way: (n, H + 1) further way now and after each step, m.
         margin: between two boxes, m.
-        later: (K,) times, s, and expected states (C, M) of the others then; None: straight on.
+        later: (K,) even times from 0 on, s, and expected states (C, M) then; None: straight on.
     """
     everybody = everyone(history)
     now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
@@ -118,9 +118,8 @@ def offsets_beside(
             )
             for time, states in zip(*later, strict=True)
         ]
-        at = np.stack([np.interp(t, later[0], one) for one in np.eye(len(later[0]))])
         then = [
-            np.stack(values, axis=1) @ at
+            between(np.stack(values, axis=1), t / later[0][1])
             for values in zip(
                 *((box.s, side * box.offset - box.across, box.along) for box in boxes), strict=True
             )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, between
 from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.guard.corridors import (
     SAMPLE_S,
@@ -107,7 +107,10 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     paths, around, scene, steps = view.paths, view.around, view.history.scene, round(SAMPLE_S / STEP_S)
     samples = int(view.profile.contact_time / SAMPLE_S) + 1
     child, vehicle = view.who.child[i], view.who.vehicle[i]
-    sizes = (scene.length[vehicle], scene.width[vehicle]), (around.others.length[j], around.others.width[j])
+    sizes = (
+        (scene.length[vehicle], scene.width[vehicle]),
+        (around.others.length[j], around.others.width[j]),
+    )
     reach = sum(np.hypot(*size) for size in sizes) / 2
     own = slice(0, samples * steps, steps)
     dx = around.x[child, j, :samples] - paths.x[i, own]
@@ -115,15 +118,19 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     speed = paths.start_speed[i] + np.maximum(around.others.states.speed[child, j], 0.0)
     near = np.flatnonzero((np.hypot(dx, dy) < (reach + speed * SAMPLE_S / 2)[:, None]).any(axis=1))
     i, j, child = i[near], j[near], child[near]
-    sizes = tuple((length[near, None], width[near, None]) for length, width in sizes)
+    own_size, size = ((length[near, None], width[near, None]) for length, width in sizes)
     time = np.arange((samples - 1) * steps + 1)
-    at = np.stack([np.interp(time, steps * np.arange(samples), one) for one in np.eye(samples)])
-    one = States(x=paths.x[i][:, time], y=paths.y[i][:, time], heading=paths.heading[i][:, time], speed=time)
-    x, y, heading = (a[child, j, :samples] @ at for a in (around.x, around.y, around.heading))
-    boxes = (
-        Rectangles.of(one, *sizes[0]),
-        Rectangles.of(States(x=x, y=y, heading=heading, speed=x), *sizes[1]),
+    one = States(
+        x=paths.x[i][:, time],
+        y=paths.y[i][:, time],
+        heading=paths.heading[i][:, time],
+        speed=np.zeros((len(i), len(time))),
     )
+    x, y, heading = (
+        between(a[child, j, :samples], time / steps) for a in (around.x, around.y, around.heading)
+    )
+    other = States(x=x, y=y, heading=heading, speed=one.speed)
+    boxes = Rectangles.of(one, *own_size), Rectangles.of(other, *size)
     distance = rectangle_distance(*boxes)
     touches = distance <= np.minimum(CONTACT_M, distance[:, :1] / 2)
     touches[:, 0] = False

@@ -210,4 +210,5 @@ def test_a_line_beside_a_bend_is_followed(aside: float) -> None:
     paths, row = chosen_paths(history, where, who, "straight")
     made = drive(history, who, paths, row, lambda _, v, *__: 0.0 * v, aside=np.full((1, 31), aside))
     x, y = rear_axle(States(x=made.x[0], y=made.y[0], heading=made.heading[0], speed=made.speed[0]))
-    assert np.abs(np.hypot(x, y - 20.0) - (20.0 - aside))[:20].max() < 0.35
+    off = np.abs(np.hypot(x, y - 20.0) - (20.0 - aside))[:20].max()
+    assert off < 0.15
