@@ -94,12 +94,14 @@ def drive(
     start: States | None = None,
     steps: int = PLAN_STEPS,
     aside: FloatArray | None = None,
+    parallel: bool = False,
 ) -> Plan:
     """Drive vehicles along their paths.
 
     Args:
         accelerate: vehicles stop instead of reversing.
         aside: (n, H + 1) wanted offset now and after each step, m, left positive; None is 0.
+        parallel: steer with the curvature of the line at that offset instead of that of the path.
     """
     length = history.scene.length[who.vehicle]
     if paths.slow_in_curves:
@@ -113,7 +115,7 @@ def drive(
     # The steering angle is known for the present state only.
     there = (begin.x == now.x) & (begin.y == now.y)
     wanted = None if aside is None else np.ascontiguousarray(aside.T)
-    beside = None if wanted is None else wanted[0]
+    beside = wanted[0] if wanted is not None and parallel else None
     bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v, beside), 0.0)
     s0, out = s, np.empty((4, steps, len(who)))
     for step in range(steps):
@@ -128,7 +130,8 @@ def drive(
         offset, lead = cos * dy - sin * dx, None
         if wanted is not None:
             offset = offset - wanted[step]
-            lead, beside = _lead(wanted, step, moved), wanted[step]
+            lead = _lead(wanted, step, moved)
+            beside = wanted[step] if parallel else None
         bend = _steer(bend, offset, heading - path_heading, v, moved, lead)
         curvature = _bend_beside(bend_at(paths, row, s + moved / 2), beside)
         turn = clipped(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)

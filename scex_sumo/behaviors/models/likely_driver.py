@@ -139,7 +139,7 @@ class LikelyDriver:
             history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
         )
         aside = kept_clear(drivers.aside, history, road, who, paths, row, s)
-        made = drive(history, who, paths, row, accelerate, aside=aside)
+        made = drive(history, who, paths, row, accelerate, aside=aside, parallel=True)
         return respond(made, history, road, who, attention)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:

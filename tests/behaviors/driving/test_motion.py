@@ -208,7 +208,9 @@ def test_a_line_beside_a_bend_is_followed(aside: float) -> None:
         VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
     )
     paths, row = chosen_paths(history, where, who, "straight")
-    made = drive(history, who, paths, row, lambda _, v, *__: 0.0 * v, aside=np.full((1, 31), aside))
+    made = drive(
+        history, who, paths, row, lambda _, v, *__: 0.0 * v, aside=np.full((1, 31), aside), parallel=True
+    )
     x, y = rear_axle(States(x=made.x[0], y=made.y[0], heading=made.heading[0], speed=made.speed[0]))
     off = np.abs(np.hypot(x, y - 20.0) - (20.0 - aside))[:20].max()
     assert off < 0.15
