@@ -191,17 +191,24 @@ def pair_scores(found: Forecasts) -> list[dict[str, Any]]:
 
     Pairs whose recorded boxes touch are left out: these boxes are inexact.
     """
-    if not len(found.encounters):
+    table = found.encounters
+    if len(table):
+        table = table.filter(pc.greater(table["recorded_m"], 0.0))
+    if not len(table):
         return []
-    table = found.encounters.filter(pc.greater(found.encounters["recorded_m"], 0.0))
-    columns = {name: np.array(table[name].to_pylist()) for name in table.column_names}
+
+    def column(name: str) -> Any:
+        return np.array(table[name].to_pylist())
+
     return [
         {
             "event": title,
             "pairs": len(table),
             **_scores(
-                *(columns[f"{name}_{what}"] for what in ("forecast", "happened", "straight")),
-                columns["group"],
+                column(f"{name}_forecast"),
+                column(f"{name}_happened"),
+                column(f"{name}_straight"),
+                column("group"),
             ),
         }
         for name, title in PAIR_EVENTS.items()
