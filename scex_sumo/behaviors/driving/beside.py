@@ -21,6 +21,7 @@ MARGIN_M = 0.4  # between two boxes
 AHEAD_M = 1.0  # boxes this far ahead or behind count as beside
 SWERVE_M = 0.4  # drivers pass a vehicle ahead whose body is in their way by less than this
 STANDING_MPS = 1.0
+SLACK_M = 2.0  # on curved paths, expected places differ from those straight on by up to this
 ALONG = 0.5  # sine of the angle to the path; at larger angles a vehicle crosses it
 STRAIGHTENS_S, STRAIGHTENS_M = 1.0, 6.0  # after this time, at least this way, a third of an angle is left
 OWN_DRIFT_S = 0.3  # the vehicle stops its own drift sooner
@@ -62,6 +63,9 @@ class _Boxes:
             across=(cos * width + sin * length) / 2,
         )
 
+    def take(self, k: IntArray) -> _Boxes:
+        return _Boxes(**{name: values[k] for name, values in vars(self).items()})
+
 
 def offsets_beside(
     history: SceneHistory,
@@ -91,44 +95,38 @@ def offsets_beside(
     near &= everybody.present[who.child]
     near[np.arange(len(who)), who.vehicle] = False
     i, j = np.nonzero(near)
-    own, other = (
-        _Boxes.of(
-            paths, row[i], s[i], everybody.states[who.child[i], k], everybody.length[k], everybody.width[k]
-        )
-        for k in (who.vehicle[i], j)
-    )
-    side = np.where(other.offset > own.offset, 1.0, -1.0)
+    length, width = everybody.length, everybody.width
+    own = _Boxes.of(paths, row, s, now, length[who.vehicle], width[who.vehicle]).take(i)
+    other = _Boxes.of(paths, row[i], s[i], everybody.states[who.child[i], j], length[j], width[j])
     t: FloatArray = STEP_S * np.arange(way.shape[1], dtype=np.float64)
     ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - way[i]
     along, apart = own.along + other.along, np.abs(other.offset - own.offset)
-    swerve = 0.0 if later is None else SWERVE_M
+    swerve, slack = (0.0, 0.0) if later is None else (SWERVE_M, SLACK_M)
     beside = (np.abs(ahead[:, 0]) < along) | (apart > own.across + other.across - swerve)
     beside &= (np.abs(other.sine) < ALONG) | (later is not None) & (other.speed < STANDING_MPS)
-    taken, reach = _taken(own, other, side, everybody.width[j], t), along[:, None]
-    free = apart[:, None] - taken - margin
-    if later is not None:
-        boxes = [
-            _Boxes.of(
-                paths,
-                row[i],
-                other.s + time * other.ahead,
-                states[who.child[i], j],
-                everybody.length[j],
-                everybody.width[j],
-            )
-            for time, states in zip(*later, strict=True)
-        ]
-        then = [
+    beside &= (np.abs(ahead) < along[:, None] + AHEAD_M + slack).any(axis=1)
+    k = np.flatnonzero(beside)
+    i, j, own, other, ahead, apart = i[k], j[k], own.take(k), other.take(k), ahead[k], apart[k]
+    side = np.where(other.offset > own.offset, 1.0, -1.0)
+    if later is None:
+        free = apart[:, None] - _taken(own, other, side, width[j], t) - margin
+        reach = (own.along + other.along)[:, None]
+    else:
+        boxes = [other]
+        for time, states in zip(later[0][1:], later[1][1:], strict=True):
+            then = states[who.child[i], j]
+            boxes.append(_Boxes.of(paths, row[i], other.s + time * other.ahead, then, length[j], width[j]))
+        place, edge, half = (
             between(np.stack(values, axis=1), t / later[0][1])
             for values in zip(
                 *((box.s, side * box.offset - box.across, box.along) for box in boxes), strict=True
             )
-        ]
-        ahead = then[0] - own.s[:, None] - way[i]
+        )
+        ahead = place - own.s[:, None] - way[i]
         drift = np.maximum(side * own.ahead * own.sine, 0.0) * OWN_DRIFT_S
-        free = then[1] - (side * own.offset + own.across + drift)[:, None] - margin
-        reach = own.along[:, None] + then[2]
-    counts = beside[:, None] & (np.abs(ahead) < reach + AHEAD_M)
+        free = edge - (side * own.offset + own.across + drift)[:, None] - margin
+        reach = own.along[:, None] + half
+    counts = np.abs(ahead) < reach + AHEAD_M
     room = reached(np.where(counts, np.maximum(free / 2, -ASIDE_M), np.inf))
     room *= np.where(room < 0, 1 - np.exp(-t / ASIDE_S), 1.0)
     least, most = np.full(way.shape, -np.inf), np.full(way.shape, np.inf)
