@@ -35,7 +35,7 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
     assert likely.children == CHILDREN
     assert json.loads((tmp_path / "reference" / "run.json").read_text())["models"]
     drivers = pq.read_table(tmp_path / "reference" / "assignments.parquet")["model"].to_pylist()
-    assert set(drivers) == {"likely_driver:guard=true"}
+    assert set(drivers) == {"likely_driver"}
     again = type(run)(tmp_path)
     headers = [str(column.header) for column in summary_table(again).columns]
     assert "human-like" in headers and "stress test" in headers
