@@ -6,6 +6,7 @@ import dataclasses
 import shutil
 
 from scex_sumo.extrapolation.engine import DEFAULT_OPTIONS, RunOptions, run_scene
+from scex_sumo.extrapolation.rare_futures import FUTURES
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.run import REFERENCE, Run
@@ -26,12 +27,14 @@ def add_reference(
     *,
     workers: Workers,
     options: RunOptions = DEFAULT_OPTIONS,
+    rare: int = FUTURES,
 ) -> Run:
     """Run the reference of a run into its folder ``reference/``; a finished one is kept.
 
     Args:
         models: human-like ones, drawn for all vehicles.
         settings: of the run.
+        rare: number of extra futures for rare collisions, see `Run.rare`.
     """
     wanted = RunSettings(
         models=models,
@@ -46,7 +49,7 @@ def add_reference(
         region=settings.region,
         world="checked" if WORLDS.load(settings.world).has_sumo else "plain",
     )
-    quiet = dataclasses.replace(options, batch=None, gui=False)
+    quiet = dataclasses.replace(options, batch=None, gui=False, rare=rare)
     folder = run.folder / REFERENCE
     return run_scene(scene, wanted, out=folder, workers=workers, overwrite=True, options=quiet)
 

@@ -70,7 +70,7 @@ MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
-_DRIVER, _PATH, _START = 0, 7, 10  # salts of draws; each plan has its own start
+DRIVER, PATH, START = 0, 7, 10  # salts of draws; each plan has its own start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +145,7 @@ class LikelyDriver:
             return chosen_paths(history, road, who, self.profile.path)  # type: ignore[arg-type]
         paths, _ = chosen_paths(history, road, who, 0)
         edges = path_edges(history.scene, paths, self.population)
-        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, _PATH)[:, 0]
+        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, PATH)[:, 0]
         row = paths.first[who.vehicle]
         last = row + paths.count[who.vehicle] - 1
         for _ in range(int(paths.count.max(initial=1)) - 1):
@@ -155,7 +155,7 @@ class LikelyDriver:
     def _drivers(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> Drivers:
-        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, _DRIVER)
+        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, DRIVER)
         spread, people = self.profile.spread, self.population
         observed, speed = observations_of(history.scene, paths), last_second(history.scene).speed[who.vehicle]
         headway = np.exp(people.headway[0] + spread * people.headway[1] * ndtri(drawn[:, 5]))
@@ -214,7 +214,7 @@ class LikelyDriver:
         speed = history.states.speed[who.child, who.vehicle]
         before = speed[:, -2] if history.step else speed[:, -1]
         stands = (speed[:, -1] < STANDING_MPS) & (speed[:, -1] - before < STARTING_MPS)
-        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, _START + history.step)[:, 0]
+        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, START + history.step)[:, 0]
         if self.profile.spread == 0:
             draw = np.full_like(draw, 0.5)
         queue = queue_leaders(history.scene, paths)
