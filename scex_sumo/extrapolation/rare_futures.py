@@ -35,6 +35,7 @@ FOLDER: Final = "rare"
 
 _AT_ONCE = 2000  # children that are read at once
 _CAUSE = 0.5  # mean score of the futures with a collision from which on it is named
+_SURE = 3.5  # standard errors
 
 
 def likely_profile(models: ModelSet) -> LikelyProfile | None:
@@ -69,7 +70,7 @@ def find_rare(job: Job, drawn: pa.Table, workers: Workers, extra: int) -> Rare |
         generator=lambda number: child_generator(job.settings.seed, number, RARE_STREAM),
     )
     futures.keep(found)
-    return _described(found, variables, job.scene.track_ids.tolist())
+    return _described(found, variables, job)
 
 
 class _Futures:
@@ -143,7 +144,8 @@ def _outcomes(rows: pa.Table, first: int, stop: int) -> Outcomes:
     )
 
 
-def _described(found: Sampled, variables: Variables, track_ids: list[int]) -> Rare:
+def _described(found: Sampled, variables: Variables, job: Job) -> Rare:
+    track_ids, likely = job.scene.track_ids.tolist(), job.assignment[0] == 0
     share, hits = found.probability(), found.outcomes.hits()
     pairs = []
     for pair in found.outcomes.pairs(collided=True):
@@ -152,6 +154,7 @@ def _described(found: Sampled, variables: Variables, track_ids: list[int]) -> Ra
         causes = [
             f"{track_ids[vehicle]} {cause}"
             for vehicle in sorted(pair, key=lambda vehicle: track_ids[vehicle])
+            if likely[vehicle]
             for cause in _causes(variables, found.draw[hit, vehicle], found.weight[hit])
         ]
         pairs.append(
@@ -182,8 +185,8 @@ def _causes(variables: Variables, draw: FloatArray, weight: FloatArray) -> list[
     """Return in words what a driver draws much more often in futures (n,) with weights than in all."""
     mean = weight @ variables.scores(draw) / weight.sum()
     error = np.sqrt((weight**2).sum()) / weight.sum()
-    sure = np.where(np.abs(mean) > max(_CAUSE, 2 * error), mean, 0.0)
-    away = list(variables.exclusive)
+    sure = np.where(np.abs(mean) > max(_CAUSE, _SURE * error), mean, 0.0)
+    away = list(variables.inattentive)
     causes = ["inattentive"] if away and sure[away].max() > 0 else []
     sure[away] = 0.0
     k = int(np.argmax(np.abs(sure)))

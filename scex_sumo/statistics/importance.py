@@ -38,6 +38,7 @@ class Variables:
         classes: function that returns the class (n,) of a variable for numbers (n,).
         words: (K, 2) what low and high scores mean; empty where nothing is to be said.
         exclusive: variables that depend on each other; a proposal tilts at most one.
+        inattentive: those of them of which a high class means an inattentive driver.
     """
 
     words: tuple[tuple[str, str], ...]
@@ -45,6 +46,7 @@ class Variables:
     score: FloatArray
     classes: Callable[[FloatArray, int], IntArray]
     exclusive: tuple[int, ...] = ()
+    inattentive: tuple[int, ...] = ()
 
     def scores(self, draw: FloatArray) -> FloatArray:
         """Return the scores (n, K) of numbers (n,)."""
@@ -56,11 +58,9 @@ class Variables:
         The ratio is exp(θ·score) / E[exp(θ·score)]. Means are lowered if the product of the largest ratios
         exceeds `MAX_RATIO`.
         """
-        mean = mean.copy()
-        for group in (np.array(self.exclusive, dtype=np.int64),):
-            if len(group):
-                others = np.delete(group, np.argmax(np.abs(mean[group])))
-                mean[others] = 0.0
+        mean, group = mean.copy(), list(self.exclusive)
+        if group:
+            mean[np.delete(group, np.argmax(np.abs(mean[group])))] = 0.0
         while True:
             theta = _tilts(self.prior, self.score, mean)
             ratio = np.exp(theta[:, None] * self.score)
@@ -263,14 +263,18 @@ PLAIN_SHARE: Final = 0.2
 """Least share of futures without tilt: it bounds the weights."""
 
 MIN_HITS: Final = 6
-SURE_HITS: Final = 10
-SURE_EFFECTIVE: Final = 4.0
+SURE_HITS: Final = 20
+SURE_EFFECTIVE: Final = 10.0
 """Hits, and their effective number (Σw)² / Σw², from which their weights bound that of the next hit."""
 
 _MAX_SDS, _LIKELY_SDS = 5.0, 3.0
 _MAX_MEAN = 1.8
 _AWAY_MEAN = 0.75  # of the score of an inattentive driver: about half of them look away
 _CLOSEST = 0.15
+_VARIANTS = ((1.0, None, 0.4), (0.5, None, 0.3), (0.7, 0, 0.15), (0.7, 1, 0.15))
+"""Scale of the means of a pair, the inattentive driver, and the share of the futures."""
+
+_NOISE = 2.5  # standard errors below which a mean is not believed
 _MIN_SHARE = 0.05
 
 
@@ -391,20 +395,19 @@ def _first_proposals(
 def _of_pair(
     variables: Variables, pair: tuple[int, int], means: FloatArray, tiltable: BoolArray, share: float
 ) -> list[Proposal]:
-    """Return proposals with the means (2, K) of a pair: as they are, and with either driver inattentive."""
+    """Return proposals with the means (2, K) of a pair: whole, halved, and with either driver inattentive."""
     result = []
-    for away in (None, 0, 1):
-        if away is not None and not (tiltable[pair[away]] and variables.exclusive):
+    group = np.array(variables.inattentive, dtype=np.int64)
+    for scale, away, part in _VARIANTS:
+        if away is not None and not (tiltable[pair[away]] and len(group)):
             continue
-        mean = np.clip(means, -_MAX_MEAN, _MAX_MEAN)
+        mean = scale * np.clip(means, -_MAX_MEAN, _MAX_MEAN)
         if away is not None:
-            group = np.array(variables.exclusive)
             best = group[np.argmax(mean[away, group])]
-            mean[away, group] = 0.0
+            mean[away, list(variables.exclusive)] = 0.0
             mean[away, best] = _AWAY_MEAN
         ratio = np.stack([variables.tilted(one) for one in mean])
-        part = share / (2 if away is None else 4)
-        result.append(Proposal(vehicles=pair, ratio=ratio, pair=pair, share=part))
+        result.append(Proposal(vehicles=pair, ratio=ratio, pair=pair, share=part * share))
     return result
 
 
@@ -453,7 +456,7 @@ def _better_proposals(
 
 def _shrunk(mean: FloatArray, error: float) -> FloatArray:
     """Return means (K,) drawn towards 0 by their standard error."""
-    return np.asarray(mean * np.clip(1 - (1.5 * error / np.maximum(np.abs(mean), 1e-9)) ** 2, 0.0, 1.0))
+    return np.asarray(mean * np.clip(1 - (_NOISE * error / np.maximum(np.abs(mean), 1e-9)) ** 2, 0.0, 1.0))
 
 
 def _correlation(score: FloatArray, value: FloatArray) -> FloatArray:

@@ -58,12 +58,15 @@ def likely_variables(profile: LikelyProfile) -> Variables:
         return looks_away(draw, time, profile.inattention)[:, 0].astype(np.int64)
 
     count = len(_UNIFORM)
+    away_columns = tuple(range(count, count + len(AWAY_S)))
     return Variables(
         words=(*(words for _, _, words in _UNIFORM), *[("", "inattentive")] * len(AWAY_S)),
         prior=np.concatenate([np.broadcast_to(prior, (count, len(prior))), share]),
         score=np.concatenate([np.broadcast_to(score, (count, len(score))), away_score]),
         classes=classes,
-        exclusive=tuple(range(count, count + len(AWAY_S))),
+        # The salt of the manner is that of the glance before the seed moment.
+        exclusive=(*(k for k, (salt, _, _) in enumerate(_UNIFORM) if salt == MANNER), *away_columns),
+        inattentive=away_columns,
     )
 
 
