@@ -31,12 +31,13 @@ from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
 from scex_sumo.reports.page.report import write_report
 from scex_sumo.results.rare import probability_words
+from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.statistics.density import wilson
 from scex_sumo.world.plain import PlainWorld
 
 CHECKED = (("Peach-3_1", "likely_driver"), ("Peach-2_1", "likely"), ("MONAMerge", "likely_driver"))
-EXTRA = (117, 1000)
+EXTRA = (100, 1000)
 SEED, STEPS, REPLAN = 4711, 30, 5
 VEHICLES_AT_ONCE = 6000
 
@@ -93,27 +94,34 @@ def plain(scene: SeedScene, part: str, name: str, count: int, kept: Path | None)
 
 def row(scene: SeedScene, name: str, p: float, extra: int, repeats: int) -> tuple[str, ...]:
     """Mean, spread, coverage, upper limit and cost of the estimates with so many extra futures."""
-    found, spent = [], np.zeros(2)
+    found, spent = [], dict.fromkeys((0, extra), 0.0)
     with tempfile.TemporaryDirectory() as folder, Workers(1) as pool:
+
+        def timed(seed: int, rare: int) -> Run:
+            begin = time.process_time()
+            out = f"{folder}/{seed}_{rare}"
+            run = scex_sumo.extrapolate(
+                scene,
+                models=name,
+                children=117,
+                seed=seed,
+                rare=rare,
+                world="plain",
+                metrics=["gap"],
+                out=out,
+            )
+            spent[rare] = time.process_time() - begin
+            return run
+
         for seed in range(repeats):
-            for rare in (0, extra):
-                begin = time.process_time()
-                run = scex_sumo.extrapolate(
-                    scene,
-                    models=name,
-                    children=117,
-                    seed=seed,
-                    rare=rare,
-                    out=f"{folder}/{rare}",
-                    overwrite=True,
-                )
-                spent[int(rare > 0)] += time.process_time() - begin
+            run = timed(seed, extra)
             found.append(run.p_collision if run.rare is None else run.rare)
+        timed(repeats - 1, 0)
         begin = time.process_time()
-        whole = scex_sumo.extrapolate(scene, out=f"{folder}/whole", overwrite=True)
+        whole = scex_sumo.extrapolate(scene, out=f"{folder}/whole")
         add_reference(whole, scene, "likely", RunSettings(), workers=pool, rare=0)
         write_report(whole, scene)
-        cost = (spent[1] - spent[0]) / repeats / (time.process_time() - begin)
+        cost = (spent[extra] - spent[0]) / (time.process_time() - begin)
     values = np.array([one.value for one in found])
     spread = values.std(ddof=1) / np.sqrt(p * (1 - p) / (117 + extra)) if p else np.nan
     holds = sum(one.low <= p <= one.high for one in found)
@@ -134,11 +142,14 @@ def main() -> None:
     parser.add_argument("--plain", type=int, default=60_000)
     parser.add_argument("--repeats", type=int, default=10)
     parser.add_argument("--kept", type=Path)
+    parser.add_argument("--only", help="part of a scene's name")
     options = parser.parse_args()
     print("|scene|vehicles|drivers|plain futures: P|extra futures|mean|spread|intervals that hold P", end="")
     print("|upper limit|cost|of the first run|")
     print("|---" * 11 + "|")
     for part, name in CHECKED:
+        if options.only and options.only not in part:
+            continue
         scene = scene_of(options.data, part)
         hits, count = plain(scene, part, name, options.plain, options.kept)
         truth = wilson(hits, count)

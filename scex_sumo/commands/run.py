@@ -109,8 +109,9 @@ def run_command(
     cache: Cache = True,
     exact: Annotated[bool, Option(help="Run some more futures for exact probabilities.")] = True,
     rare: Annotated[
-        int, Option(metavar="N", help="Extra futures for rare collisions of the human-like drivers.")
-    ] = 117,
+        int | None,
+        Option(metavar="N", help="Extra futures for rare human-like collisions; default: a fifth of all."),
+    ] = None,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     force: Force = False,
     overwrite: Overwrite = False,
@@ -152,9 +153,8 @@ def run_command(
         parse_models(reference)  # an error now, not after the run
     if out is not None and out.is_file():
         raise UsageError(f"-o {out}: is a file; name a folder")
-    options = RunOptions(
-        batch=batch, gui=gui, cache=cache, exact=exact, rare=rare if reference == NO_REFERENCE else 0
-    )
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, rare=rare or 0)
+    own_rare = options.rare if reference == NO_REFERENCE else 0
     if gui or world != DEFAULT_WORLD:
         check_world(settings, ModelSet.of(settings), gui=gui)
     command = ["scex-sumo", *sys.argv[1:]]
@@ -179,7 +179,7 @@ def run_command(
                 out=folder,
                 workers=pool,
                 overwrite=overwrite,
-                options=dataclasses.replace(options, progress=tick, command=command),
+                options=dataclasses.replace(options, rare=own_rare, progress=tick, command=command),
             )
         views = pool.submit(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:

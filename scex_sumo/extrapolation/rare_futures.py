@@ -24,9 +24,6 @@ from scex_sumo.results.parts import Parts
 from scex_sumo.results.rare import Rare, RarePair
 from scex_sumo.statistics.importance import Outcomes, Sampled, Variables, joined, sample_rare
 
-FUTURES: Final = 117
-"""Extra futures by default: as many as a reference has."""
-
 FREQUENT: Final = 10
 """Drawn futures with a collision from which on it is not rare, and no more futures are run."""
 

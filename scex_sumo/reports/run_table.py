@@ -68,7 +68,7 @@ def answer_lines(run: Run) -> list[str]:
 def _sure(run: Run) -> str:
     share = run.p_collision
     if share.rare is not None:
-        return f"; {share.rare.mostly()}" if share.rare.pairs else ""
+        return f"; {mostly}" if (mostly := share.rare.mostly()) else ""
     return f"; {share.tables.told()}" if share.tables is not None and share.exact is not None else ""
 
 

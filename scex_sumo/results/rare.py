@@ -74,9 +74,9 @@ class Rare(Interval):
         ])  # fmt: skip
 
     def mostly(self) -> str:
-        """Return the most probable pair in words; empty without any."""
+        """Return the most probable pair in words, or how many futures looked for one in vain."""
         if not self.pairs:
-            return ""
+            return f"none in {self.tilted} futures tilted towards one" if self.tilted else ""
         first = self.pairs[0]
         return f"mostly {first.words()}" if len(self.pairs) > 1 else first.words()
 
