@@ -1,6 +1,7 @@
 """Rare collisions by importance sampling against 60 000 futures without tilt, on three recorded scenes.
 
     python benchmarks/rare.py [DATA] [--plain 60000] [--repeats 10] [--kept FILE]
+    python benchmarks/rare.py --analytic 200
 
 Columns: P of the plain futures with Wilson's interval; then for runs of 117 futures with different seeds and
 extra futures: mean estimate, its standard deviation over that of as many plain futures, how many of the
@@ -19,8 +20,11 @@ from pathlib import Path
 
 import numpy as np
 from exact import SCENES
+from scipy.special import ndtr, ndtri
 
 import scex_sumo
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.reference import add_reference
@@ -34,6 +38,13 @@ from scex_sumo.results.rare import probability_words
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.statistics.density import wilson
+from scex_sumo.statistics.importance import (
+    UNIFORM_EDGES,
+    Outcomes,
+    Variables,
+    normal_classes,
+    sample_rare,
+)
 from scex_sumo.world.plain import PlainWorld
 
 CHECKED = (("Peach-3_1", "likely_driver"), ("Peach-2_1", "likely"), ("MONAMerge", "likely_driver"))
@@ -135,6 +146,55 @@ def row(scene: SeedScene, name: str, p: float, extra: int, repeats: int) -> tupl
     )
 
 
+def analytic(repeats: int) -> None:
+    """Print the same of two vehicles whose least gap is normal: P = Φ(-level)."""
+    prior, score = normal_classes()
+    kinds = 4
+    variables = Variables(
+        words=(("", ""),) * kinds,
+        prior=np.tile(prior, (kinds, 1)),
+        score=np.tile(score, (kinds, 1)),
+        classes=lambda draw, k: np.searchsorted(UNIFORM_EDGES, uniforms(draw, 1, k)[:, 0], side="right"),
+    )
+
+    def simulate(draw: FloatArray) -> Outcomes:
+        one, other = (ndtri(uniforms(draw[:, v], 1, v)[:, 0]) for v in (0, 1))
+        gap, none = level - (one - other) / np.sqrt(2), np.zeros(len(draw), dtype=np.int64)
+        return Outcomes(
+            futures=len(draw),
+            future=np.arange(len(draw)),
+            first=none,
+            second=none + 1,
+            gap=np.maximum(gap, 0.0),
+            collided=gap <= 0,
+        )
+
+    print("|P|extra futures|mean / P|spread|intervals that hold P|upper limit / P|")
+    print("|---" * 6 + "|")
+    for level in (2.0, 2.5, 3.1, 3.7):
+        for extra in EXTRA:
+            p, found = float(ndtr(-level)), []
+            for seed in range(repeats):
+                plain = np.random.default_rng([seed, 0]).random((117, 2))
+                sampled = sample_rare(
+                    variables,
+                    simulate,
+                    plain,
+                    simulate(plain),
+                    extra,
+                    tiltable=np.ones(2, dtype=np.bool_),
+                    generator=lambda stage, seed=seed: np.random.default_rng([seed, stage + 1]),
+                )
+                found.append(sampled.probability())
+            values = np.array([one.value for one in found])
+            spread = values.std(ddof=1) / np.sqrt(p * (1 - p) / (117 + extra))
+            held = np.mean([one.low <= p <= one.high for one in found])
+            high = np.median([one.high for one in found]) / p
+            print(
+                f"|{probability_words(p)}|{extra}|{values.mean() / p:.2f}|{spread:.2f}|{held:.0%}|{high:.3g}|"
+            )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     default = os.environ.get("SCEX_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")
@@ -143,7 +203,13 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=10)
     parser.add_argument("--kept", type=Path)
     parser.add_argument("--only", help="part of a scene's name")
+    parser.add_argument(
+        "--analytic", type=int, metavar="REPEATS", help="of an example in closed form, instead"
+    )
     options = parser.parse_args()
+    if options.analytic:
+        analytic(options.analytic)
+        return
     print("|scene|vehicles|drivers|plain futures: P|extra futures|mean|spread|intervals that hold P", end="")
     print("|upper limit|cost|of the first run|")
     print("|---" * 11 + "|")

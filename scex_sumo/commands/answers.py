@@ -50,7 +50,8 @@ def meeting_rows(
         table = Encounter(row=one.row, exact=one.run.exact).table
         asked = weights if one.futures == STRESS_TEST else None
         exact = None if table is None else table.probability(asked)
-        rows.append({"futures": one.futures, **one.row, "exact_collision": exact})
+        rare = None if one.run.rare is None else one.run.rare.of(*one.pair)
+        rows.append({"futures": one.futures, **one.row, "exact_collision": exact, "rare_collision": rare})
     return rows
 
 

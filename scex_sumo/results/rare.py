@@ -58,6 +58,11 @@ class Rare(Interval):
     weights_error: float
     pairs: tuple[RarePair, ...] = ()
 
+    def of(self, one: int, other: int) -> float:
+        """Return the probability that two vehicles collide; 0 if they do so in no future."""
+        pair = (min(one, other), max(one, other))
+        return next((p.value for p in self.pairs if (p.track_id, p.other_id) == pair), 0.0)
+
     @property
     def short(self) -> str:
         """In words, without the interval, e.g. ``7e-5`` or ``< 1.3 %``."""

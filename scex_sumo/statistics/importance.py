@@ -25,7 +25,7 @@ MAX_RATIO: Final = 3000.0
 """Largest likelihood ratio of one vehicle: so many numbers are drawn for one that is kept."""
 
 MAX_TILT: Final = 2.5
-_CANDIDATES = 1 << 16  # numbers at once
+_CANDIDATES = 1 << 16  # numbers at once, at most
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,17 +120,18 @@ class Proposal:
         """Return futures (n, V): those given, with the numbers of the tilted vehicles drawn again."""
         draw = plain.copy()
         for vehicle, ratio in zip(self.vehicles, self.ratio, strict=True):
-            kept = [np.empty(0)]
-            while sum(map(len, kept)) < len(draw):
-                kept.append(_accepted(variables, ratio, rng))
+            kept, missing = [np.empty(0)], len(draw)
+            while missing > 0:
+                kept.append(_accepted(variables, ratio, missing, rng))
+                missing -= len(kept[-1])
             draw[:, vehicle] = np.concatenate(kept)[: len(draw)]
         return draw
 
 
-def _accepted(variables: Variables, ratio: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return those of `_CANDIDATES` numbers that a tilted vehicle keeps, by rejection."""
-    number = rng.random(_CANDIDATES)
+def _accepted(variables: Variables, ratio: FloatArray, wanted: int, rng: np.random.Generator) -> FloatArray:
+    """Return numbers of a tilted vehicle, by rejection from about as many as the wanted ones need."""
     most = np.where(variables.prior > 0, ratio, 0.0).max(axis=1)
+    number = rng.random(min(_CANDIDATES, 16 + int(1.2 * wanted * most.prod())))
     for k in np.argsort(-most, kind="stable").tolist():
         if most[k] > 1:
             kept = rng.random(len(number)) * most[k] < ratio[k][variables.classes(number, k)]

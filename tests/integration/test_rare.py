@@ -61,6 +61,7 @@ def test_pairs_share_the_probability(run: Run) -> None:
     assert not [cause for pair in run.rare.pairs for cause in pair.causes if cause.startswith("1 ")]
     values = [pair.value for pair in run.rare.pairs]
     assert values == sorted(values, reverse=True)
+    assert run.rare.of(2, 1) == values[0] and run.rare.of(1, 3) == 0.0
     assert max(values) <= run.rare.value <= sum(values) + 1e-12
     assert run.rare.mostly() and run.p_collision.percent == run.rare.percent
 
@@ -118,6 +119,7 @@ def test_the_command_looks_for_them_by_default(tmp_path: Path) -> None:
     human = scex_sumo.open_run(tmp_path / "out").reference
     assert human is not None and human.rare is not None
     assert rare["count"] == human.rare.count == 117 + 20 and rare["hits"] == 0
+    assert {row["rare_collision"] for row in json.loads(told)["encounters"]} <= {None, 0.0}
     assert rare["high"] == human.rare.high < 0.026
     report = scex("report", tmp_path / "out").stdout
     assert "report" in report
