@@ -104,6 +104,8 @@ class Dataset:
         origin: latitude and longitude of the coordinates by tracks and map; None if there is none.
         siblings: other recordings by the same tracker at the same site.
         repair: repair of this dataset's own defects before `repair_tracks`.
+        from_car: whether a car recorded it, with a map in the same coordinates: nothing is aligned, and
+            vehicles off the lanes are treated by `within_map`.
     """
 
     is_mine: Callable[[Path], bool]
@@ -114,6 +116,7 @@ class Dataset:
     origin: Callable[[Path, Path], tuple[float, float] | None] = lambda tracks, map_path: None
     siblings: Callable[[Path], Iterable[Path]] = lambda path: ()
     repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
+    from_car: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -84,7 +84,7 @@ def load_recording(recording: Recording, origin: tuple[float, float] | None = No
         road=road,
         table=clean.table,
         findings=clean.findings,
-        notes=_doubts(evidence(clean.table.vehicles), road),
+        notes=_doubts(evidence(clean.table.vehicles), road, track_path),
     )
 
 
@@ -177,7 +177,7 @@ def recorded_scene(
         return scene
     samples, off = evidence(clean.table.vehicles), off_road(road, scene)
     _check_place(scene, off, samples, road, force=force)
-    return _warned(scene, off, _doubts(samples, road))
+    return _warned(scene, off, _doubts(samples, road, recording.track_paths[0]))
 
 
 def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
@@ -212,8 +212,8 @@ def _warned(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> SeedScen
     return dataclasses.replace(scene, notes=(*scene.notes, *notes, *doubts))
 
 
-def _doubts(samples: Evidence, road: Road) -> tuple[str, ...]:
-    doubt = doubt_place(samples, road)
+def _doubts(samples: Evidence, road: Road, tracks: Path) -> tuple[str, ...]:
+    doubt = None if dataset_of(tracks).from_car else doubt_place(samples, road)
     return (doubt,) if doubt else ()
 
 
