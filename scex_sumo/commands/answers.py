@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,7 @@ def run_answer(run: Run, page: Path | None = None) -> dict[str, Any]:
         "collision": {
             "recorded": None if recorded is None else len(recorded["overlaps"]),
             **_both(run, lambda one: one.p_collision if one.outcomes else None),
+            "rare": _rare(run),
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
         "encounters": meeting_rows(meetings(run)),
@@ -48,13 +50,20 @@ def meeting_rows(
         table = Encounter(row=one.row, exact=one.run.exact).table
         asked = weights if one.futures == STRESS_TEST else None
         exact = None if table is None else table.probability(asked)
-        rows.append({"futures": one.futures, **one.row, "exact_collision": exact})
+        rare = None if one.run.rare is None else one.run.rare.of(*one.pair)
+        rows.append({"futures": one.futures, **one.row, "exact_collision": exact, "rare_collision": rare})
     return rows
 
 
 def _both(run: Run, share: Any) -> dict[str, Any]:
     ones = {"stress_test": run, "human_like": run.reference}
     return {name: None if one is None else interval(share(one)) for name, one in ones.items()}
+
+
+def _rare(run: Run) -> dict[str, Any] | None:
+    """Return the rare collisions of the human-like drivers; None if they were not looked for."""
+    human = run if run.reference is None else run.reference
+    return None if human.rare is None else dataclasses.asdict(human.rare)
 
 
 def _metric(run: Run, column: str) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
+from scex_sumo.extrapolation.rare_futures import find_rare, likely_profile
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import write_tables
@@ -31,11 +32,14 @@ from scex_sumo.results.exact import EXACT, Exact, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.provenance import describe, digest, versions
+from scex_sumo.results.rare import RARE, write_rare
 from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.world.base import WORLDS
+
+MAX_RARE = 100_000
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,6 +48,7 @@ class RunOptions:
 
     Attributes:
         compared: compare a checked world with SUMO's.
+        rare: number of extra futures for rare collisions of likely drivers.
         exact: find exact probabilities; they may end a run with ``until_band`` earlier.
     """
 
@@ -52,12 +57,15 @@ class RunOptions:
     cache: bool = True
     compared: bool = True
     exact: bool = True
+    rare: int = 0
     progress: Progress | None = None
     command: Sequence[str] | None = None
 
     def __post_init__(self) -> None:
         if self.batch is not None and self.batch < 1:
             raise UsageError(f"--batch: got {self.batch}, needs at least 1")
+        if not 0 <= self.rare <= MAX_RARE:
+            raise UsageError(f"--rare: got {self.rare}, needs 0 to {MAX_RARE:,}")
 
 
 DEFAULT_OPTIONS = RunOptions()
@@ -125,6 +133,8 @@ def run_scene(
     if exact is not None:
         write_exact(exact, job.folder / EXACT)
     watch.lap("exact")
+    _write_rare(job, part, options, workers)
+    watch.lap("rare")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     if vehicles is not None:
@@ -144,6 +154,15 @@ def _exact(job: Job, part: Part, *, options: RunOptions, workers: Workers) -> Ex
         return None
     assert part.encounters is not None
     return find_exact(job, part.encounters, workers)
+
+
+def _write_rare(job: Job, part: Part, options: RunOptions, workers: Workers) -> None:
+    """Write ``rare.json``, unless other models than likely drivers are drawn or collisions are frequent."""
+    (job.folder / RARE).unlink(missing_ok=True)
+    if options.rare and likely_profile(job.models) is not None:
+        assert part.encounters is not None
+        if found := find_rare(job, part.encounters, workers, options.rare):
+            write_rare(found, job.folder / RARE)
 
 
 def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:

@@ -40,7 +40,7 @@ FRESH: Final = 96
 FOLDER: Final = "exact"
 """Folder of the extra futures, in that of the run."""
 
-_PLAIN = ("sumo", "checked")  # worlds with the same result as arrays alone, if SUMO drives nobody
+PLAIN_WORLDS = ("sumo", "checked")  # worlds with the same result as arrays alone, if SUMO drives nobody
 _Key = tuple[int, int, str]
 
 
@@ -119,7 +119,7 @@ class _Futures:
             metrics=("gap",),
             keep_plans=False,
             thresholds={},
-            world="plain" if job.settings.world in _PLAIN else job.settings.world,
+            world="plain" if job.settings.world in PLAIN_WORLDS else job.settings.world,
         )
         self._job = dataclasses.replace(job, settings=settings, folder=job.folder / FOLDER, gui=False)
         (self._job.folder / ".parts").mkdir(parents=True, exist_ok=True)

@@ -44,6 +44,7 @@ class Job:
         assignment: (C, V) index into ``models``, for all children.
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
         compared: compare a checked world with SUMO's.
+        route_draw: (C, V) as of `SceneHistory`, for all children; None: by seed and child.
     """
 
     scene: SeedScene
@@ -55,6 +56,7 @@ class Job:
     gui: bool = False
     counted: BoolArray | None = None
     compared: bool = True
+    route_draw: FloatArray | None = None
 
     @property
     def road(self) -> Road:
@@ -215,7 +217,9 @@ def _batch(job: Job, children: IntArray) -> Batch:
         models=built,
         names=job.models.names,
         overridden=np.array([not isinstance(model, SumoDriver) for model in built]),
-        route_draw=route_draws(children, job.scene.vehicles, seed=seed),
+        route_draw=route_draws(children, job.scene.vehicles, seed=seed)
+        if job.route_draw is None
+        else job.route_draw[children],
         generators=[child_generator(seed, int(c)) for c in children],
     )
 

@@ -16,6 +16,8 @@ CHILDREN = 117
 """A share then has a 95 % interval of at most +-9 %."""
 STEPS = 30
 """Up to so many steps, a reference has all `CHILDREN`, however few the run has."""
+RARE_PART = 5
+"""Of this many futures, one more is run for rare collisions."""
 
 
 def add_reference(
@@ -26,16 +28,20 @@ def add_reference(
     *,
     workers: Workers,
     options: RunOptions = DEFAULT_OPTIONS,
+    rare: int | None = None,
 ) -> Run:
     """Run the reference of a run into its folder ``reference/``; a finished one is kept.
 
     Args:
         models: human-like ones, drawn for all vehicles.
         settings: of the run.
+        rare: number of extra futures for rare collisions, see `Run.rare`; None: a fifth of all others.
     """
+    children = reference_children(run.children, settings.steps)
+    extra = (run.children + children) // RARE_PART if rare is None else rare
     wanted = RunSettings(
         models=models,
-        children=reference_children(run.children, settings.steps),
+        children=children,
         steps=settings.steps,
         replan=settings.replan,
         seed=settings.seed,
@@ -46,7 +52,7 @@ def add_reference(
         region=settings.region,
         world="checked" if WORLDS.load(settings.world).has_sumo else "plain",
     )
-    quiet = dataclasses.replace(options, batch=None, gui=False)
+    quiet = dataclasses.replace(options, batch=None, gui=False, rare=extra)
     folder = run.folder / REFERENCE
     return run_scene(scene, wanted, out=folder, workers=workers, overwrite=True, options=quiet)
 

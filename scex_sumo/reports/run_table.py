@@ -67,6 +67,8 @@ def answer_lines(run: Run) -> list[str]:
 
 def _sure(run: Run) -> str:
     share = run.p_collision
+    if share.rare is not None:
+        return f"; {mostly}" if (mostly := share.rare.mostly()) else ""
     return f"; {share.tables.told()}" if share.tables is not None and share.exact is not None else ""
 
 
@@ -166,7 +168,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     for name in ("recorded", "median", "critical if", *likely_head, possible, "95 %", "defined"):
         table.add_column(name, justify="right", no_wrap=True)
     if COLLISION in run.metrics.column_names:
-        human = () if likely is None else (f"{likely.p_collision.value:.1%}",)
+        human = () if likely is None else (_human_share(likely),)
         shares = _collision_shares(run.p_collision)
         table.add_row("collision", _recorded_overlaps(run), "–", "any", *human, *shares, "all")
     if (injuries := expected_injuries(run)) is not None:
@@ -227,6 +229,10 @@ def _defined(run: Run, column: str, likely: Run | None) -> str:
 def _shares(share: Interval) -> tuple[str, str]:
     exact = share.low == share.high
     return f"{share.value:.1%}", "–" if exact else f"{100 * share.low:.1f}–{100 * share.high:.1f}"
+
+
+def _human_share(likely: Run) -> str:
+    return f"{likely.p_collision.value:.1%}" if likely.rare is None else likely.rare.short
 
 
 def _collision_shares(share: CollisionShare) -> tuple[str, str]:

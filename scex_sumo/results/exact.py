@@ -14,6 +14,7 @@ import numpy as np
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.exact.tables import InfluenceTable, Weights, union_probability
+from scex_sumo.results.rare import Rare
 from scex_sumo.statistics.density import Interval
 
 EXACT: Final = "exact.json"
@@ -86,9 +87,11 @@ class CollisionShare(Interval):
 
     Attributes:
         tables: None where the run has no exact probabilities.
+        rare: estimate by importance sampling; None without one.
     """
 
     tables: Exact | None = field(default=None, repr=False)
+    rare: Rare | None = field(default=None, repr=False)
 
     @cached_property
     def exact(self) -> float | None:
@@ -97,7 +100,9 @@ class CollisionShare(Interval):
 
     @property
     def percent(self) -> str:
-        """In words, e.g. ``12 % [9–16]``, or ``12.5 %`` if it is exact."""
+        """In words, e.g. ``12 % [9–16]``, ``12.5 %`` if it is exact, or that of the rare collisions."""
+        if self.rare is not None:
+            return self.rare.percent
         return super().percent if self.exact is None else f"{100 * self.exact:.4g} %"
 
     def __call__(self, weights: Weights | None = None) -> float:

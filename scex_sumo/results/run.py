@@ -19,6 +19,7 @@ from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
 from scex_sumo.results.exact import CollisionShare, Encounter, Exact, read_exact
 from scex_sumo.results.info import read_info
+from scex_sumo.results.rare import Rare, read_rare
 from scex_sumo.results.tables import (
     StateBlocks,
     as_pandas,
@@ -143,12 +144,17 @@ class Run:
         Called, it returns the exact probability, with other weights of the models if they are given.
         """
         share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
-        return CollisionShare(**vars(share), tables=self.exact)
+        return CollisionShare(**vars(share), tables=self.exact, rare=self.rare)
 
     @cached_property
     def exact(self) -> Exact | None:
         """Exact probabilities of the encounters; None if the run has none."""
         return read_exact(self.folder)
+
+    @cached_property
+    def rare(self) -> Rare | None:
+        """Rare collisions of human-like drivers, by importance sampling; None if the run has none."""
+        return read_rare(self.folder)
 
     def encounter(self, one: int, other: int) -> Encounter:
         """Return the encounter of two vehicles, with its influence table and cut sets.

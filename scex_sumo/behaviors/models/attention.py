@@ -46,7 +46,7 @@ GENTLE_MPS2 = 2.0  # for vehicles beside that are missed with constant velocity 
 # A driver whose leader asks for more looks ahead (Tijerina et al. 2004); the figure is our choice.
 CALM_MPS2 = 0.3
 MIN_GAP_M = 0.5
-_GLANCE, _MANNER = 100_000, 99_999  # salts of draws, beyond those of all steps
+GLANCE, MANNER = 100_000, 90_000  # salts of draws, beyond those of all steps; glances may begin before 0 s
 PROFILE = GuardProfile(
     comfort_deceleration=4.0,
     reaction_time=0.5,
@@ -79,7 +79,7 @@ def attention_of(
         spread: on the variation between drivers.
     """
     draw = history.route_draw[who.child, who.vehicle]
-    manner = ndtri(uniforms(draw, 2, _MANNER))
+    manner = ndtri(uniforms(draw, 2, MANNER))
     reaction = REACTION_S * np.exp(REACTION_SPREAD * spread * manner[:, 0])
     seen = STEP_S * np.arange(history.step, history.step + PLAN_STEPS) - reaction[:, None]
     aware = ~looks_away(draw, seen, factor) | (_closed_in(history, who, leaders) > CALM_MPS2)[:, None]
@@ -112,7 +112,7 @@ def looks_away(draw: FloatArray, time_s: FloatArray, factor: float = 1.0) -> Boo
         return away
     first, last = (int(np.floor(edge / EVERY_S)) for edge in (time_s.min(), time_s.max()))
     for number in range(first - 1, last + 1):
-        begin, length, there = uniforms(draw, 3, _GLANCE + number).T
+        begin, length, there = uniforms(draw, 3, GLANCE + number).T
         start = EVERY_S * (number + begin)
         lasts = GLANCE_S * max(factor, 1.0) * np.exp(GLANCE_SPREAD * ndtri(length))
         lasts = np.where(there < factor, lasts, 0.0)

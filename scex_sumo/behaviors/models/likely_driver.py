@@ -72,7 +72,7 @@ CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
 WAVE_S, STARTING_S = 1.0, 4.0  # mean time from the leader's start, and time for which the rate counts
-_DRIVER, _PATH, _STARTS, _START = 0, 7, 8, 10  # salts of draws; each plan has its own start
+DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +147,7 @@ class LikelyDriver:
             return chosen_paths(history, road, who, self.profile.path)  # type: ignore[arg-type]
         paths, _ = chosen_paths(history, road, who, 0)
         edges = path_edges(history.scene, paths, self.population)
-        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, _PATH)[:, 0]
+        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, PATH)[:, 0]
         row = paths.first[who.vehicle]
         last = row + paths.count[who.vehicle] - 1
         for _ in range(int(paths.count.max(initial=1)) - 1):
@@ -157,7 +157,7 @@ class LikelyDriver:
     def _drivers(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> Drivers:
-        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, _DRIVER)
+        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, DRIVER)
         spread, people = self.profile.spread, self.population
         observed, speed = observations_of(history.scene, paths), last_second(history.scene).speed[who.vehicle]
         headway = np.exp(people.headway[0] + spread * people.headway[1] * ndtri(drawn[:, 5]))
@@ -222,7 +222,7 @@ class LikelyDriver:
         before = speed[:, -2] if history.step else speed[:, -1]
         stands = (speed[:, -1] < STANDING_MPS) & (speed[:, -1] - before < STARTING_MPS)
         route = history.route_draw[who.child, who.vehicle]
-        starts, draw = uniforms(route, 1, _STARTS)[:, 0], uniforms(route, 1, _START + history.step)[:, 0]
+        starts, draw = uniforms(route, 1, STARTS)[:, 0], uniforms(route, 1, START + history.step)[:, 0]
         if self.profile.spread == 0:
             starts, draw = np.full_like(draw, 0.5), np.full_like(draw, 0.5)
         queue = queue_leaders(history.scene, paths)

@@ -63,9 +63,11 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
 def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
     exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
     value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
-    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
     seen = f"{share['count']} of {counted(share['children'], 'future')}"
     words = f"{seen}; 95 %: {interval}" if exact is None else f"exact; sampled: {seen}, {interval}"
+    if rare := share["rare"]:
+        value, words = rare["short"], f"{rare['words']}; drawn plainly: {seen}"
+    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
     hurt = share["injuries"]
     severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
     counts = element("span", words, id=f"{name}-words", title=words)

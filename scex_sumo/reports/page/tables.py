@@ -88,7 +88,9 @@ def collision_share(run: Run) -> dict[str, Any] | None:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
-    return {"count": count, "children": run.children, "injuries": expected_injuries(run), **interval}
+    rare = share.rare and {"short": share.rare.short, "words": share.rare.words()}
+    known = {"count": count, "children": run.children, "injuries": expected_injuries(run), "rare": rare}
+    return {**known, **interval}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
