@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
+PAIR_OUTCOMES: Final = "pair_outcomes.parquet"
 REFERENCE: Final = "reference"
 DRAWINGS: Final = Registry(group="scex_sumo.drawings", kind="drawing")
 """Functions that draw a run; the reports register theirs."""
@@ -129,6 +130,11 @@ class Run:
     def encounters(self) -> pa.Table:
         """Encounters, one row per pair of vehicles that meet in some child; the most critical pair first."""
         return self.table("encounters.parquet")
+
+    @cached_property
+    def pair_outcomes(self) -> pa.Table:
+        """Least TTC on the path, largest DRAC, least PET by ``child``, ``track_a`` and ``track_b``."""
+        return self.table(PAIR_OUTCOMES, columns=("child", "track_a", "track_b", "min_ttc_path"))
 
     @cached_property
     def intervals(self) -> DesignIntervals:

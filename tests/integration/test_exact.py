@@ -10,6 +10,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.evaluation.encounters import pair_outcomes
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.sample_size.reduction import choose_vehicles, reduced
@@ -51,6 +52,24 @@ def test_other_weights_follow_from_the_tables(roundabout: Run) -> None:
     assert alone == 1 / 4
     with pytest.raises(UsageError, match="unknown event"):
         roundabout.encounter(16, 15).probability("hit")
+
+
+def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(roundabout: Run) -> None:
+    table = pair_outcomes(roundabout)
+    ids = np.stack([np.asarray(table["track_a"]), np.asarray(table["track_b"])])
+    assert (ids[0] < ids[1]).all()
+    critical = {"ttc": ("min_ttc_path", -1.5), "pet": ("min_pet", -1.0), "drac": ("max_drac", 3.4)}
+    hits = roundabout.collisions
+    for row in roundabout.encounters.to_pylist():
+        pair = np.sort([row["track_id"], row["other_id"]])
+        hit = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0) == pair[:, None]
+        collides = set(np.asarray(hits["child"])[hit.all(axis=0)].tolist())
+        mine = (ids == pair[:, None]).all(axis=0)
+        for event, (column, limit) in critical.items():
+            over = np.sign(limit) * np.asarray(table[column])[mine] > limit
+            children = collides | set(np.asarray(table["child"])[mine][over].tolist())
+            assert len(children) / roundabout.children == pytest.approx(row[event], abs=1e-12), (row, event)
+    assert (roundabout.folder / "pair_outcomes.parquet").stat().st_size < 200_000
 
 
 def test_the_terminal_says_the_same(roundabout: Run) -> None:
