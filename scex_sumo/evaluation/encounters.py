@@ -75,8 +75,8 @@ OUTCOMES_SCHEMA: Final = pa.schema(
 )
 """One row a pair and child in which a gap closes on a path or the tracks cross, sorted by pair and child.
 
-``track_a`` is the lower id. Least TTC on the path of either in s, largest DRAC in m/s², least PET in s; NaN is
-undefined.
+``track_a`` is the lower id. Least TTC on the path of either in s, largest DRAC in m/s², least PET in s, NaN
+where undefined.
 """
 
 _GAPS = (0.05, 0.5, 0.95)
