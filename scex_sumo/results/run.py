@@ -149,7 +149,7 @@ class Run:
         Called, it returns the exact probability, with other weights of the models if they are given.
         """
         share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
-        return CollisionShare(**vars(share), tables=self.exact)
+        return CollisionShare(**vars(share), run=self)
 
     @cached_property
     def exact(self) -> Exact | None:
@@ -164,7 +164,7 @@ class Run:
         """
         for row in self.encounters.to_pylist():
             if {row["track_id"], row["other_id"]} == {one, other}:
-                return Encounter(row=row, exact=self.exact)
+                return Encounter(row=row, run=self)
         raise UsageError(f"{one}, {other}: these two vehicles meet in no future of the run")
 
     @cached_property

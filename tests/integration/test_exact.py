@@ -72,6 +72,25 @@ def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(roun
     assert (roundabout.folder / "pair_outcomes.parquet").stat().st_size < 200_000
 
 
+def test_other_weights_without_tables_weight_the_drawn_futures(tmp_path: Path) -> None:
+    """All 64 assignments of three vehicles: weighted, they give the exact value."""
+    scene = queues(3)
+    every = run_of(scene, tmp_path / "all", "all")
+    drawn = run_of(scene, tmp_path / "drawn", 100)
+    weights = {"emergency_brake": 0.5, "constant_velocity": 0.3}
+    for row in every.encounters.to_pylist():
+        pair = row["track_id"], row["other_id"]
+        for event, value in every.encounter(*pair).weighted(weights).items():
+            exact = drawn.encounter(*pair).probability(event, weights=weights)
+            assert value == pytest.approx(exact, abs=1e-12), (pair, event)
+    assert every.p_collision(weights) == pytest.approx(drawn.p_collision(weights), abs=1e-12)
+    # Two vehicles of one model are in 4 of the 64 assignments.
+    few = every.encounter(1, 2)
+    with pytest.raises(UsageError, match="hardly any drawn future"):
+        few.probability("ttc", weights={v: {"emergency_brake": 1.0} for v in (1, 2, 3)})
+    assert few.weighted({"emergency_brake": 1.0}) == dict.fromkeys(("collision", "ttc", "pet", "drac"))
+
+
 def test_the_terminal_says_the_same(roundabout: Run) -> None:
     weights = scex("encounters", roundabout.folder, "--weights", "standard_driver=0.9").stdout
     assert f"{100 * roundabout.p_collision(weights={'standard_driver': 0.9}):.2f}%" in weights
@@ -145,5 +164,5 @@ def test_random_models_and_few_futures_keep_sampled_values(tmp_path: Path) -> No
     assert run_of(scene, tmp_path / "likely", 100, models="likely").exact is None
     few = run_of(scene, tmp_path / "few", 20)
     assert few.exact is None and few.p_collision() == few.p_collision.value
-    with pytest.raises(UsageError, match="exact table"):
+    with pytest.raises(UsageError, match=r"1\.\d effective futures"):
         few.p_collision(weights={"risky_driver": 1.0})
