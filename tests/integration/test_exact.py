@@ -159,9 +159,13 @@ def test_a_damaged_table_is_one_error(tmp_path: Path, content: str) -> None:
         _ = scex_sumo.open_run(run.folder).exact
 
 
-def test_random_models_and_few_futures_keep_sampled_values(tmp_path: Path) -> None:
+def test_random_models_sumos_and_few_futures_keep_sampled_values(tmp_path: Path) -> None:
     scene = queues(2)
     assert run_of(scene, tmp_path / "likely", 100, models="likely").exact is None
+    by_sumo = scex_sumo.extrapolate(
+        scene, children=60, models="standard_driver,sumo:IDM", metrics=["gap"], out=tmp_path / "sumo"
+    )
+    assert by_sumo.exact is None
     few = run_of(scene, tmp_path / "few", 20)
     assert few.exact is None and few.p_collision() == few.p_collision.value
     with pytest.raises(UsageError, match=r"1\.\d effective futures"):
