@@ -15,17 +15,19 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
-MAX_VEHICLES: Final = 5
+MAX_VEHICLES: Final = 8
 """Vehicles of an influence set; events that more vehicles decide stay sampled."""
 
 MAX_LEAVES: Final = 256
 LEAF_ROWS: Final = 2
-"""Futures that agree in a leaf before it is believed."""
+"""Futures that agree in a leaf before it is believed; one less if `MIN_BACKING` drawn futures agree in it."""
+
+MIN_BACKING: Final = 8
 
 BASE_ROWS: Final = 64
 """Futures drawn first: they show where an event depends on more than was guessed."""
 
-ROUND_ROWS: Final = 24
+ROUND_ROWS: Final = 16
 """Futures of a round before it takes up later events: few rounds cost less than few futures."""
 
 MAX_GUESSED: Final = 1000
@@ -51,6 +53,7 @@ class Node:
         children: by level of that vehicle.
         rows: futures seen in a leaf.
         certain: two futures that differ in this vehicle alone have different outcomes.
+        is_backed: enough drawn futures agree in it.
         search: open search for the next vehicle: a future without and one with the event, and the vehicles in
             question, most likely first.
     """
@@ -60,6 +63,7 @@ class Node:
     children: list[Node] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     certain: bool = False
+    is_backed: bool = False
     search: tuple[IntArray, IntArray, list[int]] | None = None
 
     def leaves(self) -> Iterator[Node]:
@@ -190,6 +194,7 @@ class Search:
         happens = self.seen[index, event]
         used = {vehicle for vehicle, _ in node.path}
         if not len(index) or happens.all() or not happens.any() or len(used) >= MAX_VEHICLES:
+            node.is_backed = len(index) >= MIN_BACKING and bool(happens.all() or not happens.any())
             return
         gains = _gains(self.drawn[index], happens, self.levels)
         gains[list(used)] = -np.inf
@@ -303,9 +308,12 @@ class Search:
         whole: dict[bytes, IntArray] = {}
         partial: list[Cube] = []
         filling: list[Cube] = []
+        first, is_first = {e for part in self._by_rank[:1] for e in part}, False
         for part in self._parts():
             is_full = len(whole) + len(partial) >= ROUND_ROWS
             for event in part:
+                # Later ranks do not spend what the first one still needs.
+                is_full |= is_first and event not in first and len(whole) + len(partial) >= ROUND_ROWS
                 asked = list(self._asked(event))
                 if is_full:
                     filling += asked
@@ -316,6 +324,7 @@ class Search:
                     rows = self._certificates(event)
                 whole |= {row.tobytes(): row for row in rows}
                 partial += asked
+                is_first |= event in first and bool(rows or asked)
         return list(whole.values()), self._merged(partial, filling)
 
     def _tests(self, event: int) -> list[IntArray]:
@@ -328,7 +337,7 @@ class Search:
         """Yield the partial assignments of an event that have been seen too rarely."""
         for leaf in self.trees[event].leaves():
             if leaf.search is None:
-                yield from [leaf.path] * (LEAF_ROWS - int(self._open[leaf.rows].sum()))
+                yield from [leaf.path] * (LEAF_ROWS - leaf.is_backed - int(self._open[leaf.rows].sum()))
 
     def _merged(self, partial: Sequence[Cube], filling: Sequence[Cube]) -> list[IntArray]:
         """Put partial assignments together into few whole ones; what is left open is drawn.

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import combinations, product
+from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
@@ -98,13 +98,17 @@ class InfluenceTable:
         """Minimal partial assignments under which the event happens whatever the others do."""
         found: list[Cube] = []
         axes = range(len(self.track_ids))
+        always: dict[tuple[int, ...], BoolArray] = {}
         for size in range(len(self.track_ids) + 1):
             for kept in combinations(axes, size):
-                always = np.asarray(self.outcomes.all(axis=tuple(a for a in axes if a not in kept)))
-                for cell in product(range(len(self.models)), repeat=size):
-                    cube = frozenset((self.track_ids[a], level) for a, level in zip(kept, cell, strict=True))
-                    if always[cell] and not any(one <= cube for one in found):
-                        found.append(cube)
+                here = np.asarray(self.outcomes.all(axis=tuple(a for a in axes if a not in kept)))
+                always[kept], minimal = here, here.copy()
+                for at in range(size):
+                    minimal &= ~np.expand_dims(always[kept[:at] + kept[at + 1 :]], at)
+                found += [
+                    frozenset((self.track_ids[a], level) for a, level in zip(kept, cell, strict=True))
+                    for cell in np.argwhere(minimal).tolist()
+                ]
         return tuple(found)
 
     def in_words(self) -> list[str]:

@@ -245,7 +245,7 @@ def write_exact(found: Exact, file: Path) -> None:
                 "other_id": other,
                 "event": event,
                 "vehicles": list(table.track_ids),
-                "outcomes": "".join("01"[int(x)] for x in table.outcomes.reshape(-1)),
+                "cut_sets": [sorted(cube) for cube in table.cut_sets],
                 "checked": table.checked,
             }
             for (one, other, event), table in sorted(found.tables.items())
@@ -278,16 +278,19 @@ def read_exact(folder: Path) -> Exact | None:
         tables = {}
         for entry in content["events"]:
             vehicles = tuple(int(track) for track in entry["vehicles"])
-            flat = np.array([character == "1" for character in entry["outcomes"]], dtype=np.bool_)
+            outcomes = np.zeros((len(models),) * len(vehicles), dtype=np.bool_)
+            for cut_set in entry["cut_sets"]:
+                given = {int(track): int(level) for track, level in cut_set}
+                outcomes[tuple(given.get(track, slice(None)) for track in vehicles)] = True
             tables[entry["track_id"], entry["other_id"], entry["event"]] = InfluenceTable(
                 track_ids=vehicles,
                 models=models,
-                outcomes=flat.reshape((len(models),) * len(vehicles)),
+                outcomes=outcomes,
                 shares=shares,
                 checked=int(entry["checked"]),
             )
         sampled = {(e["track_id"], e["other_id"], e["event"]): e["why"] for e in content["sampled"]}
         checked, extra = int(content["checked"]), int(content["extra"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise ResultError(f"{file}: cannot be read ({str(error)[:80]}); run again") from None
     return Exact(models=models, shares=shares, tables=tables, sampled=sampled, checked=checked, extra=extra)
