@@ -122,7 +122,7 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float,
             for key, table in tables.items()
         ]
         sizes = np.bincount([len(table.track_ids) for table in tables.values()], minlength=9)[1:]
-        limit = max((table.remainder for table in tables.values()), default=found.remainder)
+        limit = max((table.remainder for table in tables.values()), default=3 / found.checked)
         any_exact = found.p_collision()
         extra, whole = spent[True] - spent[False], spent[False] + rest
         cells = (

@@ -30,6 +30,9 @@ BASE_ROWS: Final = 64
 ROUND_ROWS: Final = 16
 """Futures of a round before it takes up later events: few rounds cost less than few futures."""
 
+PATIENCE: Final = 96
+"""Futures without a newly settled event after which a search ends: too many vehicles decide the rest."""
+
 MAX_GUESSED: Final = 1000
 """Drawn futures that guess the next vehicle of a search."""
 
@@ -133,16 +136,19 @@ class Search:
             self._guess(event, tree, np.arange(len(drawn)), list(first[event]))
 
     def run(self, simulate: Simulate, *, most: int) -> None:
-        """Run futures until every tree is settled, or ``most`` futures have been run in all."""
+        """Run futures until every tree is settled, or none more is, or ``most`` have been run in all."""
         if not len(self.rows):
             events = [e for e in range(len(self.trees)) if len(self.influence(e)) <= MAX_VEHICLES]
             asked = [path for event in events for path in self._asked(event)]
             rows = self._merged(asked, [])[:most]
             more = self.random(max(min(BASE_ROWS, most) - len(rows), 0))
             self._add([], [*rows, *more], simulate)
+        settled, since = 0, len(self.rows)
         while (left := most - len(self.rows)) > 0:
+            if (now := sum(map(self.is_settled, range(len(self.trees))))) > settled:
+                settled, since = now, len(self.rows)
             whole, drawn = self._wanted()
-            if not whole and not drawn:
+            if (not whole and not drawn) or len(self.rows) - since > PATIENCE:
                 break
             self._add(whole[:left], drawn[: max(left - len(whole), 0)], simulate)
 
