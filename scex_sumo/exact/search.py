@@ -18,6 +18,9 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 MAX_VEHICLES: Final = 8
 """Vehicles of an influence set; events that more vehicles decide stay sampled."""
 
+MAX_LATER: Final = 5
+"""Vehicles of an event of a later rank that futures are run for."""
+
 MAX_LEAVES: Final = 256
 LEAF_ROWS: Final = 2
 """Futures that agree in a leaf before it is believed; one less if `MIN_BACKING` drawn futures agree in it."""
@@ -132,6 +135,7 @@ class Search:
         self.outcomes = np.empty((0, seen.shape[1]), dtype=np.bool_)
         self.trees = [Node(()) for _ in range(seen.shape[1])]
         self.failed: set[int] = set()
+        self._best = self._since = 0  # largest number of settled events, and of the rows when it was reached
         for event, tree in enumerate(self.trees):
             self._guess(event, tree, np.arange(len(drawn)), list(first[event]))
 
@@ -143,14 +147,16 @@ class Search:
             rows = self._merged(asked, [])[:most]
             more = self.random(max(min(BASE_ROWS, most) - len(rows), 0))
             self._add([], [*rows, *more], simulate)
-        settled, since = 0, len(self.rows)
         while (left := most - len(self.rows)) > 0:
-            if (now := sum(map(self.is_settled, range(len(self.trees))))) > settled:
-                settled, since = now, len(self.rows)
+            if (now := self._settled()) > self._best:
+                self._best, self._since = now, len(self.rows)
             whole, drawn = self._wanted()
-            if (not whole and not drawn) or len(self.rows) - since > PATIENCE:
+            if (not whole and not drawn) or len(self.rows) - self._since > PATIENCE:
                 break
             self._add(whole[:left], drawn[: max(left - len(whole), 0)], simulate)
+
+    def _settled(self) -> int:
+        return sum(map(self.is_settled, range(len(self.trees))))
 
     def _parts(self) -> Iterator[list[int]]:
         """Yield open events in the order in which they are settled: by rank, those of few vehicles first.
@@ -158,7 +164,8 @@ class Search:
         Events of too many vehicles come last, and only those of the first rank.
         """
         sizes = [min(len(self.influence(event)), MAX_VEHICLES + 1) for event in range(len(self.trees))]
-        few = [(part, size) for part in self._by_rank for size in range(MAX_VEHICLES + 1)]
+        most = [MAX_VEHICLES, *[MAX_LATER] * len(self._by_rank)]
+        few = [(part, size) for part, m in zip(self._by_rank, most, strict=False) for size in range(m + 1)]
         for part, size in [*few, *((part, MAX_VEHICLES + 1) for part in self._by_rank[:1])]:
             yield [event for event in part if sizes[event] == size and event not in self.failed]
 
@@ -194,6 +201,7 @@ class Search:
             other = self.rows[leaf.rows[0]]
             pair = (other, row) if happens else (row, other)
             leaf.search = leaf.search or (*pair, self._suspects(event, leaf, *pair))
+        self._best, self._since = self._settled(), len(self.rows)
 
     def _guess(self, event: int, node: Node, index: IntArray, first: list[int]) -> None:
         """Split a node as long as the drawn futures in it disagree, first by the likely vehicles."""
