@@ -22,7 +22,7 @@ import numpy as np
 import scex_sumo
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.exact.tables import InfluenceTable
-from scex_sumo.extrapolation.reference import add_reference
+from scex_sumo.extrapolation.engine import add_reference
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.reports.page.report import write_report

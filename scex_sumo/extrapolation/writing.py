@@ -14,9 +14,9 @@ from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.evaluation.encounters import ENCOUNTERS, encounters_table, outcomes_table
 from scex_sumo.evaluation.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.evaluation.plans import PLANS, plans_table
-from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import Recorded
+from scex_sumo.extrapolation.rollout import FALLBACKS
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers, succeeded
 from scex_sumo.metrics.registry import COLLISION
