@@ -145,12 +145,17 @@ def unpacked(path: Path) -> bytes:
         raise MapError(f"{path}: cannot be read: {error}; check the path of the net") from None
 
 
-def net_root(path: Path) -> Element:
-    """Return the XML root element of a net."""
+def xml_root(path: Path, content: bytes) -> Element:
+    """Parse the content of a net or another file of SUMO's."""
     try:
-        root = ElementTree.fromstring(unpacked(path))
+        return ElementTree.fromstring(content)
     except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
         raise MapError(f"{path}: not XML ({error}); build the net again with netconvert") from None
+
+
+def net_root(path: Path) -> Element:
+    """Return the XML root element of a net."""
+    root = xml_root(path, unpacked(path))
     if root.tag != "net":
         raise MapError(f"{path}: no SUMO net, its root element is <{root.tag}>; give a SUMO .net.xml")
     return root
