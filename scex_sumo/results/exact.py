@@ -8,9 +8,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
+import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
@@ -19,9 +20,6 @@ from scex_sumo.exact.tables import InfluenceTable, Weights, shares_of, union_pro
 from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.statistics.density import Interval
-
-if TYPE_CHECKING:
-    from scex_sumo.results.run import Run
 
 EXACT: Final = "exact.json"
 EVENTS: Final = ("collision", "ttc", "pet", "drac")
@@ -35,6 +33,25 @@ _LIMITS = {
     "pet": ("min_pet", CRITICAL_PET_S, -1),
     "drac": ("max_drac", CRITICAL_DRAC, 1),
 }  # column of `Run.pair_outcomes`, threshold, 1 if critical above it
+
+
+class Run(Protocol):
+    """Parts of a finished run that its probabilities need."""
+
+    info: Any
+
+    @property
+    def children(self) -> int: ...
+    @property
+    def exact(self) -> Exact | None: ...
+    @property
+    def metrics(self) -> pa.Table: ...
+    @property
+    def assignments(self) -> pa.Table: ...
+    @property
+    def collisions(self) -> pa.Table: ...
+    @property
+    def pair_outcomes(self) -> pa.Table: ...
 
 
 class TooFewFuturesError(UsageError):
@@ -194,7 +211,7 @@ class Encounter:
 
     def happens(self, event: str) -> BoolArray:
         """Return (C,) whether an event, or any (``critical``), happens in each drawn future."""
-        pair = sorted((self.row["track_id"], self.row["other_id"]))
+        pair = np.sort([self.row["track_id"], self.row["other_id"]])
         hits, outcomes = self.run.collisions, self.run.pair_outcomes
         struck = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0)
         child = [np.asarray(hits["child"])[(pair == struck.T).all(axis=1)]]
