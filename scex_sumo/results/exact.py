@@ -41,17 +41,34 @@ class Run(Protocol):
     info: Any
 
     @property
-    def children(self) -> int: ...
+    def children(self) -> int:
+        """Number of drawn futures."""
+        ...
+
     @property
-    def exact(self) -> Exact | None: ...
+    def exact(self) -> Exact | None:
+        """Exact tables; None without."""
+        ...
+
     @property
-    def metrics(self) -> pa.Table: ...
+    def metrics(self) -> pa.Table:
+        """One row a future."""
+        ...
+
     @property
-    def assignments(self) -> pa.Table: ...
+    def assignments(self) -> pa.Table:
+        """Model of each vehicle."""
+        ...
+
     @property
-    def collisions(self) -> pa.Table: ...
+    def collisions(self) -> pa.Table:
+        """Collisions by future and pair."""
+        ...
+
     @property
-    def pair_outcomes(self) -> pa.Table: ...
+    def pair_outcomes(self) -> pa.Table:
+        """TTC, DRAC and PET by future and pair."""
+        ...
 
 
 class TooFewFuturesError(UsageError):
