@@ -27,7 +27,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
-from scex_sumo.extrapolation.reference import add_reference
+from scex_sumo.extrapolation.engine import add_reference
 from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers

@@ -121,9 +121,14 @@ def run_command(
     """Simulate futures of one moment of traffic, and measure how critical they become."""
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.commands.answers import run_answer
-    from scex_sumo.extrapolation.engine import RunOptions, check_world, run_scene
+    from scex_sumo.extrapolation.engine import (
+        RunOptions,
+        add_reference,
+        check_world,
+        drop_reference,
+        run_scene,
+    )
     from scex_sumo.extrapolation.models import ModelSet
-    from scex_sumo.extrapolation.reference import add_reference, drop_reference
     from scex_sumo.extrapolation.settings import RunSettings
     from scex_sumo.extrapolation.workers import Workers, succeeded
     from scex_sumo.results.region import parse_region

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.evaluation.encounters import ENCOUNTERS
-from scex_sumo.extrapolation.fallbacks import fallback_lines
+from scex_sumo.extrapolation.rollout import fallback_lines
 from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of, side_of
 from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
 from scex_sumo.results.design import is_critical

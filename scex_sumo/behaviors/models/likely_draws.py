@@ -65,8 +65,7 @@ def likely_variables(profile: LikelyProfile) -> Variables:
         prior=np.concatenate([np.broadcast_to(prior, (count, len(prior))), share]),
         score=np.concatenate([np.broadcast_to(score, (count, len(score))), away_score]),
         classes=classes,
-        # The salt of the manner is that of the glance before the seed moment.
-        exclusive=(*(k for k, (salt, _, _) in enumerate(_UNIFORM) if salt == MANNER), *away_columns),
+        exclusive=away_columns,
         inattentive=away_columns,
     )
 

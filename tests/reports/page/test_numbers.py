@@ -14,8 +14,7 @@ from shapely.affinity import rotate, translate
 
 from scex_sumo.reports.page.html import asset
 from scex_sumo.reports.page.packing import pack
-from scex_sumo.statistics.atoms import split_atoms
-from scex_sumo.statistics.density import density, wilson
+from scex_sumo.statistics.density import density, split_atoms, wilson
 
 NODE = shutil.which("node")
 pytestmark = pytest.mark.skipif(NODE is None, reason="no node: apt-get install nodejs")
