@@ -11,15 +11,20 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.exact.tables import InfluenceTable
-from scex_sumo.metrics.collisions import KINDS
+from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
+from scex_sumo.metrics.collisions import CONTACT_M2, KINDS, find_collisions
 from scex_sumo.metrics.encounters import (
     CRITICAL_DRAC,
     CRITICAL_PET_S,
     CRITICAL_TTC_S,
     Encounters,
+    encounters_of,
 )
+from scex_sumo.metrics.pairs.batches import scene_batches
+from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.roads.places import places_of
+from scex_sumo.scene import LOGGED_HISTORY
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
@@ -118,6 +123,36 @@ def encounters_table(
     rows = [{**row, "place": place} for row, place in zip(rows, places, strict=True)]
     rows.sort(key=criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
+
+
+def pair_outcomes(run: Run) -> pa.Table:
+    """Tabulate the most critical TTC on the path, DRAC and PET of each encounter in each child.
+
+    Returns:
+        child, track_a, track_b, ascending, and min_ttc_path [s], max_drac [m/s²], min_pet [s] in single
+        precision, NaN where undefined. They are taken from the tracks; the planned path is the one driven.
+    """
+    scene, ids, start, parts = run.scene, run.scene.track_ids, 0, []
+    for states in run.state_blocks():
+        tracks = SceneTracks(
+            states=states.map(lambda values: values.swapaxes(1, 2)),
+            length=scene.length,
+            width=scene.width,
+            first=LOGGED_HISTORY,
+            types=scene.types,
+        )
+        hits = find_collisions(tracks, limit_m2=CONTACT_M2)
+        paths = PlannedPaths.from_tracks(tracks)
+        for first, scenes in scene_batches(tracks, paths, preset="path", parameters=PAPER):
+            met = encounters_of(scenes, hits, first)
+            pair = np.sort([ids[met.first], ids[met.second]], axis=0)
+            values = (met.ttc, met.drac, met.pet)
+            parts.append([met.child + start, *pair, *(np.where(np.isfinite(v), v, np.nan) for v in values)])
+        start += len(states.x)
+    names = ("child", "track_a", "track_b", "min_ttc_path", "max_drac", "min_pet")
+    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    kinds = [np.int64] * 3 + [np.float32] * 3
+    return pa.table({n: c.astype(k) for n, c, k in zip(names, columns, kinds, strict=True)})
 
 
 def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int], float]:

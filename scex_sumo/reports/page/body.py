@@ -30,7 +30,7 @@ def run_body(info: Mapping[str, Any], *cards: Html) -> str:
         name=element("span", info["name"]),
         about=joined(" · ".join(part for part in about if part)),
         warnings=_note_card("Warnings", warnings),
-        verdict=joined(_collision_card(info), _share_card(info), _encounter_card(info)),
+        verdict=joined(_collision_card(info), _encounter_card(info), _share_card(info)),
         charts=joined(*(_chart(info, number) for number in range(len(info["metrics"])))),
         legend=_legend(info),
         recorded="" if info["has_recorded"] else " hidden",
@@ -51,16 +51,15 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     if share is None:
         words = element("p.soft", "not in this result; run it again")
         return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
-    parts = [
-        element("h2", "P(collision)"),
-        *_big(share, "stress test: driven as any of the models", "p-collision"),
-    ]
+    parts = [_big(share, "stress test", "driven as any of the models", "p-collision", "drawn")]
     if likely is not None:
-        parts += _big(likely, "human-like: driven as people were recorded", "likely-collision")
-    return element("div.card", *parts)
+        parts.append(
+            _big(likely, "human-like", "driven as people were recorded", "likely-collision", "likely")
+        )
+    return element("div.card", element("h2", "P(collision)"), element("div.sets", *parts))
 
 
-def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
+def _big(share: Mapping[str, Any], what: str, how: str, name: str, kind: str) -> Html:
     exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
     value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
     number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
@@ -69,7 +68,9 @@ def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
     hurt = share["injuries"]
     severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
     counts = element("span", words, id=f"{name}-words", title=words)
-    return number, element("p.soft", f"{what}; ", counts, *severe)
+    return element(
+        "div", number, element("p.soft", element(f"b.{kind}", what), f", {how}: ", counts, *severe)
+    )
 
 
 def _share_card(info: Mapping[str, Any]) -> Html:
@@ -119,15 +120,11 @@ def _chart(info: Mapping[str, Any], number: int) -> Html:
 
 
 def _encounter_card(info: Mapping[str, Any]) -> Html:
-    buttons = [
-        element("li", element("button", row["words"], data_encounter=number))
-        for number, row in enumerate(info["encounters"]["rows"])
-        if row["worst"]
-    ]
-    about = "A vehicle hits or follows → another (how, where, after what time). Shares of all futures."
+    is_critical = any(row["worst"] for row in info["encounters"]["rows"])
+    about = "A vehicle hits or follows → another; how, where, when; share of all futures; drivers."
     parts = [
-        element("p.soft", about if buttons else "No pair of vehicles has a critical encounter."),
-        element("ol", *buttons),
+        element("p.soft", about if is_critical else "No pair of vehicles has a critical encounter."),
+        element("ol", id="worst-encounters"),
     ]
     parts += [element("p", info["tested"])] if info["tested"] else []
     return element("div.card", element("h2", "Worst encounters"), *parts)
@@ -144,12 +141,12 @@ def _legend(info: Mapping[str, Any]) -> Html:
     lines = [
         ("drawn", "stress test"),
         *likely,
-        ("picked", "shown, selected"),
         *recorded,
         ("critical", "critical"),
     ]
     sure = element("div", element("i.sure"), "95 % confidence interval")
-    return joined(*models, *(element("div", line_sample(kind), words) for kind, words in lines), sure)
+    shown = element("div", line_sample("picked"), element("span", "shown", id="shown"))
+    return joined(*models, *(element("div", line_sample(kind), words) for kind, words in lines), shown, sure)
 
 
 def _focus_options(info: Mapping[str, Any]) -> Html:

@@ -50,8 +50,8 @@ def test_the_picture_of_a_scene_has_its_vehicles_and_where_they_go(run: Run) -> 
     info, arrays = report_contents(run)
     picture = scene_svg(info, arrays)
     assert picture.count('class="vehicle"') == len(info["track_ids"])
-    assert picture.count('class="way"') == len(arrays["motion"])
-    assert picture.count("<path") == len(info["road"]) + len(arrays["motion"])
+    assert picture.count('class="way"') == len(arrays["owner"])
+    assert picture.count("<path") == len(info["road"]) + len(arrays["owner"])
 
 
 def test_columns_of_names_stand_left_and_those_of_numbers_right() -> None:

@@ -56,7 +56,7 @@ function makeChart(run, state, element) {
     if (isCumulative) area(curveLine(drawn, metric.band), curveLine(drawn, -metric.band), "drawn", 0.2);
     curve(drawn, "drawn");
     curve(likely, "likely", [5, 3]);
-    const chosen = column.filter((value, c) => state.mask[c] && !Number.isNaN(value)), xs = Array.from({ length: width / 2 }, (_, i) => toValue(2 * i));
+    const chosen = [...column.subarray(0, run.children)].filter((value, c) => state.mask[c] && !Number.isNaN(value)), xs = Array.from({ length: width / 2 }, (_, i) => toValue(2 * i));
     if (state.count < run.children && chosen.length) curve(curveOfSome(chosen, metric.defined, xs, run.info.bandwidth, metric.folded, drawn.atoms), "picked");
     const [atom] = drawn.atoms.filter(([, share]) => share === most);
     if (atom && !isCumulative) write(percent(most), clamp(toX(atom[0]), 16, width - 16), 9);
@@ -68,7 +68,7 @@ function makeChart(run, state, element) {
 
   function describe() { // P, here and in the verdict
     const threshold = state.thresholds[m], isSet = threshold !== null, { value, low: least, high: most95, words } = state.share(m);
-    const likelyShare = run.likely[m] ? state.share(m, run.likely[m]).value : NaN;
+    const likelyShare = state.share(m, true).value;
     if (document.activeElement !== limit) limit.value = isSet ? Number(threshold.toFixed(3)) : "";
     for (const part of [element, line]) {
       const said = part.querySelector("b");

@@ -15,7 +15,7 @@ function modelTable(run, state) {
   const select = (v, model) => state.filter(`v${v}`, [model], `${ids[v]} as ${models[model]}`, (c) => run.model(c, v) === model);
 
   function draw(isShown) { // anew, of the vehicles shown
-    const { test, words } = criticalBy(run, state), chosen = [...state.mask.keys()].filter((c) => state.mask[c]);
+    const { test, words } = criticalBy(run, state), chosen = [...Array(run.children).keys()].filter((c) => state.mask[c]);
     const hits = chosen.map((c) => Number(test(c)));
     mean = sum(hits) / chosen.length;
     byId("models-about").textContent = `Share of futures with ${words}, by the model of a vehicle; overall ${percent(mean)}. A click selects those futures.`;
@@ -31,7 +31,8 @@ function modelTable(run, state) {
 
 // Whether a child is critical by what is in focus: a collision, or a metric's threshold, else its worst tenth.
 function criticalBy(run, { focus, thresholds, isCritical }) {
-  if (focus < 0) return { test: (c) => run.info.collisions.children.includes(c), words: "a collision" };
+  const collided = new Set(run.info.collisions.children);
+  if (focus < 0) return { test: (c) => collided.has(c), words: "a collision" };
   const { name, sign, tenth } = run.info.metrics[focus], limit = thresholds[focus] ?? tenth;
   const words = `${name} ${sign} ${short(limit)}${thresholds[focus] === null ? ", the worst tenth" : ""}`;
   return { test: (c) => isCritical(focus, run.columns[focus][c], limit), words };
