@@ -42,13 +42,14 @@ def run_answer(run: Run, page: Path | None = None) -> dict[str, Any]:
 def meeting_rows(
     found: Sequence[Meeting], weights: Mapping[str, float] | None = None
 ) -> list[dict[str, Any]]:
-    """Return encounters as rows; ``weights`` of models are for exact probabilities of the stress test."""
+    """Return encounters as rows; ``weights`` of models are for the probabilities of the stress test."""
     rows = []
     for one in found:
-        table = Encounter(row=one.row, exact=one.run.exact).table
+        encounter = Encounter(row=one.row, run=one.run)
         asked = weights if one.futures == STRESS_TEST else None
-        exact = None if table is None else table.probability(asked)
-        rows.append({"futures": one.futures, **one.row, "exact_collision": exact})
+        exact = None if encounter.table is None else encounter.table.probability(asked)
+        row = {"futures": one.futures, **one.row, "exact_collision": exact}
+        rows.append(row if asked is None else row | {"weighted": encounter.weighted(asked)})
     return rows
 
 

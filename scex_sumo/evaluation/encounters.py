@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -11,22 +11,20 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.exact.tables import InfluenceTable
-from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
-from scex_sumo.metrics.collisions import CONTACT_M2, KINDS, find_collisions
+from scex_sumo.metrics.collisions import KINDS
 from scex_sumo.metrics.encounters import (
     CRITICAL_DRAC,
     CRITICAL_PET_S,
     CRITICAL_TTC_S,
     Encounters,
-    encounters_of,
 )
-from scex_sumo.metrics.pairs.batches import scene_batches
-from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.roads.places import places_of
-from scex_sumo.scene import LOGGED_HISTORY
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
 
 ENCOUNTERS: Final = "encounters.parquet"
 QUESTIONS: Final = ("collision", "ttc", "pet", "drac", "critical")
@@ -68,6 +66,18 @@ SCHEMA: Final = pa.schema(
 )
 """One row a pair; ``met`` is the share of children in which the pair has an encounter, ``expected_mais3`` the
 mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all children."""
+
+OUTCOMES_SCHEMA: Final = pa.schema(
+    [
+        *((name, pa.int64()) for name in ("child", "track_a", "track_b")),
+        *((name, pa.float32()) for name in ("min_ttc_path", "max_drac", "min_pet")),
+    ]
+)
+"""One row a pair and child in which a gap closes on a path or the tracks cross, sorted by pair and child.
+
+``track_a`` is the lower id. Least TTC on the path of either in s, largest DRAC in m/s², least PET in s, NaN
+where undefined.
+"""
 
 _GAPS = (0.05, 0.5, 0.95)
 _WAYS = 2  # cut sets that a line tells
@@ -125,34 +135,30 @@ def encounters_table(
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
 
-def pair_outcomes(run: Run) -> pa.Table:
-    """Tabulate the most critical TTC on the path, DRAC and PET of each encounter in each child.
+def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
+    """Tabulate TTC, DRAC and PET by pair and child, with the columns of ``OUTCOMES_SCHEMA``."""
+    closes, crosses = np.isfinite(encounters.ttc), np.isfinite(encounters.pet)
+    a, b = np.sort(np.asarray(track_ids)[np.stack([encounters.first, encounters.second])], axis=0)
+    order = np.lexsort((encounters.child, b, a))
+    rows = order[(closes | crosses)[order]]
+    columns = {
+        "child": encounters.child,
+        "track_a": a,
+        "track_b": b,
+        "min_ttc_path": np.where(closes, encounters.ttc, np.nan),
+        "max_drac": np.where(closes, encounters.drac, np.nan),
+        "min_pet": np.where(crosses, encounters.pet, np.nan),
+    }
+    arrays = [
+        pa.array(values[rows].astype(kind.type.to_pandas_dtype()))
+        for values, kind in zip(columns.values(), OUTCOMES_SCHEMA, strict=True)
+    ]
+    return pa.table(arrays, schema=OUTCOMES_SCHEMA)
 
-    Returns:
-        child, track_a, track_b, ascending, and min_ttc_path [s], max_drac [m/s²], min_pet [s] in single
-        precision, NaN where undefined. They are taken from the tracks; the planned path is the one driven.
-    """
-    scene, ids, start, parts = run.scene, run.scene.track_ids, 0, []
-    for states in run.state_blocks():
-        tracks = SceneTracks(
-            states=states.map(lambda values: values.swapaxes(1, 2)),
-            length=scene.length,
-            width=scene.width,
-            first=LOGGED_HISTORY,
-            types=scene.types,
-        )
-        hits = find_collisions(tracks, limit_m2=CONTACT_M2)
-        paths = PlannedPaths.from_tracks(tracks)
-        for first, scenes in scene_batches(tracks, paths, preset="path", parameters=PAPER):
-            met = encounters_of(scenes, hits, first)
-            pair = np.sort([ids[met.first], ids[met.second]], axis=0)
-            values = (met.ttc, met.drac, met.pet)
-            parts.append([met.child + start, *pair, *(np.where(np.isfinite(v), v, np.nan) for v in values)])
-        start += len(states.x)
-    names = ("child", "track_a", "track_b", "min_ttc_path", "max_drac", "min_pet")
-    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    kinds = [np.int64] * 3 + [np.float32] * 3
-    return pa.table({n: c.astype(k) for n, c, k in zip(names, columns, kinds, strict=True)})
+
+def pair_outcomes(run: Run) -> pa.Table:
+    """Return TTC, DRAC and PET of a run's pairs by future, with the columns of ``OUTCOMES_SCHEMA``."""
+    return run.pair_outcomes
 
 
 def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int], float]:

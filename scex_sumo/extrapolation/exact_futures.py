@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.evaluation.encounters import answers_of
 from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.exact.search import MAX_VEHICLES, Search
@@ -49,6 +50,8 @@ def why_not_exact(settings: RunSettings, models: ModelSet, children: int) -> str
     for name, model in zip(models.names, models.built, strict=True):
         if plan_inputs_of(model) is None:
             return f"{name} draws at random or is not known to be deterministic"
+        if isinstance(model, SumoDriver):
+            return f"{name} is driven by SUMO, and may draw at random"
     if settings.count is None:
         return "all assignments were run"
     if children < MIN_CHECKED:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.base.errors import UsageError
 from scex_sumo.evaluation.outcomes import collided
 from scex_sumo.exact.tables import InfluenceTable
 from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import counted, print_line, print_table
-from scex_sumo.results.exact import EVENTS, Encounter, Exact
+from scex_sumo.results.exact import EVENTS, Encounter, Exact, TooFewFuturesError
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 
@@ -57,7 +57,7 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region = 
         table.add_column(Text(name), justify="right", no_wrap=True)
     table.add_column("driven by", overflow="fold")
     for one in found[:most]:
-        row, encounter = one.row, Encounter(row=one.row, exact=one.run.exact)
+        row, encounter = one.row, Encounter(row=one.row, run=one.run)
         is_exact = encounter.table is not None
         table.add_row(
             f"{row['track_id']} → {row['other_id']}",
@@ -88,7 +88,7 @@ def print_pair(one: Meeting, console: Console) -> None:
     table.add_column("question")
     table.add_column("share", justify="right")
     table.add_column("interval", justify="right")
-    found = Encounter(row=row, exact=run.exact)
+    found = Encounter(row=row, run=run)
     for name, words in QUESTIONS.items():
         low, high = row[f"{name}_low"], row[f"{name}_high"]
         events = EVENTS if name == "critical" else (name,)
@@ -137,34 +137,37 @@ def _print_exact(exact: Exact, table: InfluenceTable, console: Console) -> None:
         print_line(f"  {track}: P changes by {models[most]:+.3f} per share of {most}", console)
 
 
-def print_weights(run: Run, weights: Mapping[str, float], console: Console) -> None:
-    """Print the exact probabilities of the pairs that collide with other weights of the models.
+def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, most: int = 20) -> None:
+    """Print the probabilities of the critical pairs with other weights of the models.
 
     Raises:
-        UsageError: the run has no exact tables, or a model is unknown.
+        UsageError: a model is unknown, or a weight is below 0.
     """
-    exact = run.exact
-    if exact is None:
-        raise UsageError(
-            f"{run.folder}: has no exact tables; run again with --exact and deterministic models"
-        )
-    table = Table(title="P(collision) with other weights", title_justify="left")
+    given = ", ".join(f"{model} {weight:g}" for model, weight in weights.items())
+    table = Table(title=f"P with {given} instead of the run's weights", title_justify="left")
     table.add_column("pair", no_wrap=True)
-    for name in ("run's weights", "these weights"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("decided by", overflow="fold")
-    for row in run.encounters.to_pylist():
-        one = exact.table(row["track_id"], row["other_id"])
-        if row["collision"] > 0 or (one is not None and one.probability() > 0):
-            values = ("sampled", "–") if one is None else (one.probability(), one.probability(weights))
-            table.add_row(
-                f"{row['track_id']} → {row['other_id']}",
-                *(value if isinstance(value, str) else f"{value:.2%}" for value in values),
-                "–" if one is None else ", ".join(str(track) for track in one.track_ids),
-            )
-    whole = [exact.p_collision(), exact.p_collision(weights)]
-    table.add_row("any", *("–" if value is None else f"{value:.2%}" for value in whole), "")
+    for event in EVENTS:
+        table.add_column(QUESTIONS[event], justify="right")
+    pairs, sampled = [row for row in run.encounters.to_pylist() if row["critical"] > 0], False
+    for row in pairs[:most]:
+        found = Encounter(row=row, run=run)
+        marks = {event: "" if found.table_of(event) is not None else "~" for event in EVENTS}
+        sampled |= "~" in marks.values()
+        cells = [
+            f"{mark}{found.probability(event):.2%} → {'–' if new is None else f'{new:.2%}'}"
+            for (event, new), mark in zip(found.weighted(weights).items(), marks.values(), strict=True)
+        ]
+        table.add_row(f"{row['track_id']} → {row['other_id']}", *cells)
+    new = "–"
+    with suppress(TooFewFuturesError):
+        new = f"{run.p_collision(weights):.2%}"
+    mark = "" if run.p_collision.exact is not None else "~"
+    table.add_row("any", f"{mark}{run.p_collision():.2%} → {new}", *[""] * (len(EVENTS) - 1))
     print_table(table, console)
+    if sampled or mark:
+        print_line("~ from the drawn futures, weighted; – too few of them are driven like this", console)
+    if len(pairs) > most:
+        print_line(f"{len(pairs) - most} more pairs with --most", console)
 
 
 def _colliding_children(run: Run, row: Mapping[str, Any]) -> list[int]:

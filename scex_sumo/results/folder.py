@@ -109,7 +109,7 @@ _TABLES = tuple(
     f"{name}.parquet"
     for name in (
         *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst"),
-        *("collisions", "encounters"),
+        *("collisions", "encounters", "pair_outcomes"),
     )
 )
 

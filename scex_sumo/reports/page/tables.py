@@ -204,7 +204,7 @@ def _story(one: Meeting) -> dict[str, Any]:
 
 def _cells(one: Meeting) -> list[Any]:
     """Return the cells of a row; probabilities are exact where there is a table."""
-    row, found = one.row, Encounter(row=one.row, exact=one.run.exact)
+    row, found = one.row, Encounter(row=one.row, run=one.run)
     interval = f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %"
     return [
         f"{row['track_id']} → {row['other_id']}",
