@@ -11,6 +11,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.page.html import Html, element, joined
+from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH, Density
 
 _ROUND = (1, 2, 5, 10)
@@ -142,6 +143,12 @@ def value_range(
         if mark is not None and low - near <= mark <= high + near:
             low, high = min(low, max(mark - BANDWIDTH, floor)), max(high, mark + BANDWIDTH)
     return low, high
+
+
+def samples_of_both(run: Run, column: str) -> FloatArray:
+    """Return the values (n,) of a metric in the stress test and in the human-like futures."""
+    both = (run,) if run.reference is None else (run, run.reference)
+    return np.concatenate([one.samples(column) for one in both])
 
 
 def cumulative_plot(

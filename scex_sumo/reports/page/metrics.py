@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.reports.page.charts import ticks, value_range
+from scex_sumo.reports.page.charts import samples_of_both, ticks, value_range
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables import MAX_STATE
@@ -37,7 +37,7 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
     threshold = run.thresholds.get(column)
     side = metric.side if metric else "left"
     samples = np.sort(run.samples(column))
-    view = value_range(samples, recorded, threshold)
+    view = value_range(samples_of_both(run, column), recorded, threshold)
     share = run.p_critical(column) if threshold is not None and samples.size else None
     return {
         "column": column,

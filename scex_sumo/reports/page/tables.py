@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.evaluation.encounters import event_of, pair_outcomes
+from scex_sumo.evaluation.encounters import event_of
 from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
@@ -17,7 +17,7 @@ from scex_sumo.reports.encounter_rows import HUMAN_LIKE, Meeting, meetings, wors
 from scex_sumo.reports.encounter_table import QUESTIONS
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.exact import Encounter
-from scex_sumo.results.run import Run
+from scex_sumo.results.run import PAIR_OUTCOMES, Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 _WORST = 3
@@ -106,14 +106,14 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
     for run, found in zip(both, parts, strict=True):
         if not len(pairs):
             continue
-        met, hits = pair_outcomes(run), run.collisions
-        ttc, pet, drac = (np.asarray(met[name]) for name in ("min_ttc_path", "min_pet", "max_drac"))
-        bits = 2 * (ttc < CRITICAL_TTC_S) + 4 * (pet < CRITICAL_PET_S) + 8 * (drac > CRITICAL_DRAC)
-        everywhere = np.full(hits.num_rows, 15)
-        for table, names, values in (
-            (met, ("track_a", "track_b"), bits),
-            (hits, ("track_id", "other_id"), everywhere),
-        ):
+        hits = run.collisions
+        tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, 15))]
+        if (run.folder / PAIR_OUTCOMES).is_file():
+            met = run.pair_outcomes
+            ttc, pet, drac = (np.asarray(met[name]) for name in ("min_ttc_path", "min_pet", "max_drac"))
+            bits = 2 * (ttc < CRITICAL_TTC_S) + 4 * (pet < CRITICAL_PET_S) + 8 * (drac > CRITICAL_DRAC)
+            tables.append((met, ("track_a", "track_b"), bits))
+        for table, names, values in tables:
             one, other = ([where[track] for track in table[name].to_pylist()] for name in names)
             at = number[one, other]
             found[at[at >= 0], np.asarray(table["child"])[at >= 0]] |= values[at >= 0]
@@ -177,13 +177,14 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         columns.pop(1)
         for row in rows:
             row["cells"].pop(1)
-    return {"columns": columns, "rows": rows, "pairs": list(pairs)}
+    known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
+    return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
 
 
 def _story(one: Meeting) -> dict[str, Any]:
     """Return what happens in a worst encounter: question, words, kind and place, drivers, exact share."""
     question, happens = event_of(one.row)
-    found = Encounter(row=one.row, exact=one.run.exact)
+    found = Encounter(row=one.row, run=one.run)
     table = found.table if question == "collision" else None
     tracks = [one.row["track_id"], one.row["other_id"]]
     drivers = [

@@ -48,7 +48,7 @@ function makeSelection(run, state) {
     return rows.filter((row) => state.filters.has("pair") || isEvent(row)).map((row) => {
       const hit = share(row, EVENT_BITS.collision), { child, step, gap } = typicalOf(row);
       const shown = { range: range(hit), gap: gap < NEAR_M ? gap : null, after: child < 0 ? null : step / 10 };
-      for (const [name, bit] of Object.entries(EVENT_BITS)) shown[name] = share(row, bit).value;
+      for (const [name, bit] of Object.entries(EVENT_BITS)) shown[name] = bit === EVENT_BITS.collision || encounters.known ? share(row, bit).value : null;
       return { ...row, child, step, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
     });
   }
