@@ -118,8 +118,8 @@ def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path:
     assert configuration.name == "grid_3.sumocfg"
     seen = replay(configuration)
     assert len(seen) == 3 * 5
-    starts = np.array([seen[f"t{slot}_3"][1][:2] for slot in range(3)])
-    own = np.array([(c.states.x[0, 0], c.states.y[0, 0]) for c in children])
+    starts = np.array([seen[f"t{slot}_3"][2][:2] for slot in range(3)])
+    own = np.array([(c.states.x[0, 1], c.states.y[0, 1]) for c in children])
     (across, up), (right, under) = np.rint((starts - own) - (starts - own)[0])[1:].tolist()
     assert (up, right) == (0, 0)
     down = -under

@@ -89,7 +89,7 @@ def test_a_grid_is_cropped_to_its_vehicles_and_fills_the_window(run: Run) -> Non
     where = np.stack([np.asarray(run.tracks[name]) for name in ("x", "y")], axis=1)
     low, high = where.min(axis=0) - 15.01, where.max(axis=0) + 15.01
     assert low[1] <= points[:, 1].min() and points[:, 1].max() <= high[1]
-    # 5 columns, 2 rows: tiles are wider than their vehicles need, so that the grid is 1.6 times as wide as high.
+    # 5 columns, 2 rows: tiles are wider than needed, so that the grid is 1.6 times as wide as high.
     wide, tall = high - low + 12.0
     more = 1.6 * 2 / 5 * tall - wide
     assert more > 0
