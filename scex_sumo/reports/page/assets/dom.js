@@ -85,6 +85,11 @@ function circle([x, y], radius) {
   return path;
 }
 
+// Sets a text unless it is there already: a new one costs a layout.
+function tell(element, words) {
+  if (element.textContent !== words) element.textContent = words;
+}
+
 const say = (words) => { byId("said").textContent = words; };
 
 function save(blob, name) {

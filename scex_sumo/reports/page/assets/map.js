@@ -12,7 +12,7 @@ function makeMap(run, state, canvas) {
   const ground = make("canvas"), pointers = new Map();
   const tracks = vehicles.map(() => []);
   owner.forEach((v, row) => tracks[v].push(row));
-  let x, y, scale, weights, drivers, usual, ghosts, groundKey, groundAt;
+  let x, y, scale, weights, drivers, usual, ghosts, groundKey, groundAt, half = [0, 0];
 
   // How many of the selected futures of the stress test drive each track, one of them, and each vehicle's most frequent track.
   function weigh() {
@@ -41,13 +41,15 @@ function makeMap(run, state, canvas) {
     });
   }
 
-  const isShown = (name) => byId(`show-${name}`).checked, middle = () => [canvas.clientWidth / 2, canvas.clientHeight / 2];
+  const isShown = (name) => byId(`show-${name}`).checked, middle = () => half;
+  const measure = () => { half = [canvas.clientWidth / 2, canvas.clientHeight / 2]; }; // once a frame: it may cost a layout
   const toScreen = ([px, py], [w, h] = middle()) => [w + (px - x) * scale, h - (py - y) * scale];
   // Where a vehicle is: in the child, or on the way of most of the selected ones.
   const rowOf = (v) => state.child < 0 ? usual[v] : run.track(state.child, v);
   const poseOf = (row) => poseAt(poses, frames, row, state.step), place = (v) => poseOf(rowOf(v));
 
   function look(centre, wide, high = wide) {
+    measure();
     const [w, h] = middle();
     [x, y] = centre;
     scale = Math.min(2 * (w || 200) / wide, 2 * (h || 125) / high);
@@ -74,6 +76,7 @@ function makeMap(run, state, canvas) {
   }
 
   function draw() {
+    measure();
     const pen = sharp(canvas), { context, paint, write, width, height, ratio } = pen, { child } = state;
     if (!width) return;
     drawGround(width, height);

@@ -114,7 +114,7 @@ function pairStrips(run, state, host) {
     for (const strip of strips) {
       if (isNew || isOther) draw(strip, own);
       strip.cursor.style.left = `${100 * step / last}%`;
-      strip.said.textContent = own ? own.course[strip.name].map((line) => short(line[t], 1)).join(" / ") : "";
+      tell(strip.said, own ? own.course[strip.name].map((line) => short(line[t], 1)).join(" / ") : "");
     }
   };
 }

@@ -65,10 +65,10 @@ function makePlayer(run, state, map) {
 
   return () => {
     byId("time").value = state.step;
-    byId("clock").textContent = seconds(state.step);
-    byId("play").textContent = state.playing ? "❚❚" : "▶";
+    tell(byId("clock"), seconds(state.step));
+    tell(byId("play"), state.playing ? "❚❚" : "▶");
     byId("all").classList.toggle("on", state.child < 0);
-    byId("shown").textContent = state.child < 0 ? "shown: all futures of the stress test" : `shown: ${run.isHuman(state.child) ? run.nameOf(state.child) : `stress test, ${run.nameOf(state.child)}`}`;
+    tell(byId("shown"), `shown: ${state.child < 0 ? "all futures of the stress test" : `${run.isHuman(state.child) ? "" : "stress test, "}${run.nameOf(state.child)}`}`);
     if (document.activeElement !== byId("child")) byId("child").value = state.child < 0 ? "" : run.number(state.child);
   };
 }

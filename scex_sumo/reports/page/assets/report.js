@@ -57,8 +57,10 @@ function runReport(run) {
     const { pair, child } = state;
     byId("pairbox").hidden = !pair;
     if (!pair) return;
-    const of = pair.map((v) => id(v) + (child < 0 ? "" : ` ${info.models[run.model(child, v)]}`));
-    byId("pair-title").replaceChildren(make("span.solid", of[0]), " and ", make("span.dashed", of[1]), child < 0 ? ", all futures" : `, ${run.nameOf(child)}`);
+    if (isNew) {
+      const of = pair.map((v) => id(v) + (child < 0 ? "" : ` ${info.models[run.model(child, v)]}`));
+      byId("pair-title").replaceChildren(make("span.solid", of[0]), " and ", make("span.dashed", of[1]), child < 0 ? ", all futures" : `, ${run.nameOf(child)}`);
+    }
     drawStrips(isNew);
   }
 
