@@ -14,11 +14,9 @@ from scex_sumo.base.colors import model_colors
 from scex_sumo.base.errors import ScexError
 from scex_sumo.reports.page.charts import ticks
 from scex_sumo.reports.page.metrics import (
-    curve_arrays,
-    curve_words,
-    densities_of,
     effective_numbers,
     metric_words,
+    reflects,
 )
 from scex_sumo.reports.page.packing import UNITS, quantized
 from scex_sumo.reports.page.scene import Future, packed_tracks, recorded_tracks, road_paths
@@ -32,6 +30,7 @@ from scex_sumo.reports.page.tables import (
 )
 from scex_sumo.reports.run_table import always_critical, human_above
 from scex_sumo.reports.under_test_table import verdict
+from scex_sumo.results.densities import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
@@ -51,12 +50,10 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     both = [run] if run.reference is None else [run, run.reference]
     levels, models = _assignments(both, len(track_ids))
     metrics = [metric_words(run, column) for column in run.columns]
-    curves = densities_of(run, run.columns)
+    bands = half_widths(run.metrics, run.columns, run.intervals)
     numbers = effective_numbers(run, [metric["side"] for metric in metrics])
-    likely = None if run.reference is None else densities_of(run.reference, run.columns)
     for metric, number in zip(metrics, numbers, strict=True):
-        metric |= {"numbers": number, **curve_words(curves, likely, metric["column"])}
-    views = {metric["column"]: metric["view"] for metric in metrics}
+        metric |= {"numbers": number, "band": bands[metric["column"]]}
     info = _words(run, scene, track_ids, models, metrics)
     tracks = packed_tracks(_futures(both, info))
     arrays: dict[str, Any] = {
@@ -67,11 +64,8 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         "levels": levels,
         "values": np.concatenate([metric_values(one.metrics, run.columns) for one in both], axis=1),
         "events": pair_events(both, info["encounters"]["pairs"], track_ids),
-        **curve_arrays(curves, "curve", views),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
     }
-    if likely is not None:
-        arrays |= curve_arrays(likely, "likely", views)
     left, right, low, high = tracks.box
     around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)
     place = {"box": tracks.box, "road": road_paths(road_lines(_net(run), around))}
@@ -117,6 +111,7 @@ def _words(
         "metrics": metrics,
         "ticks": [(value, f"{words} s") for value, words in ticks(0, int(run.info["steps"]) * STEP_S)],
         "bandwidth": BANDWIDTH,
+        "reflect": reflects(run),
         "collision": collision_share(run),
         "collisions": collision_places([run] if run.reference is None else [run, run.reference], track_ids),
         "encounters": encounter_table(run, track_ids),

@@ -18,7 +18,7 @@ REPORT = "report.html"
 SCRIPTS = (
     *BASE,
     *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
-    *("selection.js", "address.js", "vehicles.js", "exact.js", "report.js"),
+    *("selection.js", "address.js", "vehicles.js", "exact.js", "parts.js", "report.js"),
 )
 
 

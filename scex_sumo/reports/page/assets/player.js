@@ -32,7 +32,7 @@ function makePlayer(run, state, map) {
 
   function copy(command) {
     const folder = run.isHuman(state.child) ? `${info.folder}/reference` : info.folder;
-    const words = command.replace(info.folder, folder).replace("CHILD", run.number(Math.max(state.child, 0)));
+    const words = command.replace(`'${info.folder}'`, `'${folder}'`).replace("CHILD", run.number(Math.max(state.child, 0)));
     navigator.clipboard.writeText(words).then(() => say(`copied: ${words}`), () => say(words));
   }
 

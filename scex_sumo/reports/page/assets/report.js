@@ -1,6 +1,7 @@
 // Report of a run: puts map, charts and tables together.
 
 function runReport(run) {
+  fillReport(run);
   const { info, id } = run, state = makeState(run), map = makeMap(run, state, byId("map")), select = makeSelection(run, state);
   const drawPlayer = makePlayer(run, state, map), drawStrips = pairStrips(run, state, byId("strips")), models = modelTable(run, state);
   const charts = all(".chart").map((element) => makeChart(run, state, element)), find = byId("find");
