@@ -10,7 +10,9 @@ from scex_sumo.reports.page.body import run_body
 from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.exact import exact_card, exact_contents
 from scex_sumo.reports.page.html import BASE, page_html
-from scex_sumo.reports.page.under_test import TABLE, under_test_card, under_test_rows
+from scex_sumo.reports.page.study import table
+from scex_sumo.reports.page.under_test import TABLE, under_test_card
+from scex_sumo.reports.under_test_table import HEADS, under_test_rows
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
@@ -36,8 +38,8 @@ def report_html(run: Run, scene: SeedScene | None = None) -> str:
 
 def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
     """Return the report as HTML from the result of `report_contents`."""
-    tested = under_test_rows(run)
-    tables = {} if tested is None else {TABLE: tested}
+    is_tested = run.baseline is not None and run.info.get("under_test")
+    tables = {TABLE: table(HEADS, under_test_rows(run.under_test))} if is_tested else {}
     body = run_body(info, under_test_card(run), *exact_card(run))
     more = {"tables": tables, "exact": exact_contents(run)}
     return page_html(info["name"], body, SCRIPTS, info | more, arrays)

@@ -14,16 +14,18 @@ from scex_sumo.evaluation.outcomes import COLLISIONS
 from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.reports.encounter_rows import HUMAN_LIKE, Meeting, meetings, worst_of
-from scex_sumo.reports.encounter_table import QUESTIONS
+from scex_sumo.reports.encounter_table import HEADS, encounter_cells
+from scex_sumo.reports.page.study import table
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.exact import Encounter
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 _WORST = 3
-_SETS = (
-    "Stress test: driven as any of the models; human-like: as people were recorded, where critical in these"
-)
+_SELECTED = {"collides": "collision", "95 %": "range", "TTC": "ttc", "PET": "pet", "DRAC": "drac"}
+_SELECTED |= {"gap": "gap", "after": "after"}
+"""Columns of encounters that follow a selection, by their names in ``selection.js``."""
+
 _WAYS = 2  # cut sets of a worst encounter that are told
 _NAMED = 4  # children of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
@@ -113,10 +115,10 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
             ttc, pet, drac = (np.asarray(met[name]) for name in ("min_ttc_path", "min_pet", "max_drac"))
             bits = 2 * (ttc < CRITICAL_TTC_S) + 4 * (pet < CRITICAL_PET_S) + 8 * (drac > CRITICAL_DRAC)
             tables.append((met, ("track_a", "track_b"), bits))
-        for table, names, values in tables:
-            one, other = ([where[track] for track in table[name].to_pylist()] for name in names)
+        for rows, names, values in tables:
+            one, other = ([where[track] for track in rows[name].to_pylist()] for name in names)
             at = number[one, other]
-            found[at[at >= 0], np.asarray(table["child"])[at >= 0]] |= values[at >= 0]
+            found[at[at >= 0], np.asarray(rows["child"])[at >= 0]] |= values[at >= 0]
     return np.concatenate(parts, axis=1)
 
 
@@ -137,30 +139,22 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     futures.
     """
     found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
-    of = "Share of the futures; a click on a row shows the typical one"
-    columns = [
-        {"title": "pair"},
-        {"title": "futures", "hint": _SETS},
-        {"title": "P(collision)", "as": "percent", "down": True, "hint": of, "selected": "collision"},
-        {"title": "95 %", "selected": "range"},
-        *(
-            {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
-            | {"selected": q}
-            for q in ("ttc", "pet", "drac")
-        ),
-        {"title": "gap", "as": "metres", "hint": "Least gap in the typical future; up to 10 m"}
-        | {"selected": "gap"},
-        {"title": "after", "as": "seconds", "selected": "after"},
-    ]
+    both = any(one.futures == HUMAN_LIKE for one in found)
+    shown = [name for name in ("pair", "futures", *_SELECTED) if both or name != "futures"]
+    places = [[head[0] for head in HEADS].index(name) for name in shown]
+    cells = [[encounter_cells(one)[place] for place in places] for one in found]
+    columns = table([HEADS[place] for place in places], cells)["columns"]
+    for name, column in zip(shown, columns, strict=True):
+        column |= {"selected": _SELECTED[name]} if name in _SELECTED else {}
     pairs: dict[tuple[int, int], int] = {}
     rows = []
     worst = worst_of(found, _WORST)
-    for one in found:
+    for one, mine in zip(found, cells, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE
         pair = where[row["track_id"]], where[row["other_id"]]
         rows.append(
             {
-                "cells": _cells(one),
+                "cells": [_short(cell) if isinstance(cell, float) else cell for cell in mine],
                 "words": one.words(),
                 "share": row["collision"],
                 "critical": row["critical"] > 0,
@@ -173,10 +167,6 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 **(_story(one) if one in worst else {}),
             }
         )
-    if not any(row["human"] for row in rows):
-        columns.pop(1)
-        for row in rows:
-            row["cells"].pop(1)
     known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
     return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
 
@@ -201,21 +191,6 @@ def _story(one: Meeting) -> dict[str, Any]:
         else f"typically {', '.join(drivers)}",
         "exact": "" if table is None else f"{100 * table.probability():.4g} %",
     }
-
-
-def _cells(one: Meeting) -> list[Any]:
-    """Return the cells of a row; probabilities are exact where there is a table."""
-    row, found = one.row, Encounter(row=one.row, run=one.run)
-    interval = f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %"
-    return [
-        f"{row['track_id']} → {row['other_id']}",
-        one.futures,
-        _short(found.probability()),
-        interval if found.table is None else "exact",
-        *(_short(found.probability(name)) for name in ("ttc", "pet", "drac")),
-        _short(row["gap"]),
-        round(row["time_s"], 1),
-    ]
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
