@@ -15,7 +15,7 @@ from scex_sumo.commands.run import parse_under_test
 from scex_sumo.evaluation.encounters import QUESTIONS, SCHEMA
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.reports.page.under_test import under_test_card
+from scex_sumo.reports.page.report import under_test_card, under_test_curves
 from scex_sumo.reports.under_test_table import own_encounters, under_test_rows, under_test_table, verdict
 from scex_sumo.results.run import Run
 from tests.metrics.scenes import random_run
@@ -140,7 +140,13 @@ def test_table_and_report_show_every_metric(run: Run) -> None:
     assert under_test_table(run.under_test, ["ttc"]).row_count == 3
     text, rows = under_test_card(run), under_test_rows(run.under_test)
     assert "vehicle 17: mypkg:MyDriver" in text
-    assert text.count("<figure>") == 6 and text.count("defined in no future") == 4
+    curves = under_test_curves(run)
+    assert len(curves) == 6 and sum(not curve["sets"] for curve in curves) == 4
+    distance = curves[0]
+    assert [(s["kind"], s["values"]) for s in distance["sets"]] == [
+        (kind, run.under_test.samples("distance", driven).tolist())
+        for kind, driven in (("picked", "under_test"), ("drawn", "baseline"))
+    ]
     assert [row[3] for row in rows] == ["1 : 0", "1 : 0", "2 : 1", None, None, None, None, "2 : 0"]
     assert [row[6] for row in rows][:3] == [0.2, None, 0.4]
     assert [share for row in rows for share in row[5:7]].count(0.4) == 3

@@ -151,24 +151,6 @@ def samples_of_both(run: Run, column: str) -> FloatArray:
     return np.concatenate([one.samples(column) for one in both])
 
 
-def cumulative_plot(
-    column: str, curves: Curves, x: tuple[float, float], *, threshold: float | None = None
-) -> Html:
-    """Return cumulative curves of a metric with their bands; values beyond the threshold are critical."""
-    plane = Plane(x=x)
-    defined = [(kind, curve) for kind, curve in curves if curve is not None]
-    parts = [] if defined else [_undefined(plane)]
-    if defined and threshold is not None:
-        far = plane.x[0] if metric_of(column).side == "left" else plane.x[1]
-        line = plane.line(np.full(2, threshold), np.array(plane.y), "critical")
-        parts = [plane.box((threshold, far), plane.y, "critical"), line]
-    for kind, curve in defined:
-        at = np.append(curve.x[(curve.x >= x[0]) & (curve.x < x[1])], x[1])  # up to the right end
-        low, high, share = (np.interp(at, curve.x, y) for y in (*curve.band, curve.cdf))
-        parts += [plane.area(at, low, high, kind), plane.line(at, share, kind)]
-    return plane.figure(metric_title(column), *parts)
-
-
 def density_plot(column: str, curves: Curves, x: tuple[float, float]) -> Html:
     """Return densities of a metric, the first one filled; atoms are upright lines."""
     defined = [(kind, curve) for kind, curve in curves if curve is not None]

@@ -10,14 +10,17 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from scex_sumo import example_path
 from scex_sumo.evaluation.encounters import pair_outcomes
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.reports.page import contents
-from scex_sumo.reports.page.report import write_report
+from scex_sumo.reports.page.report import under_test_curves, write_report
 from scex_sumo.reports.page.scene import packed_tracks
+from scex_sumo.reports.under_test_table import under_test_rows
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
+from tests.command import scex
 from tests.reports.page.test_numbers import body
 
 
@@ -493,6 +496,33 @@ def test_the_worst_children_are_those_with_the_event(page: Any, run: Run) -> Non
     page.wait_for_timeout(100)
     child = int(page.input_value("#child"))
     assert run.metrics["distance"][child].as_py() == min(run.samples("distance"))
+
+
+def test_the_driver_under_test_has_its_table_and_curves(browser: Any, tmp_path: Path) -> None:
+    words = (
+        "--children",
+        12,
+        "--reference",
+        "none",
+        "--under-test",
+        "7=emergency_brake",
+        "-o",
+        tmp_path / "out",
+    )
+    scex("run", example_path("roundabout"), *words).check_returncode()
+    run, page = open_run(tmp_path / "out"), browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto((run.folder / "report.html").resolve().as_uri())
+    page.wait_for_selector("#under-test td")
+    rows = under_test_rows(run.under_test)
+    assert page.locator("#under-test td:first-child").all_inner_texts() == [row[0] for row in rows]
+    canvases = page.locator("#tested-curves canvas")
+    assert canvases.count() == len(under_test_curves(run))
+    drawn = """canvas => {
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        return new Set(new Uint32Array(data.buffer)).size;
+    }"""
+    assert canvases.first.evaluate(drawn) > 10
+    page.close()
 
 
 def test_a_result_without_encounters_says_so(browser: Any, run: Run, tmp_path: Path) -> None:

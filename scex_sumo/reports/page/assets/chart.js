@@ -8,12 +8,9 @@ function curveOf(values, count, xs, width, isFolded, atoms) {
   const sorted = Float64Array.from(values).sort(), rest = sorted.filter((v) => !atoms.includes(v)), scale = 1 / (count * width * Math.sqrt(2 * Math.PI));
   const kernel = (gap) => Math.abs(gap) > FAR ? 0 : Math.exp(-0.5 * gap ** 2);
   const kernels = (x) => rest.reduce((sum, v) => sum + kernel((x - v) / width) + (isFolded ? kernel((x + v) / width) : 0), 0) * scale;
-  let below = 0;
+  const places = xs.filter((x) => x >= 0 || !isFolded), shares = stepsOf(sorted, places);
   return {
-    points: xs.filter((x) => x >= 0 || !isFolded).map((x) => {
-      while (below < sorted.length && sorted[below] <= x) below++;
-      return [x, kernels(x), below / sorted.length];
-    }),
+    points: places.map((x, i) => [x, kernels(x), shares[i]]),
     atoms: atoms.map((value) => [value, sorted.filter((v) => v === value).length / count]),
   };
 }
@@ -118,4 +115,36 @@ function makeChart(run, state, element) {
   };
   canvas.onpointerup = canvas.onpointercancel = () => { drag = null; };
   return { element, metric, draw, describe, select, setLimit };
+}
+
+// Cumulative curves of the driver under test and of the baseline, with their bands.
+function testedCurves(host, charts) {
+  const canvases = charts.map(({ title }) => make("canvas", { ariaLabel: title }));
+  host.append(...charts.map(({ title }, i) => make("div.chart", {}, make("header", {}, make("span", title)), canvases[i])));
+  return () => charts.forEach(({ sets, view: [low, high], threshold, side, ticks }, i) => {
+    const pen = sharp(canvases[i]), { paint, write, width } = pen, toX = (value) => (value - low) / (high - low) * width;
+    if (!sets.length) return write("defined in no future", width / 2, 60);
+    const base = bottomAxis(pen, ticks, toX), xs = Array.from({ length: width + 1 }, (_, px) => low + px / width * (high - low));
+    const at = (x, share) => [toX(x), base - clamp(share, 0, 1) * (base - 4)];
+    if (threshold !== null) {
+      const far = side === "left" ? low : high;
+      paint([at(threshold, 0), at(threshold, 1), at(far, 1), at(far, 0)], { fill: "critical", alpha: 0.1 });
+      paint([at(threshold, 0), at(threshold, 1)], { stroke: "critical" });
+    }
+    for (const { kind, values, band } of sets) {
+      const share = stepsOf(values.map((value) => value ?? Infinity), xs), line = (more) => share.map((y, k) => at(xs[k], y + more));
+      paint([...line(band), ...line(-band).reverse()], { fill: kind, alpha: 0.2 });
+      paint(line(0), { stroke: kind });
+    }
+  });
+}
+
+// Share of values at or below each of ascending places.
+function stepsOf(values, xs) {
+  const sorted = Float64Array.from(values).sort();
+  let below = 0;
+  return xs.map((x) => {
+    while (below < sorted.length && sorted[below] <= x) below++;
+    return below / sorted.length;
+  });
 }

@@ -79,6 +79,7 @@ function runReport(run) {
     drawPlayer();
     drawCard();
     if (any("selection", "child", "thresholds", "size")) drawCharts();
+    if (any("size")) drawTested();
     if (any("pair", "child", "step", "selection", "size", "view")) drawPair(any("pair", "child", "selection", "size"));
     if (any("selection", "find")) drawSelection();
     if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
@@ -150,6 +151,7 @@ function runReport(run) {
   });
 
   showTables(info.tables);
+  const drawTested = info.tested_curves.length ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
   if (byId("exact")) exactCard(info.exact);
   const redraw = () => state.change({}, "size");
   find.oninput = () => state.change({}, "find");
