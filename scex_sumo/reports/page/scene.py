@@ -55,7 +55,7 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
     Futures without a noise of their own share most tracks; of those with noise a page holds a sample.
     """
     wanted = wanted[:_MAX_FUTURES]
-    poses = _poses_of(wanted)
+    poses = poses_of(wanted)
     start = quantized(poses[0, :, 0], np.array(UNITS))
     known: dict[bytes, int] = {}
     first: list[tuple[int, int]] = []
@@ -90,7 +90,7 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
     )
 
 
-def _poses_of(futures: Sequence[Future]) -> FloatArray:
+def poses_of(futures: Sequence[Future]) -> FloatArray:
     """Return (P, V, 1 + T, 4) x, y, heading, speed from the seed moment on."""
     poses: dict[int, FloatArray] = {}
     for run, child, number in sorted(futures, key=lambda one: one[2]):

@@ -3,7 +3,8 @@
 const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
 const ROAD_UNIT = 0.05; // m, as in road_lines.py
 const POINTED_PX = 8; // reach of the pointer beyond a body
-const MAX_GHOSTS = 700; // drawn in a frame; more are thinned out
+const MAX_GHOSTS = 500; // drawn in a frame; more are thinned out
+const DASHED = 6; // px of a metre from which outlines are dashed: dashes take long to draw
 const SPARE = 1.5; // the ground is drawn as much larger than the map, so that it can move with a pair
 const ROAD_COLORS = ["road", "road", "mark", "border", "mark"]; // surface, area, marking, border, stop line
 
@@ -86,7 +87,7 @@ function makeMap(run, state, canvas) {
     if (child < 0 || isShown("ghosts")) drawGhosts(pen, child < 0 ? 0.75 : 0.25);
     drawOthers(pen);
     for (const v of vehicles) {
-      if (isShown("recorded") && run.recorded) body(pen, v, poseAt(run.recorded, frames, v, state.step), { stroke: "recorded", dash: [0.7, 0.5] });
+      if (isShown("recorded") && run.recorded) body(pen, v, poseAt(run.recorded, frames, v, state.step), { stroke: "recorded", dash: scale > DASHED ? [0.7, 0.5] : [] });
       if (child >= 0) body(pen, v, place(v), { fill: color(rowOf(v), child), stroke: "ink" });
     }
     if (isShown("heat")) drawHeat(pen);

@@ -1,7 +1,8 @@
 // Table of vehicles and models: how often a child is critical, given who drives a vehicle.
 
 function modelTable(run, state) {
-  const { models, track_ids: ids, under_test: tested } = run.info;
+  const { track_ids: ids, under_test: tested } = run.info, drawn = new Set(run.arrays.levels.values.subarray(0, run.children * run.vehicles));
+  const models = run.info.models.filter((_, model) => drawn.has(model)); // human-like models come after those of the stress test
   const titles = models.map((name) => ({ title: name.replaceAll("_", " "), as: "percent", none: "", down: true }));
   let mean;
   const table = makeTable(byId("models"), { columns: [{ title: "vehicle" }, ...titles], rows: [] }, { mark(cell, { given, v }, i) {

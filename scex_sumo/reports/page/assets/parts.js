@@ -17,7 +17,7 @@ function fillReport({ info }) {
   byId("shares").append(...metrics.map(() => (
     make("div.share", { hidden: true }, make("span"), make("div.bar", {}, make("i.drawn"), make("i.range"), make("i.likely")), make("b")))));
   byId("charts").append(...metrics.map((metric, m) => {
-    const limit = make("input", { type: "number", step: "any", title: "Threshold", ariaLabel: `Threshold of ${titled(metric)}` });
+    const limit = make("input", { type: "number", step: "any", placeholder: " ", title: "Threshold", ariaLabel: `Threshold of ${titled(metric)}` });
     const words = [
       ...(metric.recorded === null ? [] : [`recorded ${short(metric.recorded)} ${metric.unit}`]),
       ...(metric.defined < info.children ? [`defined in ${metric.defined} of ${info.children} futures`] : []),
