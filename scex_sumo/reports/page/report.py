@@ -47,7 +47,7 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str
     is_tested = run.baseline is not None and run.info.get("under_test")
     tables = {TABLE: table(HEADS, under_test_rows(run.under_test))} if is_tested else {}
     body = run_body(info, under_test_card(run), *exact_card(run))
-    more = {"tables": tables, "exact": exact_contents(run)}
+    more: dict[str, Any] = {"tables": tables, "exact": exact_contents(run)}
     more |= {"tested_curves": under_test_curves(run) if is_tested else []}
     return page_html(info["name"], body, SCRIPTS, info | more, arrays)
 

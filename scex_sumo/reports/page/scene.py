@@ -57,18 +57,8 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
     wanted = wanted[:_MAX_FUTURES]
     poses = poses_of(wanted)
     start = quantized(poses[0, :, 0], np.array(UNITS))
-    known: dict[bytes, int] = {}
-    first: list[tuple[int, int]] = []
-    which = np.empty(poses.shape[:2], dtype=np.int64)
-    for number, future in enumerate(quantized(poses, np.array(UNITS)).astype(np.int32)):
-        for vehicle, track in enumerate(future):
-            place = which[number, vehicle] = known.setdefault(
-                vehicle.to_bytes(4, "little") + track.tobytes(), len(known)
-            )
-            if place == len(first):
-                first.append((number, vehicle))
-    number, owner = np.array(first).T
-    some = slice(None, None, max(1, len(first) // _SAMPLED))
+    which, number, owner = _different(quantized(poses, np.array(UNITS)).astype(np.int32))
+    some = slice(None, None, max(1, len(owner) // _SAMPLED))
     codes = _coded(start, poses, number[some], owner[some])
     packed = len(zlib.compress(smallest(codes).tobytes())) / codes.shape[1]
     kept = np.maximum.accumulate(which.max(axis=1)) < max(budget / packed, which[0].max() + 1)
@@ -76,7 +66,7 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
     by_number = np.argsort(futures)
     used, since = np.unique(which[kept][by_number], return_index=True)
     order = used[np.lexsort((since, owner[used]))]
-    place = np.empty(len(first), dtype=np.int64)
+    place = np.empty(len(owner), dtype=np.int64)
     place[order] = np.arange(len(order)) - np.searchsorted(owner[order], owner[order])
     seen = poses[kept][..., :2]
     (left, low), (right, high) = seen.min(axis=(0, 1, 2)).tolist(), seen.max(axis=(0, 1, 2)).tolist()
@@ -88,6 +78,21 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
         owner=owner[order],
         box=(left, right, low, high),
     )
+
+
+def _different(poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return (P, V) the track of each vehicle, and of each different track (U,) its future and vehicle."""
+    known: dict[bytes, int] = {}
+    first: list[tuple[int, int]] = []
+    which = np.empty(poses.shape[:2], dtype=np.int64)
+    for number, future in enumerate(poses):
+        for vehicle, track in enumerate(future):
+            place = known.setdefault(vehicle.to_bytes(4, "little") + track.tobytes(), len(known))
+            which[number, vehicle] = place
+            if place == len(first):
+                first.append((number, vehicle))
+    numbers, owner = np.array(first).T
+    return which, numbers, owner
 
 
 def poses_of(futures: Sequence[Future]) -> FloatArray:

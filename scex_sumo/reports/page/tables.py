@@ -116,8 +116,7 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
             bits = 2 * (ttc < CRITICAL_TTC_S) + 4 * (pet < CRITICAL_PET_S) + 8 * (drac > CRITICAL_DRAC)
             tables.append((met, ("track_a", "track_b"), bits))
         for rows, names, values in tables:
-            one, other = ([where[track] for track in rows[name].to_pylist()] for name in names)
-            at = number[one, other]
+            at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]
             found[at[at >= 0], np.asarray(rows["child"])[at >= 0]] |= values[at >= 0]
     return np.concatenate(parts, axis=1)
 
