@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.base.errors import UsageError
-from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.page.charts import samples_of_both, ticks, value_range
 from scex_sumo.results.run import Run
@@ -24,18 +22,18 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
 
     ``atoms`` are values that many futures share, of both sets; ``defined`` counts the futures with a value.
     """
-    metric, rest = _metric_of_prefix(column.removesuffix("_mean"))
+    metric = metric_of(column)
     has_recorded = run.recorded is not None and column in run.recorded.column_names
     recorded = run.recorded_value(column) if has_recorded else None
     threshold = run.thresholds.get(column)
-    side = metric.side if metric else "left"
+    side = metric.side
     samples = np.sort(run.samples(column))
     view = value_range(samples_of_both(run, column), recorded, threshold)
     share = run.p_critical(column) if threshold is not None and samples.size else None
     return {
         "column": column,
-        "name": (metric.words if metric else "") + rest.replace("_", " "),
-        "unit": metric.column_unit if metric else "",
+        "name": metric.words,
+        "unit": metric.column_unit,
         "mean": column.endswith("_mean"),
         "side": side,
         "sign": "≤" if side == "left" else "≥",
@@ -59,18 +57,6 @@ def _atoms(run: Run, column: str) -> list[float]:
 def reflects(run: Run) -> bool:
     """Return whether densities of a run separate shared values and are reflected at 0."""
     return bool(run.info.get("reflect", True))
-
-
-def _metric_of_prefix(base: str) -> tuple[Metric | None, str]:
-    """Return the metric that a column begins with, e.g. ``ttc`` of ``ttc_path``, and the rest."""
-    words = base.split("_")
-    for count in range(len(words), 0, -1):
-        name = "_".join(words[:count])
-        try:
-            return metric_of(name), base[len(name) :]
-        except UsageError:
-            continue
-    return None, base
 
 
 def _worst_tenth(samples: FloatArray, side: str) -> float | None:
