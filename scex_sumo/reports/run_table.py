@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from rich.cells import cell_len
@@ -24,6 +24,13 @@ from scex_sumo.statistics.density import Interval
 SEVERITY: Final = "severe injuries [‰]"
 MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
+
+Head: TypeAlias = tuple[str, str, str]
+"""Title, format and hint of a column in the terminal and on a page.
+
+Formats: text, names and words (left-aligned), real, percent, seconds, metres.
+"""
+_FORMS = {"real": "{:.2f}", "percent": "{:.1%}", "seconds": "{:.1f} s", "metres": "{:.1f} m"}
 
 _WORST = 3  # encounters in words
 _ALWAYS = 0.95  # share from which a metric tells no futures apart
@@ -125,6 +132,21 @@ def _always(run: Run) -> list[str]:
         if column in run.columns and is_so and all(one.p_critical(column).value >= _ALWAYS for one in both):
             found.append(column)
     return found
+
+
+def console_table(
+    title: str, heads: Sequence[Head], rows: Sequence[Sequence[Any]], *, caption: str | None = None
+) -> Table:
+    """Return a table for the terminal; None is a dash, and a column of words may fold."""
+    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
+    for name, form, _ in heads:
+        left, words = form in ("names", "words"), form == "words"
+        style: dict[str, Any] = {"overflow": "fold"} if words else {"no_wrap": True}
+        table.add_column(Text(name), justify="left" if left else "right", **style)
+    forms = [_FORMS.get(form, "{}") for _, form, _ in heads]
+    for row in rows:
+        table.add_row(*(Text("–" if c is None else f.format(c)) for f, c in zip(forms, row, strict=True)))
+    return table
 
 
 def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
