@@ -70,10 +70,7 @@ def simulate(config: Path, window: Window = (None, None)) -> Recorded:
 
 
 def _recorded(config: Path, sumo: Any, window: Window) -> Recorded:
-    if sumo.simulation.getOption("mesosim") == "true":
-        raise TrackError(
-            f"{config}: a mesoscopic simulation, which has no positions on lanes; leave out mesosim"
-        )
+    refuse_mesoscopic(sumo, config)
     begin, end, step_s = sumo.simulation.getTime(), sumo.simulation.getEndTime(), sumo.simulation.getDeltaT()
     end = end if end > 0 else begin + WITHOUT_END_S
     first, last = (begin if window[0] is None else window[0]), (end if window[1] is None else window[1])
@@ -88,6 +85,12 @@ def _recorded(config: Path, sumo: Any, window: Window) -> Recorded:
         raise TrackError(f"{config}: no vehicle from {first:g} s to {last:g} s; {_first(sumo)}")
     sublane = float(sumo.simulation.getOption("lateral-resolution")) > 0
     return dataclasses.replace(recorded, notes=(SUBLANE,) if sublane else ())
+
+
+def refuse_mesoscopic(sumo: Any, what: object) -> None:
+    """Raise a `TrackError` if a simulation is mesoscopic."""
+    if sumo.simulation.getOption("mesosim") == "true":
+        raise TrackError(f"{what}: mesoscopic, without positions on lanes; simulate without mesosim")
 
 
 def _first(sumo: Any) -> str:

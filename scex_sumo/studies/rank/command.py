@@ -38,6 +38,8 @@ EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
 def rank_command(
     roots: Roots,
     every: Every = 1.0,
+    first_s: Annotated[float | None, Option("--from", metavar="S", help="First moment, s.")] = None,
+    last_s: Annotated[float | None, Option("--to", metavar="S", help="Last moment, s.")] = None,
     children: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
     first: Annotated[int, Option(help="Futures of every seed scene; close ranks get more.")] = 32,
     min_vehicles: MinVehicles = 2,
@@ -68,6 +70,7 @@ def rank_command(
             roots,
             out=out,
             every=every,
+            window=(first_s, last_s),
             children=children,
             first=first,
             min_vehicles=min_vehicles,
