@@ -21,6 +21,8 @@ EXPORTERS: Final = Registry(
         "interaction": "scex_sumo.exporters.tracks:write_interaction",
         "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
         "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
+        "ssm": "scex_sumo.exporters.conflicts:write_ssm",
+        "collisions": "scex_sumo.exporters.conflicts:write_collisions",
         "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
         "mp4": "scex_sumo.exporters.video:write_mp4",
         "gif": "scex_sumo.exporters.video:write_gif",
