@@ -108,7 +108,8 @@ class Dataset:
         origin: latitude and longitude of the coordinates by tracks and map; None if there is none.
         siblings: other recordings by the same tracker at the same site.
         repair: repair of this dataset's own defects before `repair_tracks`.
-        takes_window: whether ``read`` takes ``window=(first, last)``, s, and reads only that.
+        simulated: whether positions and velocities are exact, and ``read`` takes ``window=(first, last)``, s,
+            to simulate only that.
     """
 
     is_mine: Callable[[Path], bool]
@@ -119,7 +120,7 @@ class Dataset:
     origin: Callable[[Path, Path], tuple[float, float] | None] = lambda tracks, map_path: None
     siblings: Callable[[Path], Iterable[Path]] = lambda path: ()
     repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
-    takes_window: bool = False
+    simulated: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

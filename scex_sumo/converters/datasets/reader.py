@@ -29,7 +29,7 @@ def read_recorded(
         The recording, and a phrase for each thing left out.
     """
     dataset = dataset_of(paths[0])
-    table, notes = dataset.read(paths, net=net, **({"window": window} if dataset.takes_window else {}))
+    table, notes = dataset.read(paths, net=net, **({"window": window} if dataset.simulated else {}))
     check_values(table)
     return table, notes
 
@@ -66,7 +66,7 @@ def repaired(
     if table.has_cases:
         return table, findings
     table, before = dataset.repair(table)
-    table, after = repair_tracks(table)
+    table, after = repair_tracks(table, exact=dataset.simulated)
     if other_rate(table.step_s):
         vehicles, others = resample_tracks(table.vehicles), resample_tracks(table.others)
         recorded_s = table.step_s

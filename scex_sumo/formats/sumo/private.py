@@ -76,7 +76,9 @@ class PrivateRun:
             if option in _INPUTS:
                 files = [self._input(option, file) for file in _files(config, value)]
                 given[option] = ",".join(map(checked_path, files))
-            elif section not in _LEFT_OUT and kind != "FILE" and not re.search(r"output|\.file$", option):
+            elif (
+                section not in _LEFT_OUT and kind != "FILE" and not re.search(r"output|\.file$|^osg-", option)
+            ):
                 given[option] = value
         if NET not in given:
             raise MapError(f"{config}: no <net-file> in it; give the configuration of a simulation")

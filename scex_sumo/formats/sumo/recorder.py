@@ -27,10 +27,12 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene
 
 # Variables of TraCI.
-_SPEED, _POSITION, _ANGLE, _VEHICLE = 0x40, 0x42, 0x43, 0xC3
+_SPEED, _POSITION, _ANGLE, _VEHICLE, _STOP = 0x40, 0x42, 0x43, 0xC3, 0xB5
 _STATE, _PHASE, _PROGRAMME, _SPENT = 0x20, 0x28, 0x29, 0x38
 _NOWHERE_M = 1e8  # SUMO's coordinates of vehicles that are not in the network are beyond
+_PARKED = 2  # bit of a stop's state
 _RAILS = ("rail", "rail_urban", "rail_electric", "rail_fast", "subway", "cable_car")
+_RAIL_SIGNALS = (1, 2)
 _LIGHTS = {0: "static", 3: "actuated", 5: "delay_based"}  # types that go on; others hold their state
 
 Frame: TypeAlias = tuple[float, list[str], "array[float]"]
@@ -54,7 +56,7 @@ class Recorded:
     Attributes:
         frames: time, names and their rows of x, y, angle, speed, in SUMO's units.
         users: kind, length and width of each road user.
-        absent: time, names of teleporting vehicles, and number of those that wait to be inserted.
+        absent: time, teleporting vehicles, parked ones, and number of those that wait to be inserted.
         lights: changes of each traffic light, in order of time.
         programmes: by light and name.
         notes: on the simulation, one sentence each.
@@ -62,7 +64,7 @@ class Recorded:
 
     frames: deque[Frame] = field(default_factory=deque)
     users: dict[str, tuple[str, float, float]] = field(default_factory=dict)
-    absent: deque[tuple[float, tuple[str, ...], int]] = field(default_factory=deque)
+    absent: deque[tuple[float, tuple[str, ...], tuple[str, ...], int]] = field(default_factory=deque)
     lights: dict[str, list[Light]] = field(default_factory=dict)
     programmes: dict[tuple[str, str], Programme] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -102,9 +104,11 @@ class _Completion:
         time_s, notes = scene.time_s, list[str]()
         road, held = with_lights(scene.road, self.recorded, time_s)
         absent = [entry for entry in self.recorded.absent if abs(entry[0] - time_s) < STEP_S / 2]
-        for _, teleporting, waiting in absent[:1]:
+        for _, teleporting, parked, waiting in absent[:1]:
             if teleporting:
                 notes.append(f"vehicles that teleport at this moment are left out: {listed(teleporting)}")
+            if parked:
+                notes.append(f"vehicles that are parked are left out: {listed(parked)}")
             if waiting:
                 notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
         if held:
@@ -128,6 +132,10 @@ class Recorder:
         self.recorded = Recorded()
         self._known: set[str] = set()
         for light in sumo.trafficlight.getIDList():
+            if any(
+                int(logic.type) in _RAIL_SIGNALS for logic in sumo.trafficlight.getAllProgramLogics(light)
+            ):
+                continue  # they have no programme; SUMO makes them of the trains
             sumo.trafficlight.subscribe(light, [_STATE, _PHASE, _PROGRAMME, _SPENT])
 
     def take(self) -> float:
@@ -137,20 +145,23 @@ class Recorder:
         while recorded.frames and recorded.frames[-1][0] >= time_s:  # no step was made, or a state was loaded
             recorded.frames.pop()
             recorded.absent.pop()
-        names, values = list[str](), array("d")
-        for domain, more in ((sumo.vehicle, ()), (sumo.person, (_VEHICLE,))):
+        names, parked, values = list[str](), list[str](), array("d")
+        for domain, more in ((sumo.vehicle, _STOP), (sumo.person, _VEHICLE)):
             present = domain.getIDList()
             self._subscribe(domain, present, more)
             results = domain.getAllSubscriptionResults()
             for name in present:
                 state = results.get(name, {})
                 x, y = state.get(_POSITION, (np.inf, np.inf))
-                if abs(x) < _NOWHERE_M and not state.get(_VEHICLE):  # nobody in a vehicle
+                if state.get(_STOP, 0) & _PARKED:
+                    parked.append(name)
+                elif abs(x) < _NOWHERE_M and not state.get(_VEHICLE):  # nobody in a vehicle
                     names.append(name)
                     values.extend((x, y, state[_ANGLE], state[_SPEED]))
         recorded.frames.append((time_s, names, values))
         waiting = len(sumo.simulation.getPendingVehicles())
-        recorded.absent.append((time_s, tuple(sumo.vehicle.getTeleportingIDList()), waiting))
+        teleporting = tuple(sumo.vehicle.getTeleportingIDList())
+        recorded.absent.append((time_s, teleporting, tuple(parked), waiting))
         while self._keep_s is not None and recorded.frames[0][0] < time_s - self._keep_s:
             recorded.frames.popleft()
             recorded.absent.popleft()
@@ -164,11 +175,11 @@ class Recorder:
                 self._learn(light, now[0])
         return time_s
 
-    def _subscribe(self, domain: Any, names: Sequence[str], more: Sequence[int]) -> None:
+    def _subscribe(self, domain: Any, names: Sequence[str], more: int) -> None:
         for name in set(names) - self._known:
             self._known.add(name)
-            domain.subscribe(name, [_SPEED, _POSITION, _ANGLE, *more])
-            kind = "pedestrian" if more else str(domain.getVehicleClass(name))
+            domain.subscribe(name, [_SPEED, _POSITION, _ANGLE, more])
+            kind = "pedestrian" if more == _VEHICLE else str(domain.getVehicleClass(name))
             size = float(domain.getLength(name)), float(domain.getWidth(name))
             self.recorded.users[name] = "tram" if kind in _RAILS else kind, *size
 
@@ -202,12 +213,14 @@ def with_lights(road: Road | None, recorded: Recorded, time_s: float) -> tuple[R
         if logic is None or logic.kind is None or not logic.phases[phase : phase + 1]:
             held.append(name)
             only = {"duration": "1000", "state": state}
-            logic, phase = Programme(kind="static", phases=(only,), parameters={}), 0
+            programme, phase = "held", 0  # SUMO wants none with phases under the name "off"
+            logic = Programme(kind="static", phases=(only,), parameters={})
         lights[name] = _light(name, programme, logic, phase, time_s - since)
     if not lights:
         return road, []
     made_of = b"".join(ElementTree.tostring(light) for light in lights.values())
-    net = kept_net(road.net, road.net.read_bytes() + made_of, lambda: _relit(road.net, lights))
+    given = road.net
+    net = kept_net(given, given.read_bytes() + made_of, lambda: _relit(given, lights))
     return dataclasses.replace(road, net=net), held
 
 

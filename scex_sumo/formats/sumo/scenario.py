@@ -111,11 +111,10 @@ def _read(
         future = workers.submit(partial(simulate, path, window), where="in the simulation")
         assert future is not None
         try:
-            return future.result().tracks(path)
+            recorded: Recorded = future.result()
         except WorkersDied as died:
-            raise SimulationError(
-                f"{path}: SUMO crashed twice ({died.args[1][-1]}) in this scenario"
-            ) from None
+            raise SimulationError(f"{path}: SUMO crashed twice in it ({died.args[1][-1]})") from None
+    return recorded.tracks(path)
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
@@ -132,5 +131,5 @@ def _read_road(path: str | Path, **_: object) -> Road:
     return read_sumo_road(net)
 
 
-SCENARIO = Dataset(is_mine=is_scenario, read=_read, recordings=_recordings, takes_window=True)
+SCENARIO = Dataset(is_mine=is_scenario, read=_read, recordings=_recordings, simulated=True)
 SCENARIO_MAP = MapFormat(is_mine=is_scenario, read=_read_road, tracks=lambda path: path)

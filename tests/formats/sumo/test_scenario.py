@@ -134,18 +134,21 @@ def test_another_step_length_is_resampled_with_a_note(tmp_path: Path) -> None:
         assert any(words in note for note in notes), notes
 
 
-def test_teleporting_and_waiting_vehicles_are_left_out_with_a_note(tmp_path: Path) -> None:
+def test_teleporting_parked_and_waiting_vehicles_are_left_out_with_a_note(tmp_path: Path) -> None:
     routes = """<routes>
      <vehicle id="jumps" depart="0" departLane="1"><route edges="A0A1 A1B1 B1C1"/>
       <stop lane="A0A1_1" endPos="50" duration="1" jump="60"/></vehicle>
      <vehicle id="stands" depart="0" departLane="1"><route edges="C0B0 B0B1"/>
       <stop lane="C0B0_1" endPos="20" duration="500"/></vehicle>
+     <vehicle id="parks" depart="0" departLane="1"><route edges="B2B1 B1B0"/>
+      <stop lane="B2B1_1" endPos="40" duration="500" parking="true"/></vehicle>
      <flow id="f" begin="2" period="2" end="60" from="C0B0" to="B0B1" departLane="1"/>
     </routes>"""
     scene = read_seed(write_grid(tmp_path, routes=routes).config, time=TIME_S)
     assert any(note == "vehicles that teleport at this moment are left out: jumps" for note in scene.notes)
+    assert any(note == "vehicles that are parked are left out: parks" for note in scene.notes)
     assert any(note.startswith("vehicles that wait to be inserted are left out: ") for note in scene.notes)
-    assert "jumps" not in scene.source["vehicles"].values()
+    assert not {"jumps", "parks"} & set(scene.source["vehicles"].values())
 
 
 def test_left_hand_traffic_has_its_left_lane_on_the_left(tmp_path: Path) -> None:
