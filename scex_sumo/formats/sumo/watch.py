@@ -158,7 +158,7 @@ def _asking(what: str) -> Iterator[None]:
         if type(error).__name__ not in _CLOSED:
             raise
         raise SimulationError(
-            f"cannot {what} the simulation: {error}; start it before scex_sumo.watch, and close it after"
+            f"cannot {what} the simulation: {str(error).rstrip('.')}; start it before scex_sumo.watch, and close it after"
         ) from None
 
 
