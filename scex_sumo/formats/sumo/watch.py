@@ -157,8 +157,9 @@ def _asking(what: str) -> Iterator[None]:
     except Exception as error:
         if type(error).__name__ not in _CLOSED:
             raise
+        reason = str(error).rstrip(".")
         raise SimulationError(
-            f"cannot {what} the simulation: {str(error).rstrip('.')}; start it before scex_sumo.watch, and close it after"
+            f"cannot {what} the simulation: {reason}; start it before scex_sumo.watch, and close it after"
         ) from None
 
 
