@@ -15,7 +15,7 @@ from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.converters.net.net_cache import converted
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.exact_futures import find_exact, why_not_exact
 from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of

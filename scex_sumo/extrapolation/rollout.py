@@ -108,7 +108,9 @@ def roll_out(
         if step % replan == 0:
             history = history_at(scene, window, batch.children, batch.route_draw, step=step)
             for index, made in plans_of(batch.models, groups, history, road, batch.generators):
-                _take(made, plan, groups[index], batch.names[index])
+                who = groups[index]
+                usable = checked_plan(made, len(who), plan.shape[2], batch.names[index])
+                plan.assign((who.child, who.vehicle), usable)
                 replaced += _replaced(made, groups[index], batch, step)
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
             plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
@@ -161,21 +163,19 @@ def _read_only(values: FloatArray) -> FloatArray:
     return view
 
 
-def _take(made: Plan, plan: States, who: VehicleIndex, name: str) -> None:
-    needed = plan.shape[2]
-    parts = {"x": made.x, "y": made.y, "heading": made.heading, "speed": made.speed}
-    for key, values in parts.items():
-        if values.ndim != 2 or values.shape[0] != len(who) or values.shape[1] < needed:
+def checked_plan(made: Plan, count: int, steps: int, name: str) -> States:
+    """Return the first (n, steps) states of a model's plan; raise a `ScexError` for a bad plan."""
+    for key in ("x", "y", "heading", "speed"):
+        values = getattr(made, key)
+        if values.ndim != 2 or values.shape[0] != count or values.shape[1] < steps:
             raise ScexError(
                 f"behaviour model {name}: plan.{key} has shape {values.shape}, "
-                f"needs ({len(who)}, {needed}) or more steps"
+                f"needs ({count}, {steps}) or more steps"
             )
-        if not np.isfinite(values[:, :needed]).all():
-            bad = int((~np.isfinite(values[:, :needed])).any(axis=1).sum())
-            raise ScexError(
-                f"behaviour model {name}: plan.{key} is not finite for {bad} of {len(who)} vehicles"
-            )
-        getattr(plan, key)[who.child, who.vehicle] = values[:, :needed]
+        if not np.isfinite(values[:, :steps]).all():
+            bad = int((~np.isfinite(values[:, :steps])).any(axis=1).sum())
+            raise ScexError(f"behaviour model {name}: plan.{key} is not finite for {bad} of {count} vehicles")
+    return made[:, :steps]
 
 
 def _replaced(made: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:

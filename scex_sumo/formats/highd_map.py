@@ -42,7 +42,10 @@ def _read_road(path: Path, **_: object) -> Road:
     if not has_lane_markings(meta):
         raise MapError(f"{path}: no lane markings in it, so no road; give a Lanelet2 map (.osm)")
     upper, lower = (_markings(path, meta, f"{side}LaneMarkings") for side in ("upper", "lower"))
-    limit = float(meta.get("speedLimit") or -1.0)
+    try:
+        limit = float(meta.get("speedLimit") or -1.0)
+    except ValueError:
+        raise MapError(f"{path}: speedLimit is {meta['speedLimit']!r}; a number expected, in m/s") from None
     speed = limit if limit > 0.0 else NO_LIMIT_MPS
     lanes = _carriageway(upper, first_id=2, leftwards=True, speed_mps=speed)
     lanes |= _carriageway(lower, first_id=len(upper) + 2, leftwards=False, speed_mps=speed)
@@ -62,7 +65,7 @@ def _markings(path: Path, meta: dict[str, str], name: str) -> FloatArray:
         values = np.array([float(part) for part in text.split(";") if part.strip()])
     except ValueError:
         values = np.array([math.nan])
-    if len(values) < 2 or not (np.diff(values) > 1.0).all():
+    if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 1.0).all():
         raise MapError(f"{path}: {name} is {text!r}; rising numbers more than 1 m apart expected")
     return values
 

@@ -18,8 +18,8 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.projection import to_local
-from scex_sumo.converters.net.elements import Connection, NetLayout
-from scex_sumo.converters.net.traffic_lights import Programme, state
+from scex_sumo.converters.net.plan.layout import Connection, NetLayout
+from scex_sumo.converters.net.plan.lights import Programme, state
 from scex_sumo.converters.registries import SignalFormat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 
@@ -171,7 +171,7 @@ def _belongs(ways: _Ways, c: Connection, move: _Movement) -> bool:
     before = ways.shapes[c.from_edge, c.from_lane]
     end = before[-1]
     along, across = _offset(stop - end, heading(before, end=True))
-    if abs(along) > NEAR_M or abs(across) > BESIDE_M or abs(turn(leaving, c.link.entry)) > ALIGNED:
+    if abs(along) > NEAR_M or abs(across) > BESIDE_M or abs(turn(leaving, c.entry)) > ALIGNED:
         return False
     return any(_leads_along(shape, move.sink) for shape in ways.ahead(c, AHEAD_M))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +18,7 @@ from scex_sumo.commands.options import Origin
 if TYPE_CHECKING:
     from scex_sumo.converters.net.convert import SumoNet
     from scex_sumo.judge.report import FidelityReport
-    from scex_sumo.road import MapLoss, Road
+    from scex_sumo.road import Road
 
 
 EXAMPLE = "DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"
@@ -60,24 +59,43 @@ def convert_command(
         raise UsageError("--drive: needs a net to drive on, with --check NET --map MAP")
     if source is None:
         raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
+    from scex_sumo.converters.lanelet.origin import parse_origin
+    from scex_sumo.converters.lanelet.tags import parse_country
+    from scex_sumo.converters.maps import read_map
     from scex_sumo.judge.report import check_net
 
     started = time.perf_counter()
-    road = _read(source, origin, country)
+    place = parse_origin(origin) if origin is not None else None
+    limits = parse_country(country) if country is not None else None
+    road = read_map(source, origin=place, country=limits)
     if check is not None:
-        report, losses = _check(check, road, drive=drive), road.losses
+        report, losses, lines = _check(check, road, drive=drive), road.losses, []
     else:
         net = _convert(road, out, signals)
         seconds = time.perf_counter() - started
         report, losses = check_net(net.path, road, net.lanes), net.losses
+        lanes = len(road.vehicle_lanes)
+        lines = [
+            f"{net.path}: {lanes} lanelets for vehicles, {len(road.lanes) - lanes} others, {seconds:.2f} s"
+        ]
+        lines += [f"look: sumo-gui -n {net.path} -a {net.extras}"] if net.extras is not None else []
+    problems = report.problems()
     if json_report:
         timing = {} if check is not None else {"seconds": round(seconds, 3)}
         print(json.dumps({**report.to_dict(), **timing}, indent=2))
-    elif check is not None:
-        _print_report(report)
     else:
-        _print_net(net, road, seconds, report)
-    _verdict(check or net.path, report, losses, strict=strict, quiet=json_report)
+        if check is not None:
+            _print_figures(report)
+        lines += [f"- {problem}" for problem in problems]
+        lines += [f"{'warning: ' if loss.large else ''}lost: {loss}" for loss in losses]
+        faithful = "faithful: nothing of the map is lost, all figures are within their bounds"
+        print("\n".join(lines if problems or losses else [*lines, faithful]))
+    judged = check or net.path
+    if problems:
+        raise MapError(f"{judged}: not faithful to the map: {len(problems)} figures are out of bounds")
+    if strict and losses:
+        lost = ", ".join(f"{len(loss.elements)} {loss.kind} {loss.why}" for loss in losses)
+        raise MapError(f"{judged}: --strict, and the map lost {lost}; mend the map, or leave --strict out")
 
 
 def _convert(road: Road, out: Path | None, signals: Path | None) -> SumoNet:
@@ -106,53 +124,12 @@ def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
         return replace(report, driving=drive_net(allowed)) if drive else report
 
 
-def _verdict(
-    net_path: Path, report: FidelityReport, losses: Sequence[MapLoss], *, strict: bool, quiet: bool
-) -> None:
-    for loss in losses if not quiet else ():
-        print(f"{'warning: ' if loss.large else ''}lost: {loss}")
-    problems = report.problems()
-    if problems:
-        raise MapError(f"{net_path}: not faithful to the map: {len(problems)} figures are out of bounds")
-    if not losses and not quiet:
-        print("faithful: nothing of the map is lost, all figures are within their bounds")
-    if strict and losses:
-        lost = ", ".join(f"{len(loss.elements)} {loss.kind} {loss.why}" for loss in losses)
-        raise MapError(f"{net_path}: --strict, and the map lost {lost}; mend the map, or leave --strict out")
-
-
-def _read(map_path: Path, origin: str | None, country: str | None) -> Road:
-    from scex_sumo.converters.lanelet.origin import parse_origin
-    from scex_sumo.converters.lanelet.tags import parse_country
-    from scex_sumo.converters.maps import read_map
-
-    return read_map(
-        map_path,
-        origin=parse_origin(origin) if origin is not None else None,
-        country=parse_country(country) if country is not None else None,
-    )
-
-
-def _print_net(net: SumoNet, road: Road, seconds: float, report: FidelityReport) -> None:
-    lanes = len(road.vehicle_lanes)
-    print(f"{net.path}: {lanes} lanelets for vehicles, {len(road.lanes) - lanes} others, {seconds:.2f} s")
-    if net.extras is not None:
-        print(f"look: sumo-gui -n {net.path} -a {net.extras}")
-    for problem in report.problems():
-        print(f"- {problem}")
-
-
-def _print_report(report: FidelityReport) -> None:
+def _print_figures(report: FidelityReport) -> None:
     from rich.table import Table
 
     from scex_sumo.commands.console import output_console
 
     table = Table(box=None, show_header=False, pad_edge=False)
-    figures = report.to_dict()
-    figures |= {f"driving_{name}": value for name, value in figures.pop("driving", {}).items()}
-    for name, value in figures.items():
-        if isinstance(value, (int, float, str)):
-            table.add_row(name, f"{round(value, 4):.4g}" if isinstance(value, float) else str(value))
+    for row in report.rows():
+        table.add_row(*row)
     output_console().print(table)
-    for problem in report.problems():
-        print(f"- {problem}")

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.geometry.polylines import length_of
-from scex_sumo.judge.matching import angle_between, sample_headings, sample_line
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.geometry.polylines import length_of, wrap
+from scex_sumo.judge.matching import sample_headings, sample_line
 from scex_sumo.road import Lane
+from scex_sumo.roads.conflicts import runs
 
 NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there side by side
 JOINT_M = 0.3  # between coinciding ends
@@ -37,20 +38,17 @@ class JudgedConflict:
     turn_rad: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Trace:
-    lane: Lane
-    points: FloatArray
-    line: shapely.LineString
+    def __init__(self, lane: Lane) -> None:
+        self.lane, self.id = lane, lane.lane_id
+        self.line = shapely.LineString(lane.centreline)
+        self.points = sample_line(lane.centreline, LOOK_M)
 
-    def near(self, line: shapely.LineString) -> FloatArray:
-        off: FloatArray = shapely.distance(shapely.points(self.points), line)
-        return off
+    def near(self, line: shapely.LineString) -> BoolArray:
+        return np.asarray(shapely.distance(shapely.points(self.points), line) <= NEAR_M)
 
     def area(self) -> shapely.Polygon:
-        return shapely.Polygon(np.concatenate([self.lane.left_bound, self.lane.right_bound[::-1]])).buffer(
-            0.0
-        )
+        return shapely.Polygon(np.vstack([self.lane.left_bound, self.lane.right_bound[::-1]])).buffer(0.0)
 
 
 def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[JudgedConflict, ...]:
@@ -59,23 +57,14 @@ def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[JudgedConflict, ...]:
     Lanelets in a row, neighbours, branches of a fork, opposite directions that do not cross, and lanelets on
     different levels (not among ``Lane.conflicts``) are no conflicts.
     """
-    lines = {i: shapely.LineString(lane.centreline) for i, lane in lanes.items()}
-    traces = [
-        _Trace(lane=lanes[i], points=sample_line(lanes[i].centreline, LOOK_M), line=line)
-        for i, line in lines.items()
-        if line.length > 0.0
-    ]
-    if not traces:
+    traces = [_Trace(lane) for _, lane in sorted(lanes.items()) if length_of(lane.centreline) > 0.0]
+    lines = [trace.line for trace in traces]
+    if not lines:
         return ()
-    of_traces = [trace.line for trace in traces]
-    near = shapely.STRtree(of_traces).query(of_traces, predicate="dwithin", distance=NEAR_M)
-    pairs = ((traces[i], traces[j]) for i, j in near.T)
-    found = (
-        _classify(lanes, one, other)
-        for one, other in pairs
-        if one.lane.lane_id < other.lane.lane_id and not _beside(one.lane, other.lane)
-    )
-    return tuple(sorted((c for c in found if c is not None), key=lambda c: (c.first, c.second)))
+    near = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEAR_M)
+    pairs = ((traces[i], traces[j]) for i, j in sorted(near.T.tolist()) if i < j)
+    found = (_classify(lanes, one, other) for one, other in pairs if not _beside(one.lane, other.lane))
+    return tuple(conflict for conflict in found if conflict is not None)
 
 
 def _beside(one: Lane, other: Lane) -> bool:
@@ -84,36 +73,27 @@ def _beside(one: Lane, other: Lane) -> bool:
 
 
 def _classify(lanes: Mapping[int, Lane], one: _Trace, other: _Trace) -> JudgedConflict | None:
-    off = one.near(other.line)
-    runs = [
-        (_kind_of_run(lanes, one, other, start, end), start, end) for start, end in near_runs(off <= NEAR_M)
-    ]
-    kind = next((k for k in ("cross", "merge", "overlap") if any(k == run[0] for run in runs)), None)
+    spans = {_kind(lanes, one, other, *span): span for span in reversed(runs(one.near(other.line)))}
+    kind = next((kind for kind in ("cross", "merge", "overlap") if kind in spans), None)
     if kind is None:
         return None
-    start, end = next((start, end) for found, start, end in runs if found == kind)
-    at = start + int(np.argmin(off[start : end + 1]))
+    part = slice(spans[kind][0], spans[kind][1] + 1)
+    at = part.start + int(np.argmin(shapely.distance(shapely.points(one.points[part]), other.line)))
     partner = int(np.argmin(np.hypot(*(other.points - one.points[at]).T)))
-    turned = float(angle_between(sample_headings(one.points)[at], sample_headings(other.points)[partner]))
+    turned = float(wrap(sample_headings(other.points)[partner] - sample_headings(one.points)[at]))
     if abs(turned) > BACK_TO_BACK_RAD and (kind == "overlap" or not one.line.crosses(other.line)):
         return None  # no right of way helps where two lanelets run against each other
-    if kind != "merge" and other.lane.lane_id not in one.lane.conflicts:
+    if kind != "merge" and other.id not in one.lane.conflicts:
         return None  # a bridge: only the reader sees heights
     if kind == "overlap" and one.area().intersection(other.area()).area < OVERLAP_M2:
         return None
-    return JudgedConflict(first=one.lane.lane_id, second=other.lane.lane_id, kind=kind, turn_rad=turned)
+    return JudgedConflict(first=one.id, second=other.id, kind=kind, turn_rad=turned)
 
 
-def near_runs(near: BoolArray) -> list[tuple[int, int]]:
-    """Return the first and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(np.int8), [0]])))
-    return [(int(start), int(end) - 1) for start, end in edges.reshape(-1, 2)]
-
-
-def _kind_of_run(lanes: Mapping[int, Lane], one: _Trace, other: _Trace, start: int, end: int) -> str:
+def _kind(lanes: Mapping[int, Lane], one: _Trace, other: _Trace, start: int, end: int) -> str:
     a, b = one.lane, other.lane
-    piece = shapely.LineString(one.points[[start, end] if end - start < 1 else slice(start, end + 1)])
-    span = np.flatnonzero(other.near(piece) <= NEAR_M)
+    piece = shapely.LineString(one.points[[start, end] if end == start else slice(start, end + 1)])
+    span = np.flatnonzero(other.near(piece))
     if not len(span):
         return "touch"
     begins = start == 0 or span[0] == 0
@@ -126,9 +106,8 @@ def _kind_of_run(lanes: Mapping[int, Lane], one: _Trace, other: _Trace, start: i
     if begins and _joined(lanes, a, b, end=False):
         return "diverge"
     middle = one.line.intersection(other.line)
-    if middle.length < NEAR_M and not middle.is_empty and piece.distance(middle) <= NEAR_M:
-        return "cross"
-    return "overlap"
+    crosses = middle.length < NEAR_M and not middle.is_empty and piece.distance(middle) <= NEAR_M
+    return "cross" if crosses else "overlap"
 
 
 def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane) -> bool:
@@ -144,11 +123,11 @@ def _in_a_row(lanes: Mapping[int, Lane], a: Lane, b: Lane) -> bool:
 
 def _joined(lanes: Mapping[int, Lane], a: Lane, b: Lane, *, end: bool) -> bool:
     reached, level = {frozenset((a.lane_id, b.lane_id))}, [(a, b)]
-    for depth in range(CHAIN + 1):
+    for _ in range(CHAIN + 1):
         if any(_share(one, other, end=end) for one, other in level):
             return True
         following = []
-        for one, other in (*level, *(pair[::-1] for pair in level)) if depth < CHAIN else ():
+        for one, other in (*level, *(pair[::-1] for pair in level)):
             tip = shapely.Point(one.centreline[-1 if end else 0])
             if tip.distance(shapely.LineString(other.centreline)) <= NEAR_M:
                 for i in _next(one, end=end):
@@ -162,10 +141,10 @@ def _joined(lanes: Mapping[int, Lane], a: Lane, b: Lane, *, end: bool) -> bool:
 
 def _share(a: Lane, b: Lane, *, end: bool) -> bool:
     tips = [lane.centreline[-2:] if end else lane.centreline[:2] for lane in (a, b)]
-    apart = float(np.hypot(*(tips[0] - tips[1])[-1 if end else 0]))
     ways = [np.arctan2(*(tip[1] - tip[0])[::-1]) for tip in tips]
-    together = apart <= JOINT_M and abs(float(angle_between(*ways))) < BACK_TO_BACK_RAD
-    return together or bool(set(_next(a, end=end)) & set(_next(b, end=end)))
+    apart = np.hypot(*(tips[0] - tips[1])[-1 if end else 0])
+    together = apart <= JOINT_M and abs(wrap(ways[1] - ways[0])) < BACK_TO_BACK_RAD
+    return bool(together) or not set(_next(a, end=end)).isdisjoint(_next(b, end=end))
 
 
 def _next(lane: Lane, *, end: bool) -> tuple[int, ...]:

@@ -23,13 +23,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.programs import checked_path, program
 from scex_sumo.converters.net.reader import NetContent
-from scex_sumo.judge.matching import (
-    AHEAD_RAD,
-    Matching,
-    angle_between,
-    sample_headings,
-    sample_line,
-)
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.judge.matching import AHEAD_RAD, Matching, sample_headings, sample_line
 from scex_sumo.road import Road
 
 PROBE_STEP_M = 2.0
@@ -43,39 +38,44 @@ RETRY_S = 0.05
 RETRIES = int(LOAD_LIMIT_S / RETRY_S)
 
 
-def judge_loading(matching: Matching) -> dict[str, Any]:
-    """Load the net with sumo, sumolib and netconvert, and place a car on every lanelet's centreline."""
-    net = matching.net
-    said = _run(net.path, "sumo", "-n", "--no-step-log", "--end", "1", "--xml-validation", "never")
-    fatal = any(line.startswith("Error") for line in said)
-    refused = _run(net.path, "netconvert", "-s", "-o", os.devnull, "--offset.disable-normalization")
-    points, owners, directions = _probe_points(matching.road)
-    some = slice(None, None, len(owners) // MAX_PROBES + 1)  # a damaged map may have endless lanes
-    points, owners, directions = points[some], owners[some], directions[some]
-    found = [""] * len(owners) if fatal else _ask_sumo(net, points, directions)
-    misses = Counter(
-        owner
-        for point, direction, owner, lane in zip(points, directions, owners, found, strict=True)
-        if not _mapped(matching, owner, lane, point, direction)
-    )
-    return {
-        "sumo_warnings": said,
-        "sumolib_warnings": _sumolib_warnings(net.path),
-        "netconvert_errors": tuple(line for line in refused if line.startswith("Error")),
-        "probes": len(owners),
-        "probe_hits": len(owners) - misses.total(),
-        "lost_probes": tuple(sorted(misses.items(), key=lambda entry: (-entry[1], entry[0]))),
-    }
+class Loading:
+    """What sumo, sumolib and netconvert say about a net, and where SUMO puts cars on lanelets' centrelines.
+
+    Attributes:
+        probes: number of places; ``lost`` are those that SUMO puts onto other lanes, as (lanelet, places).
+    """
+
+    def __init__(self, matching: Matching) -> None:
+        net, limit = matching.net, LOAD_LIMIT_S
+        path, nowhere = checked_path(net.path.name), os.devnull
+        options = ("-n", path, "--no-step-log", "--end", "1", "--xml-validation", "never")
+        self.sumo = run(net.path.parent, limit, "sumo", *options)
+        refused = run(
+            net.path.parent, limit, "netconvert", "-s", path, "-o", nowhere, "--offset.disable-normalization"
+        )
+        self.netconvert = [line for line in refused if line.startswith("Error")]
+        self.sumolib = _sumolib_warnings(net.path)
+        points, owners, directions = _probe_points(matching.road)
+        fatal = any(line.startswith("Error") for line in self.sumo)
+        found = [""] * len(owners) if fatal else _ask_sumo(net, points, directions)
+        misses = Counter(
+            owner
+            for point, direction, owner, lane in zip(points, directions, owners, found, strict=True)
+            if not _mapped(matching, owner, lane, point, direction)
+        )
+        self.probes = len(owners)
+        self.lost = sorted(misses.items(), key=lambda entry: (-entry[1], entry[0]))
 
 
-def _run(net: Path, name: str, option: str, *options: str) -> tuple[str, ...]:
-    command = [program(name), option, checked_path(net.name), *options]
+def run(folder: Path, limit_s: float, name: str, *options: str) -> tuple[str, ...]:
+    """Run a program of SUMO in a folder; return what it complains about, errors as ``Error: ...``."""
+    command = [program(name), *options]
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=LOAD_LIMIT_S, check=False, cwd=net.parent
+            command, capture_output=True, text=True, timeout=limit_s, check=False, cwd=folder
         )
     except subprocess.TimeoutExpired:
-        return (f"Error: {name} was stopped after {LOAD_LIMIT_S:.0f} s",)
+        return (f"Error: {name} was stopped after {limit_s:.0f} s",)
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
     if done.returncode != 0 and not any(line.startswith("Error") for line in lines):
         lines.append(f"Error: {name} ended with status {done.returncode}")
@@ -93,20 +93,22 @@ def _sumolib_warnings(path: Path) -> tuple[str, ...]:
         except (LookupError, ValueError, AttributeError, TypeError, ElementTree.ParseError) as error:
             return (f"Error: sumolib cannot read it: {type(error).__name__}: {error}",)
     said = [str(one.message) for one in caught if not issubclass(one.category, DeprecationWarning)]
-    return tuple(said + [line for line in heard.getvalue().splitlines() if line.strip()])
+    return (*said, *filter(str.strip, heard.getvalue().splitlines()))
 
 
 def _probe_points(road: Road) -> tuple[FloatArray, list[int], FloatArray]:
-    points, owners, directions = [np.empty((0, 2))], [], [np.empty(0)]
+    parts: list[tuple[FloatArray, ...]] = [(np.empty((0, 2)), np.empty(0, np.int64), np.empty(0))]
     for lane_id, lane in road.vehicle_lanes.items():
         line = shapely.LineString(lane.centreline)
         end = min(PROBE_END_M, 0.25 * line.length)
         at = np.linspace(end, line.length - end, max(int(line.length / PROBE_STEP_M), 1) + 1)
-        points.append(shapely.get_coordinates(shapely.line_interpolate_point(line, at)))
-        step = points[-1] - shapely.get_coordinates(shapely.line_interpolate_point(line, at - 0.5 * end))
-        directions.append(np.arctan2(step[:, 1], step[:, 0]))
-        owners += [lane_id] * len(at)
-    return np.concatenate(points), owners, np.concatenate(directions)
+        points, before = (
+            shapely.get_coordinates(shapely.line_interpolate_point(line, s)) for s in (at, at - 0.5 * end)
+        )
+        parts.append((points, np.full(len(at), lane_id), np.arctan2(*(points - before).T[::-1])))
+    points, owners, directions = map(np.concatenate, zip(*parts, strict=True))
+    some = slice(None, None, len(owners) // MAX_PROBES + 1)  # a damaged map may have endless lanes
+    return points[some], owners[some].tolist(), directions[some]
 
 
 def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> list[str]:
@@ -163,12 +165,10 @@ def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direc
         return False
     line = sample_line(lanes[found].shape, 0.2)
     heading = sample_headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
-    return bool(abs(angle_between(direction, heading)) < AHEAD_RAD)
+    return bool(abs(wrap(heading - direction)) < AHEAD_RAD)
 
 
 def _covers(matching: Matching, found: str, place: shapely.Point, off: float) -> bool:
-    for lane in (matching.road.lanes[i] for i in matching.lanelets(found)):
-        distance = float(shapely.LineString(lane.centreline).distance(place))
-        if distance <= lane.width_m / 2 and abs(distance - off) <= SAME_PLACE_M:
-            return True
-    return False
+    lanes = [matching.road.lanes[i] for i in matching.lanelets(found)]
+    distances = [(lane, shapely.LineString(lane.centreline).distance(place)) for lane in lanes]
+    return any(m <= lane.width_m / 2 and abs(m - off) <= SAME_PLACE_M for lane, m in distances)

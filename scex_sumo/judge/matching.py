@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,6 +11,7 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.reader import NetContent
+from scex_sumo.geometry.polylines import samples, wrap
 from scex_sumo.road import Lane, Road
 
 SAMPLE_M = 0.5
@@ -48,8 +48,8 @@ class Matching:
 
     net: NetContent
     road: Road
-    by_lanelet: Mapping[int, tuple[Stretch, ...]]
-    by_sumo_lane: Mapping[str, tuple[Stretch, ...]]
+    by_lanelet: Mapping[int, Sequence[Stretch]]
+    by_sumo_lane: Mapping[str, Sequence[Stretch]]
 
     def names(self, lane_id: int) -> list[str]:
         """Return the SUMO lanes of a lanelet."""
@@ -62,23 +62,12 @@ class Matching:
 
 def sample_line(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
     """(N, 2) points along a polyline, at most ``step_m`` apart, both ends included."""
-    line = shapely.LineString(points)
-    at = np.linspace(0.0, line.length, max(int(np.ceil(line.length / step_m)), 1) + 1)
-    along: FloatArray = shapely.get_coordinates(shapely.line_interpolate_point(line, at))
-    return along
+    return samples(points, step_m)[1]
 
 
 def sample_headings(points: FloatArray) -> FloatArray:
     """(N,) rad, central differences along sampled points."""
-    step = np.gradient(points, axis=0) if len(points) > 1 else np.zeros_like(points)
-    angles: FloatArray = np.arctan2(step[:, 1], step[:, 0])
-    return angles
-
-
-def angle_between(heading_rad: FloatArray | float, other_rad: FloatArray | float) -> FloatArray:
-    """Return the angle from a heading to another, in [-pi, pi]."""
-    angle: FloatArray = np.angle(np.exp(1j * (np.asarray(other_rad) - heading_rad)))
-    return angle
+    return np.asarray(np.arctan2(*np.gradient(points, axis=0).T[::-1]))
 
 
 def match_lanelets(net: NetContent, road: Road, lanes: LaneNames | None) -> Matching:
@@ -87,17 +76,14 @@ def match_lanelets(net: NetContent, road: Road, lanes: LaneNames | None) -> Matc
         named = _by_geometry(net, road)
     else:
         named = [(i, name) for i in road.lanes for name in lanes.sumo_lanes(i) if name in net.lanes]
-    by_lanelet: dict[int, list[Stretch]] = defaultdict(list)
-    by_sumo_lane: dict[str, list[Stretch]] = defaultdict(list)
-    for lane_id, sumo_lane in named:
-        stretch = _stretch(road.lanes[lane_id], sumo_lane, net.lanes[sumo_lane].line)
-        by_lanelet[lane_id].append(stretch)
-        by_sumo_lane[sumo_lane].append(stretch)
-    in_order = {
-        name: tuple(sorted(on, key=lambda s: (s.start_m, s.end_m))) for name, on in by_sumo_lane.items()
-    }
-    found = {i: tuple(stretches) for i, stretches in by_lanelet.items()}
-    return Matching(net=net, road=road, by_lanelet=found, by_sumo_lane=in_order)
+    on = [_stretch(road.lanes[i], name, net.lanes[name].line) for i, name in named]
+    by_lanelet: dict[int, list[Stretch]] = {}
+    by_sumo_lane: dict[str, list[Stretch]] = {}
+    for stretch in on:
+        by_lanelet.setdefault(stretch.lane_id, []).append(stretch)
+    for stretch in sorted(on, key=lambda s: (s.start_m, s.end_m)):
+        by_sumo_lane.setdefault(stretch.sumo_lane, []).append(stretch)
+    return Matching(net=net, road=road, by_lanelet=by_lanelet, by_sumo_lane=by_sumo_lane)
 
 
 def _stretch(lane: Lane, sumo_lane: str, line: shapely.LineString) -> Stretch:
@@ -130,26 +116,25 @@ def _by_geometry(net: NetContent, road: Road) -> list[tuple[int, str]]:
 
 def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: float) -> bool:
     line = shapely.LineString(lane.centreline)
-    if line.length <= 0.0:
-        return False
-    at = shapely.line_locate_point(line, shapely.points(points))
+    at = shapely.line_locate_point(line, shapely.points(points)) if line.length > 0.0 else np.zeros(1)
     beside = (at > 1e-6) & (at < line.length - 1e-6)
     if not beside.any():
         return False
+    at = at[beside]
     off = shapely.distance(shapely.points(points[beside]), line)
-    ahead = shapely.get_coordinates(shapely.line_interpolate_point(line, at[beside] + 0.1))
-    behind = shapely.get_coordinates(shapely.line_interpolate_point(line, np.maximum(at[beside] - 0.1, 0.0)))
-    same_way = np.abs(angle_between(directions[beside], np.arctan2(*(ahead - behind).T[::-1]))) < AHEAD_RAD
+    ahead, behind = (
+        shapely.get_coordinates(shapely.line_interpolate_point(line, s))
+        for s in (at + 0.1, np.maximum(at - 0.1, 0.0))
+    )
+    same_way = np.abs(wrap(np.arctan2(*(ahead - behind).T[::-1]) - directions[beside])) < AHEAD_RAD
     if np.mean((off <= radius) & same_way) < COVERED or off.max() > 2 * radius:
         return False
     # The end of a long lane may brush past the lanelet's first half metre: too little to stand for it.
     whole = min(line.length, shapely.LineString(points).length)
-    return bool(np.ptp(at[beside]) >= min(1.0, 0.5 * whole))
+    return bool(np.ptp(at) >= min(1.0, 0.5 * whole))
 
 
 def _covered(lane: Lane, lanes: list[FloatArray], radius: float) -> bool:
-    if not lanes:
-        return False
     lines = shapely.union_all([shapely.LineString(points) for points in lanes])
     near = shapely.distance(shapely.points(sample_line(lane.centreline)), lines) <= radius
-    return bool(np.mean(near) >= COVERED)
+    return bool(np.mean(near) >= COVERED)  # nothing is near no lines: their distance is nan

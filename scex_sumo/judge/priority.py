@@ -1,209 +1,173 @@
-"""Right-of-way figures of a net: foes, who gives way, signals."""
+"""Right of way of a net beside the map's rules: foes, links that give way, signals."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from itertools import combinations
-from typing import Any
+from itertools import combinations, product
+from typing import TypeAlias
 
 import numpy as np
 import shapely
 
-from scex_sumo.converters.net.reader import NetContent, SumoLink
-from scex_sumo.judge.conflicts import NEAR_M, JudgedConflict, find_conflicts
-from scex_sumo.judge.matching import Matching, angle_between
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.converters.net.reader import SumoLink
+from scex_sumo.geometry.polylines import heading, wrap
+from scex_sumo.judge.conflicts import NEAR_M, find_conflicts
+from scex_sumo.judge.matching import Matching
 
-Pair = tuple[int, int]
+Pair: TypeAlias = tuple[int, int]
+LinkPair: TypeAlias = tuple[SumoLink, SumoLink]
 
 ZIPPER = "Z"  # SUMO's state for links that take turns
 GREENS = "GgoOsu"  # signal states in which a car may go, if need be after looking
 END_M = 2.0  # of a lane, for its direction
 RIGHT_RAD = (np.deg2rad(45.0), np.deg2rad(135.0))  # of traffic from the right
-
-
-def judge_priority(matching: Matching) -> dict[str, Any]:
-    """Compare the requests of the net's junctions with conflicts and rules of the map.
-
-    Pairs are lanelet ids (should yield, should go first).
-    """
-    net, road, links = matching.net, matching.road, Links(matching)
-    conflicts = find_conflicts(road.vehicle_lanes)
-    missing, apart = _missing_foes(links, conflicts)
-    regulated, wrong = _regulated(links, conflicts)
-    unregulated, wrong_right = _from_the_right(links, conflicts)
-    lit = {i for rule in road.regulations if rule.kind == "traffic_light" for i in rule.lanes}
-    lit = {i for i in lit if i in road.vehicle_lanes and links.of(i)}
-    return {
-        "conflicts": len(conflicts),
-        "crossing": sum(conflict.kind == "cross" for conflict in conflicts),
-        "merging": sum(conflict.kind == "merge" for conflict in conflicts),
-        "missing_foes": missing,
-        "foes_apart": apart,
-        "regulated_pairs": regulated,
-        "wrong_priority": wrong,
-        "signalled": len(lit),
-        "missing_signals": tuple(i for i in sorted(lit) if not _controlled(links, i)),
-        "clashing_greens": _named(p for p in links.pairs() if links.are_foes(*p) and _both(net, *p, "G")),
-        "from_the_right": unregulated,
-        "wrong_from_the_right": wrong_right,
-        "mutual_yields": _named(_mutual(links)),
-        "free_foes": _named(p for p in links.pairs() if _free(links, *p)),
-        "inconsistent_rows": _inconsistent(net),
-    }
-
-
-def _named(pairs: Iterable[tuple[SumoLink, SumoLink]]) -> tuple[tuple[str, str], ...]:
-    return tuple((one.via[0], other.via[0]) for one, other in pairs)
-
-
-def _controlled(links: Links, lane_id: int) -> bool:
-    ways = (links.of(lane_id), links.leaving(lane_id))
-    return any(all(_lit(links.net, link) for link in held) for held in ways if held)
-
-
-def _lit(net: NetContent, link: SumoLink) -> bool:
-    return any(link.signal_index < len(state) for state in net.phases.get(link.signal, ()))
-
-
-def _missing_foes(
-    links: Links, conflicts: Iterable[JudgedConflict]
-) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
-    missing, apart = [], []
-    for conflict in conflicts:
-        pair = (conflict.first, conflict.second)
-        pairs = links.meetings(*pair)
-        if not pairs and (links.one_source(*pair) or links.foes_before(*pair)):
-            continue
-        if not pairs or not all(links.are_foes(a, b) for a, b in pairs):
-            missing.append(pair)
-            if not any(a.junction == b.junction for a, b in pairs):
-                apart.append(pair)
-    return tuple(missing), tuple(apart)
-
-
-def _regulated(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[int, tuple[Pair, ...]]:
-    meeting = {pair for c in conflicts for pair in ((c.first, c.second), (c.second, c.first))}
-    rules = (rule for rule in links.matching.road.regulations if rule.kind != "all_way_stop")
-    ruled = {(y, p) for rule in rules for y in rule.yielding for p in rule.priority if y != p}
-    count, wrong = 0, []
-    for yielding, priority in sorted(ruled):
-        if (priority, yielding) in ruled:
-            continue  # the map contradicts itself
-        met = [
-            (one, other)
-            for one in links.ahead(yielding)
-            for other in links.ahead(priority)
-            if one is not other and one.from_lane != other.from_lane
-            # They meet behind the lanelets that the rule names.
-            if any(
-                (a, b) in meeting
-                for a in links.lanelets(one) | {yielding}
-                for b in links.lanelets(other) | {priority}
-            )
-        ]
-        count += bool(met)
-        # A lanelet in several pieces meets different lanelets with different ones of them.
-        near = [pair for pair in met if links.are_near(*pair)]
-        near = near or [
-            pair
-            for one, other in met
-            for a in links.lanelets(one) | {yielding}
-            for b in links.lanelets(other) | {priority}
-            if (a, b) in meeting
-            for pair in links.meetings(a, b)
-        ]
-        if not all(links.waits(one, other) for one, other in near or met):
-            wrong.append((yielding, priority))
-    return count, tuple(wrong)
-
-
-def _from_the_right(links: Links, conflicts: Iterable[JudgedConflict]) -> tuple[int, tuple[Pair, ...]]:
-    rules = links.matching.road.regulations
-    ruled = {i for rule in rules for i in (*rule.lanes, *rule.yielding, *rule.priority)}
-    count, wrong = 0, []
-    for conflict in conflicts:
-        order = (conflict.first, conflict.second)
-        if conflict.kind != "cross" or not RIGHT_RAD[0] <= abs(conflict.turn_rad) <= RIGHT_RAD[1]:
-            continue
-        both = [link for i in order for link in links.of(i)]
-        if any(link.signal or links.lanelets(link, approach=True) & ruled for link in both):
-            continue
-        # A positive turn: the second's heading lies to the left of the first's, so it comes from the right.
-        order = order if conflict.turn_rad > 0 else order[::-1]
-        pairs = [(a, b) for a, b in links.meetings(*order) if links.are_foes(a, b)]
-        if pairs and not all(_opposed(links, a, b) for a, b in pairs):
-            count += 1
-            if not all(links.waits(a, b) for a, b in pairs):
-                wrong.append(order)
-    return count, tuple(wrong)
-
-
-def _opposed(links: Links, one: SumoLink, other: SumoLink) -> bool:
-    ends = [links.net.lanes[link.from_lane].line for link in (one, other)]
-    # Over some length, because the last segment may be tiny.
-    tips = [(np.array(line.interpolate(-END_M).xy), np.array(line.coords[-1])) for line in ends]
-    ways = [np.arctan2(*(tip - before[:, 0])[::-1]) for before, tip in tips]
-    return not RIGHT_RAD[0] <= abs(angle_between(*ways)) <= RIGHT_RAD[1]
-
-
-def _mutual(links: Links) -> Iterator[tuple[SumoLink, SumoLink]]:
-    rules = (rule for rule in links.matching.road.regulations if rule.kind == "all_way_stop")
-    stops = {i for rule in rules for i in (rule.yielding or rule.lanes)}
-    for one, other in links.pairs():
-        if not (links.yields(one, other) and links.yields(other, one)):
-            continue
-        if links.net.junctions[one.junction].kind == "allway_stop" or one.state == other.state == ZIPPER:
-            continue
-        stopped = all(links.lanelets(link, approach=True) & stops for link in (one, other))
-        if not stopped and _both(links.net, one, other, GREENS) is not False:
-            yield one, other
-
-
-def _both(net: NetContent, one: SumoLink, other: SumoLink, letters: str) -> bool | None:
-    states = net.phases.get(one.signal)
-    if states is None or one.signal != other.signal:
-        return None
-    last = max(one.signal_index, other.signal_index)
-    return any(
-        last < len(state) and state[one.signal_index] in letters and state[other.signal_index] in letters
-        for state in states
-    )
-
-
-def _free(links: Links, one: SumoLink, other: SumoLink) -> bool:
-    free = not links.yields(one, other) and not links.yields(other, one)
-    return free and links.are_foes(one, other) and not (one.signal and other.signal)
-
-
-def _inconsistent(net: NetContent) -> tuple[str, ...]:
-    return tuple(
-        sorted(
-            name
-            for name, junction in net.junctions.items()
-            if (junction.foes != junction.foes.T).any() or (junction.response & ~junction.foes).any()
-        )
-    )
-
-
 JOINT_M = 0.25  # a link this short without foes is none to meet on
 AHEAD_LINKS = 4  # an approach may lie this many plain links before its intersection
 
 
-class Links:
+class RightOfWay:
+    """Requests of a net's junctions beside conflicts and rules of the map.
+
+    Attributes:
+        conflicts: of the map's lanelets, by geometry.
+        missing_foes: pairs of lanelets; those ``apart`` do not even share a junction.
+        regulated: number of pairs with a rule; ``wrong`` (should yield, should go) are the net's mistakes.
+        from_the_right, wrong_right: the same of pairs without a rule.
+        signalled: lanelets with a traffic light.
+    """
+
+    def __init__(self, matching: Matching) -> None:
+        self.net, self.rules = matching.net, matching.road.regulations
+        self.links = links = _Links(matching)
+        self._ruled = {i for rule in self.rules for i in (*rule.lanes, *rule.yielding, *rule.priority)}
+        self.conflicts = find_conflicts(matching.road.vehicle_lanes)
+        self.missing_foes, self.apart = list[Pair](), list[Pair]()
+        self.from_the_right, self.wrong_right = 0, list[Pair]()
+        self.regulated, self.wrong = 0, list[Pair]()
+        for conflict in self.conflicts:
+            self._judge_foes((conflict.first, conflict.second))
+            if conflict.kind == "cross" and RIGHT_RAD[0] <= abs(conflict.turn_rad) <= RIGHT_RAD[1]:
+                # A positive turn: the second heads to the left of the first, so it comes from the right.
+                both = (conflict.first, conflict.second)
+                self._judge_right(*(both if conflict.turn_rad > 0 else both[::-1]))
+        meeting = {pair for c in self.conflicts for pair in ((c.first, c.second), (c.second, c.first))}
+        rules = [rule for rule in self.rules if rule.kind != "all_way_stop"]
+        ruled = {(y, p) for rule in rules for y in rule.yielding for p in rule.priority if y != p}
+        for yielding, priority in sorted(ruled):
+            if (priority, yielding) not in ruled:  # else the map contradicts itself
+                self._judge_rule(yielding, priority, meeting)
+        lit = {i for rule in self.rules if rule.kind == "traffic_light" for i in rule.lanes}
+        self.signalled = sorted(i for i in lit if i in matching.road.vehicle_lanes and links.of(i))
+
+    def _judge_foes(self, pair: Pair) -> None:
+        links, pairs = self.links, self.links.meetings(*pair)
+        if not pairs and (links.one_source(*pair) or links.foes_before(*pair)):
+            return
+        if not pairs or not all(links.are_foes(a, b) for a, b in pairs):
+            self.missing_foes.append(pair)
+            if not any(a.junction == b.junction for a, b in pairs):
+                self.apart.append(pair)
+
+    def _judge_right(self, yielding: int, priority: int) -> None:
+        links = self.links
+        both = [link for i in (yielding, priority) for link in links.of(i)]
+        if any(link.signal or links.lanelets(link, approach=True) & self._ruled for link in both):
+            return
+        pairs = [(a, b) for a, b in links.meetings(yielding, priority) if links.are_foes(a, b)]
+        if pairs and not all(self._opposed(a, b) for a, b in pairs):
+            self.from_the_right += 1
+            if not all(links.waits(a, b) for a, b in pairs):
+                self.wrong_right.append((yielding, priority))
+
+    def _opposed(self, one: SumoLink, other: SumoLink) -> bool:
+        ends = (self.net.lanes[link.from_lane].shape for link in (one, other))
+        ways = [heading(shape, end=True, reach=END_M) for shape in ends]
+        return not RIGHT_RAD[0] <= abs(wrap(ways[1] - ways[0])) <= RIGHT_RAD[1]
+
+    def _judge_rule(self, yielding: int, priority: int, meeting: set[Pair]) -> None:
+        links = self.links
+        met: dict[LinkPair, list[Pair]] = {}
+        for one, other in product(links.ahead(yielding), links.ahead(priority)):
+            # They meet behind the lanelets that the rule names.
+            on = product(links.lanelets(one) | {yielding}, links.lanelets(other) | {priority})
+            places = [pair for pair in on if pair in meeting]
+            if places and one is not other and one.from_lane != other.from_lane:
+                met[one, other] = places
+        self.regulated += bool(met)
+        near = [pair for pair in met if links.are_near(*pair)]
+        # A lanelet in several pieces meets different lanelets with different ones of them.
+        near = near or [
+            pair for places in met.values() for place in places for pair in links.meetings(*place)
+        ]
+        if not all(links.waits(one, other) for one, other in (near or met)):
+            self.wrong.append((yielding, priority))
+
+    def missing_signals(self) -> list[int]:
+        """Return the lanelets with a traffic light that nothing controls."""
+        ways = {i: (self.links.of(i), self.links.leaving(i)) for i in self.signalled}
+        return [i for i in self.signalled if not any(held and all(map(self._lit, held)) for held in ways[i])]
+
+    def _lit(self, link: SumoLink) -> bool:
+        return any(link.signal_index < len(state) for state in self.net.phases.get(link.signal, ()))
+
+    def clashing_greens(self) -> list[tuple[str, str]]:
+        """Return the foes, by their internal lanes, that both have green without having to look."""
+        return _named(p for p in self.links.pairs() if self.links.are_foes(*p) and self._both(*p, "G"))
+
+    def mutual_yields(self) -> list[tuple[str, str]]:
+        """Return the links that yield to each other for ever."""
+        rules = (rule for rule in self.rules if rule.kind == "all_way_stop")
+        stops = {i for rule in rules for i in (rule.yielding or rule.lanes)}
+        return _named(pair for pair in self.links.pairs() if self._wait_for_each_other(*pair, stops))
+
+    def _wait_for_each_other(self, one: SumoLink, other: SumoLink, stops: set[int]) -> bool:
+        links = self.links
+        if not (links.yields(one, other) and links.yields(other, one)) or one.state == other.state == ZIPPER:
+            return False
+        if self.net.junctions[one.junction].kind == "allway_stop":
+            return False
+        stopped = all(links.lanelets(link, approach=True) & stops for link in (one, other))
+        return not stopped and self._both(one, other, GREENS) is not False
+
+    def _both(self, one: SumoLink, other: SumoLink, letters: str) -> bool | None:
+        """Whether two links show some of the letters at once; None if they have no common light."""
+        states = self.net.phases.get(one.signal)
+        if states is None or one.signal != other.signal:
+            return None
+        shown = ((state[k : k + 1] for k in (one.signal_index, other.signal_index)) for state in states)
+        return any(all(letter and letter in letters for letter in both) for both in shown)
+
+    def free_foes(self) -> list[tuple[str, str]]:
+        """Return the foes without a light of which neither yields."""
+        foes = [
+            p for p in self.links.pairs() if self.links.are_foes(*p) and not (p[0].signal and p[1].signal)
+        ]
+        return _named((a, b) for a, b in foes if not self.links.yields(a, b) and not self.links.yields(b, a))
+
+    def inconsistent_rows(self) -> list[str]:
+        """Return the junctions whose requests contradict each other."""
+        rows = [(name, j.foes, j.response) for name, j in sorted(self.net.junctions.items())]
+        return [name for name, foes, yields in rows if (foes != foes.T).any() or (yields & ~foes).any()]
+
+
+def _named(pairs: Iterable[LinkPair]) -> list[tuple[str, str]]:
+    return [(one.via[0], other.via[0]) for one, other in pairs]
+
+
+class _Links:
     """Links of a net by the lanelets that they lead through, leave or approach."""
 
     def __init__(self, matching: Matching) -> None:
-        self.matching = matching
-        self.net = matching.net
+        self.matching, self.net = matching, matching.net
         self._lines: dict[SumoLink, shapely.MultiLineString] = {}
         self._through: dict[int, list[SumoLink]] = defaultdict(list)
         self._leaving: dict[str, list[SumoLink]] = defaultdict(list)
-        self._lanelets: dict[SumoLink, set[int]] = {}
-        for link in self.net.links:
-            self._lanelets[link] = {i for lane in link.via for i in matching.lanelets(lane)}
+        self._lanelets = {k: {i for lane in k.via for i in matching.lanelets(lane)} for k in self.net.links}
+        for link, under in self._lanelets.items():
             self._leaving[link.from_lane].append(link)
-            for lane_id in self._lanelets[link]:
+            for lane_id in under:
                 self._through[lane_id].append(link)
 
     def lanelets(self, link: SumoLink, *, approach: bool = False) -> set[int]:
@@ -213,28 +177,39 @@ class Links:
 
     def of(self, lane_id: int) -> list[SumoLink]:
         """Return the links through a lanelet or leaving it."""
-        lanes = {name for name in self.matching.names(lane_id) if not self.net.lanes[name].internal}
-        return list(dict.fromkeys([*self._through.get(lane_id, ()), *self._from(lanes)]))
+        return list(dict.fromkeys([*self._through.get(lane_id, ()), *self._from_lanes_of(lane_id)]))
 
     def leaving(self, lane_id: int) -> list[SumoLink]:
         """Return the links from a lanelet's own lanes onto others."""
-        lanes = {name for name in self.matching.names(lane_id) if not self.net.lanes[name].internal}
-        return [k for k in self._from(lanes) if lane_id not in self.matching.lanelets(k.to_lane)]
+        links = self._from_lanes_of(lane_id)
+        return [link for link in links if lane_id not in self.matching.lanelets(link.to_lane)]
 
-    def meetings(self, first_id: int, second_id: int) -> list[tuple[SumoLink, SumoLink]]:
+    def _from_lanes_of(self, lane_id: int) -> list[SumoLink]:
+        return self._from(n for n in self.matching.names(lane_id) if not self.net.lanes[n].internal)
+
+    def _from(self, lanes: Iterable[str]) -> list[SumoLink]:
+        return [link for lane in sorted({*lanes}) for link in self._leaving.get(lane, ())]
+
+    def meetings(self, first_id: int, second_id: int) -> list[LinkPair]:
         """Return pairs of links from different lanes with which two lanelets get in each other's way."""
         return [
             (one, other)
-            for one in self._links_between(first_id, second_id)
-            for other in self._links_between(second_id, first_id)
+            for one in self._links_near(first_id, second_id)
+            for other in self._links_near(second_id, first_id)
             if one.from_lane != other.from_lane and self.are_near(one, other)
         ]
+
+    def _links_near(self, lane_id: int, other_id: int) -> Iterator[SumoLink]:
+        other = shapely.LineString(self.matching.road.lanes[other_id].centreline)
+        for link in self.of(lane_id):
+            joint = not self._foes(link).any() and self._line(link).length < JOINT_M
+            if not joint and self._line(link).distance(other) <= NEAR_M:
+                yield link
 
     def foes_before(self, first_id: int, second_id: int) -> bool:
         """Whether links are foes without a meeting, because one lanelet ends within the other."""
         leaving = any(not self.matching.road.lanes[i].successors for i in (first_id, second_id))
-        pairs = ((one, other) for one in self.of(first_id) for other in self.of(second_id))
-        return leaving and any(self.are_foes(*pair) for pair in pairs)
+        return leaving and any(self.are_foes(a, b) for a in self.of(first_id) for b in self.of(second_id))
 
     def are_near(self, one: SumoLink, other: SumoLink) -> bool:
         """Whether two links come as near to each other as a conflict does."""
@@ -249,11 +224,13 @@ class Links:
         """Return links with foes of a lanelet or, for an approach, ahead of it; else its own."""
         links = self.of(lane_id)
         for _ in range(AHEAD_LINKS):
-            contested = [k for k in links if k.row >= 0 and self.net.junctions[k.junction].foes[k.row].any()]
-            if contested:
+            if contested := [link for link in links if self._foes(link).any()]:
                 return contested
-            links = self._from({link.to_lane for link in links})
+            links = self._from(link.to_lane for link in links)
         return self.of(lane_id)
+
+    def _foes(self, link: SumoLink) -> BoolArray:
+        return self.net.junctions[link.junction].foes[link.row] if link.row >= 0 else np.zeros(0, np.bool_)
 
     def yields(self, one: SumoLink, other: SumoLink) -> bool:
         """Whether the first of two links of one junction gives way to the second."""
@@ -261,16 +238,14 @@ class Links:
 
     def are_foes(self, one: SumoLink, other: SumoLink) -> bool:
         """Whether two links are foes, in both rows."""
-        if one.junction != other.junction or one.row < 0 or other.row < 0:
-            return False
-        foes = self.net.junctions[one.junction].foes
-        return bool(foes[one.row, other.row] and foes[other.row, one.row])
+        rows = one.junction == other.junction and one.row >= 0 and other.row >= 0
+        return rows and bool(self._foes(one)[other.row] and self._foes(other)[one.row])
 
     def waits(self, one: SumoLink, other: SumoLink) -> bool:
         """Whether the first of two foes gives way, and the second does not."""
         return self.are_foes(one, other) and self.yields(one, other) and not self.yields(other, one)
 
-    def pairs(self) -> Iterator[tuple[SumoLink, SumoLink]]:
+    def pairs(self) -> Iterator[LinkPair]:
         """Every pair of links that have rows in one junction, once."""
         rows: dict[str, dict[int, SumoLink]] = defaultdict(dict)
         for link in self.net.links:
@@ -278,21 +253,6 @@ class Links:
                 rows[link.junction][link.row] = link
         for of_junction in rows.values():
             yield from combinations((link for _, link in sorted(of_junction.items())), 2)
-
-    def _from(self, lanes: Iterable[str]) -> list[SumoLink]:
-        return [link for lane in sorted(lanes) for link in self._leaving.get(lane, ())]
-
-    def _links_between(self, lane_id: int, other_id: int) -> list[SumoLink]:
-        other = shapely.LineString(self.matching.road.lanes[other_id].centreline)
-        return [
-            link
-            for link in self.of(lane_id)
-            if not self._is_joint(link) and self._line(link).distance(other) <= NEAR_M
-        ]
-
-    def _is_joint(self, link: SumoLink) -> bool:
-        foes = link.row >= 0 and self.net.junctions[link.junction].foes[link.row].any()
-        return not foes and self._line(link).length < JOINT_M
 
     def _line(self, link: SumoLink) -> shapely.MultiLineString:
         if link not in self._lines:

@@ -70,15 +70,18 @@ class Collisions(Rows):
         return hit
 
 
-def find_collisions(tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2) -> Collisions:
+def find_collisions(
+    tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2, vehicle: int | None = None
+) -> Collisions:
     """Find the first collision of every pair in every child.
 
     Args:
         limit_m2: overlap above which vehicles collide that do not touch at the seed moment; `CONTACT_M2` for
             simulated tracks.
+        vehicle: only collisions of the vehicle with this index.
     """
     start = max(tracks.first - 1, 0)
-    moves = _contacts(near_moves(tracks, start))
+    moves = _contacts(near_moves(tracks, start, vehicle))
     limit = _limits(moves, start, limit_m2)
     at, which = _first_of_pair(moves, *_exceeding(moves, limit))
     if not len(which):
@@ -176,8 +179,11 @@ class Moves:
         return (self.child, self.step, vehicle), (self.child, np.minimum(self.step + 1, last), vehicle)
 
 
-def near_moves(tracks: SceneTracks, start: int) -> Moves:
-    """Find all moves from a step on in which the circles around two present vehicles meet."""
+def near_moves(tracks: SceneTracks, start: int, vehicle: int | None = None) -> Moves:
+    """Find all moves from a step on in which the circles around two present vehicles meet.
+
+    ``vehicle``: only pairs with the vehicle with this index.
+    """
     x, y = tracks.states.x[:, start:], tracks.states.y[:, start:]
     radius = np.hypot(tracks.length, tracks.width) / 2
     radius = np.broadcast_to(radius, (x.shape[0], x.shape[2]))
@@ -188,6 +194,9 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
         high = values if present is None else np.where(present, values, -np.inf)
         boxes += [low.min(axis=1) - radius, high.max(axis=1) + radius]
     one, two = np.triu_indices(x.shape[2], 1)
+    if vehicle is not None:
+        with_it = (one == vehicle) | (two == vehicle)
+        one, two = one[with_it], two[with_it]
     meet = np.ones((x.shape[0], one.size), dtype=bool)
     for low, high in ((boxes[0], boxes[1]), (boxes[2], boxes[3])):
         meet &= (low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])

@@ -204,23 +204,21 @@ def overlapping(lanes: Mapping[int, Lane], centres: Mapping[int, FloatArray]) ->
         centres: centreline by lane id, (P, 3) with heights or (P, 2).
     """
     ids = [i for i, lane in lanes.items() if lane.kind == "vehicle"]
-    areas = [_area(lanes[i]) for i in ids]
+    rings = [np.concatenate([lanes[i].right_bound, lanes[i].left_bound[::-1]]) for i in ids]
+    areas = shapely.make_valid([shapely.Polygon(ring) for ring in rings])
+    areas = shapely.buffer(areas, -TOUCH_M, quad_segs=16)
+    # Without heights: low is inf, high is -inf.
+    low = {i: line[:, 2:].min(initial=np.inf) for i, line in centres.items()}
+    high = {i: line[:, 2:].max(initial=-np.inf) for i, line in centres.items()}
     found: dict[int, set[int]] = {i: set() for i in ids}
-    if ids:
-        pairs = shapely.STRtree(areas).query(areas, predicate="intersects")
-        for one, other in pairs.T:
-            a, b = ids[one], ids[other]
-            if a < b and not _follow_or_neighbour(lanes[a], lanes[b]):
-                shared = shapely.centroid(shapely.intersection(areas[one], areas[other]))
-                if _on_one_level(centres[a], centres[b], shared):
-                    found[a].add(b)
-                    found[b].add(a)
+    for one, other in shapely.STRtree(areas).query(areas, predicate="intersects").T.tolist():
+        a, b = ids[one], ids[other]
+        if a < b and not _follow_or_neighbour(lanes[a], lanes[b]):
+            level = max(high[a] - low[b], high[b] - low[a]) < MIN_HEADROOM_M
+            if level or _on_one_level(centres[a], centres[b], shapely.intersection(areas[one], areas[other])):
+                found[a].add(b)
+                found[b].add(a)
     return {i: replace(lane, conflicts=tuple(sorted(found.get(i, ())))) for i, lane in lanes.items()}
-
-
-def _area(lane: Lane) -> shapely.Geometry:
-    ring = np.concatenate([lane.right_bound, lane.left_bound[::-1]])
-    return shapely.make_valid(shapely.Polygon(ring)).buffer(-TOUCH_M)
 
 
 def _follow_or_neighbour(a: Lane, b: Lane) -> bool:
@@ -228,9 +226,9 @@ def _follow_or_neighbour(a: Lane, b: Lane) -> bool:
     return a.lane_id == b.reverse_of or b.lane_id in (*beside, *a.successors, *a.predecessors)
 
 
-def _on_one_level(a: FloatArray, b: FloatArray, where: shapely.Point) -> bool:
-    if a.shape[1] < 3 or b.shape[1] < 3 or where.is_empty:
+def _on_one_level(a: FloatArray, b: FloatArray, shared: shapely.Geometry) -> bool:
+    if a.shape[1] < 3 or b.shape[1] < 3 or shared.is_empty:
         return True
-    place = np.array([where.x, where.y])
+    place = np.array(shared.centroid.coords[0])
     levels = [line[np.argmin(np.hypot(*(line[:, :2] - place).T)), 2] for line in (a, b)]
     return abs(float(levels[0] - levels[1])) < MIN_HEADROOM_M

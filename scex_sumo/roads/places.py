@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.geometry.polylines import project
+from scex_sumo.geometry.polylines import headings, length_of, project, samples
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import conflicts
-from scex_sumo.roads.relations import ways_round
 
 MAX_RING_M = 400.0  # longer ways round are blocks of streets
+MAX_STRAIGHT = 0.18  # share of a ring that is straight; sides of a square have nearly 0.25
+STRAIGHT_RAD = 0.17
 AROUND_M = 5.0
 PLACES = ("ring", "crossing", "merge", "lane")
 
@@ -41,8 +44,37 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
 @owner_cache
 def _rings(road: Road) -> frozenset[int]:
     lanes = list(road.vehicle_lanes.values())
-    short = ways_round(lanes) <= MAX_RING_M
-    return frozenset(lane.lane_id for lane, ring in zip(lanes, short.tolist(), strict=True) if ring)
+    number = {lane.lane_id: k for k, lane in enumerate(lanes)}
+    length = np.array([length_of(lane.centreline) for lane in lanes])
+    links = [(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number]
+    tail, head = np.array(links, dtype=np.int64).reshape(-1, 2).T
+    graph = csr_array((length[tail], (tail, head)), shape=(len(lanes), len(lanes)))
+    rings: set[int] = set()
+    for k in range(len(lanes)):
+        if k in rings:
+            continue
+        way, before = dijkstra(graph, indices=k, limit=MAX_RING_M, return_predecessors=True)
+        ends = tail[head == k]
+        if ends.size == 0 or (way + length)[ends].min() > MAX_RING_M:
+            continue
+        loop = [int(ends[np.argmin((way + length)[ends])])]
+        while loop[-1] != k:
+            loop.append(int(before[loop[-1]]))
+        if _is_round(np.vstack([lanes[i].centreline for i in reversed(loop)])):
+            rings.update(loop)
+    return frozenset(lanes[k].lane_id for k in rings)
+
+
+def _is_round(loop: FloatArray) -> bool:
+    """Return whether a closed line (N, 2) has no long straight part."""
+    points = samples(np.vstack([loop, loop[:1]]), 2.0)[1]  # twice round below: a straight may hold the start
+    heading = np.unwrap(
+        headings(np.vstack([points, points[1:]]))
+    )
+    turned = np.abs(heading[None] - heading[: len(points), None]) > STRAIGHT_RAD
+    after = np.arange(len(heading))[None] > np.arange(len(points))[:, None]
+    straight = np.argmax(turned & after, axis=1) - np.arange(len(points))
+    return bool(straight.max() <= MAX_STRAIGHT * len(points))
 
 
 @owner_cache

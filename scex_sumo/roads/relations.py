@@ -91,13 +91,6 @@ def road_index(road: Road) -> RoadIndex:
     )
 
 
-def ways_round(lanes: Sequence[Lane]) -> FloatArray:
-    """Return the shortest way from each lane's start back to its start (L,), m; inf without one."""
-    number = {lane.lane_id: k for k, lane in enumerate(lanes)}
-    length = np.array([length_of(lane.centreline) for lane in lanes], dtype=np.float64)
-    return _loops(lanes, number, length, _ways(lanes, number, length))
-
-
 def _loops(
     lanes: Sequence[Lane], number: dict[int, int], length: FloatArray, ahead: FloatArray
 ) -> FloatArray:

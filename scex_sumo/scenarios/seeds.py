@@ -93,7 +93,7 @@ def synthetic_seed(
         3
     """
     from scex_sumo.converters.maps import read_map
-    from scex_sumo.converters.net.net_cache import converted
+    from scex_sumo.converters.net.convert import converted
     from scex_sumo.scenarios.synthetic import synthetic_scene
 
     map_path = Path(map_path)

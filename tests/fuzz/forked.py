@@ -124,7 +124,8 @@ def _verdict(code: int, said: str, peak_bytes: int) -> str:
         return "died"
     if peak_bytes > LIMIT_BYTES:
         return "memory"
-    lines = [line for line in said.splitlines() if line.strip() and not line.startswith("note: ")]
+    told = ("note: ", "warning: ")
+    lines = [line for line in said.splitlines() if line.strip() and not line.startswith(told)]
     if max((len(line) for line in said.splitlines()), default=0) > LONGEST_LINE:
         return "words"
     if code == 0:

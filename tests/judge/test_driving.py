@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.judge.driving import drive_net
-from scex_sumo.judge.report import check_net
+from scex_sumo.judge.report import check_net, drive_net
 from tests.converters.plain_net import crossing, write_net
 
 HALVES = {"a": "-20,0 0,20 20,0", "b": "20,0 0,-20 -20,0"}
@@ -38,7 +37,7 @@ def closed_circuit(folder: Path) -> Path:
 
 def test_cars_drive_on_a_closed_circuit(tmp_path: Path) -> None:
     report = drive_net(closed_circuit(tmp_path), vehicles=6)
-    assert (report.arrived, report.routes) == (6, 2)
+    assert (report["arrived"], report["routes"]) == (6, 2)
 
 
 def test_a_full_temporary_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,7 +60,7 @@ def test_commas_in_paths_reach_sumo_whole(tmp_path: Path, monkeypatch: pytest.Mo
     folder = tmp_path / "one,two"
     folder.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(folder))
-    assert drive_net(write_net(folder), vehicles=2).arrived == 2
+    assert drive_net(write_net(folder), vehicles=2)["arrived"] == 2
 
 
 def test_a_net_with_a_comma_in_its_name_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_a_real_map_is_converted_faithfully(name: str, data: Path, tmp_path: Pat
     assert report["width_error_mean_m"] <= 0.40
     assert report["probe_hits"] >= 0.99 * report["probes"]
     driving = drive_net(net)
-    assert (driving.arrived, driving.teleports, driving.overlapping_pairs) == (120, 0, 0)
+    assert (driving["arrived"], driving["teleports"], driving["overlapping_pairs"]) == (120, 0, 0)
 
 
 @pytest.mark.parametrize("name", REAL)
@@ -79,7 +79,7 @@ def test_an_awkward_map_is_converted_faithfully(name: str, tmp_path: Path) -> No
     assert report.problems() == []
     if name in HEAD_ON | APPEARING | ABOVE_EACH_OTHER:
         driving = drive_net(net, vehicles=60)
-        assert (driving.arrived, driving.teleports) == (driving.vehicles, 0)
+        assert (driving["arrived"], driving["teleports"]) == (driving["vehicles"], 0)
     else:
         assert drive_net(net, vehicles=60).problems() == []
 

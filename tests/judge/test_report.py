@@ -342,8 +342,8 @@ def test_what_is_no_net_is_refused(tmp_path: Path, text: str | None, words: str)
 def test_vehicles_drive_a_faithful_net_without_touching(tmp_path: Path) -> None:
     report = drive_net(write_net(tmp_path), vehicles=40, headway_s=1.0)
     assert report.problems() == []
-    assert (report.vehicles, report.arrived) == (40, 40)
-    assert report.routes == 3  # west to east and north, south to north
+    assert (report["vehicles"], report["arrived"]) == (40, 40)
+    assert report["routes"] == 3  # west to east and north, south to north
 
 
 def test_vehicles_on_a_net_without_foes_overlap(tmp_path: Path) -> None:
@@ -354,5 +354,5 @@ def test_vehicles_on_a_net_without_foes_overlap(tmp_path: Path) -> None:
         ('<request index="2" response="011" foes="011"', '<request index="2" response="000" foes="000"'),
     )
     report = drive_net(blind, vehicles=60, headway_s=0.7)
-    assert report.overlapping_pairs > 0
+    assert report["overlapping_pairs"] > 0
     assert any("overlap" in line for line in report.problems())

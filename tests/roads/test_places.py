@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+import subprocess
+from pathlib import Path
+
 import numpy as np
 
 import scex_sumo
+from scex_sumo.base.programs import program
 from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.roads.places import PLACES, places_of
-from scex_sumo.roads.relations import ways_round
 
 
 def middle(line: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
     return np.asarray(along(line, length_of(line) / 2))
 
 
+def _leads_to(road: scex_sumo.Road, start: int, end: int) -> bool:
+    reached, rest = set(), [*road.lanes[start].successors]
+    while rest:
+        lane = rest.pop()
+        if lane not in reached:
+            reached.add(lane)
+            rest += road.lanes[lane].successors
+    return end in reached
+
+
 def test_a_roundabout_has_a_ring_and_lanes_that_lead_to_it() -> None:
     road = scex_sumo.read_map(scex_sumo.example_path("roundabout"))
     lanes = list(road.vehicle_lanes.values())
-    ring = np.isfinite(ways_round(lanes))
+    ring = [_leads_to(road, lane.lane_id, lane.lane_id) for lane in lanes]
     points = np.array([middle(lane.centreline) for lane in lanes])
     found = places_of(road, points)
-    assert ring.any() and all(found[i] == "ring" for i in np.flatnonzero(ring))
+    assert any(ring) and all(found[i] == "ring" for i in np.flatnonzero(ring))
     assert "lane" in found and set(found) <= {*PLACES}
     assert places_of(road, np.array([[1e5, 1e5]])) == [None]
 
@@ -31,3 +44,14 @@ def test_an_intersection_has_crossings_and_a_motorway_a_merge() -> None:
         points = np.concatenate([lane.centreline for lane in road.vehicle_lanes.values()])
         found = places_of(road, points)
         assert place in found and "ring" not in found
+
+
+def test_blocks_and_u_turns_are_no_rings(tmp_path: Path) -> None:
+    """A grid of SUMO's: the way round a block and that over two U-turns are shorter than 400 m."""
+    net = tmp_path / "g.net.xml"
+    options = ("--grid", "--grid.number", "3", "--grid.length", "70", "--output-file", str(net))
+    subprocess.run([program("netgenerate"), *options], check=True, capture_output=True)
+    road = scex_sumo.read_map(net)
+    points = np.array([middle(lane.centreline) for lane in road.vehicle_lanes.values()])
+    found = places_of(road, points)
+    assert {"crossing", "lane"} <= {*found} and "ring" not in found

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 
 from scex_sumo.base.errors import MapError, ScexError, listed
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.net.reader import unpacked
+from scex_sumo.converters.net.reader import unpacked, xml_root
 
 _ATTRIBUTES = {
     "net": "version junctionCornerDetail junctionLinkDetail lefthand rectangularLaneCut walkingareas"
@@ -84,10 +84,7 @@ def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
     A file that is allowed as a whole keeps its bytes.
     """
     content = unpacked(path)
-    try:
-        root = ElementTree.fromstring(content)
-    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
-        raise MapError(f"{path}: not XML ({error}); build the net again with netconvert") from None
+    root = xml_root(path, content)
     left_out = prune(root)
     if left_out or not _plain(content):
         content = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)

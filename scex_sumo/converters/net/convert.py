@@ -5,26 +5,29 @@ The net is written directly, not by netconvert, to keep the map's shapes and coo
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from dataclasses import replace
+import pickle
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from scex_sumo.base.cache import cached_bytes
 from scex_sumo.base.errors import MapError, listed
 from scex_sumo.base.files import write_atomic
+from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.allowed import allowed_content
-from scex_sumo.converters.net.elements import NetLayout
-from scex_sumo.converters.net.extras import extras_text
-from scex_sumo.converters.net.footways import crossed_zones, footways
 from scex_sumo.converters.net.lanelets import lane_places
-from scex_sumo.converters.net.map_borders import add_approaches, add_entries
-from scex_sumo.converters.net.plan import plan_net
+from scex_sumo.converters.net.plan.layout import NetLayout, plan_net
+from scex_sumo.converters.net.plan.lights import Programme, fixed_programmes, with_crossings
+from scex_sumo.converters.net.plan.pedestrians import crossed_zones, footways, plan_walks
 from scex_sumo.converters.net.reader import net_root
-from scex_sumo.converters.net.rows import build_rows
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, lane_table, net_file, read_ends
-from scex_sumo.converters.net.text import net_text
-from scex_sumo.converters.net.topology import Topology, cut_lanes
-from scex_sumo.converters.net.traffic_lights import Programme, fixed_programmes, with_crossings
-from scex_sumo.converters.net.walks import plan_walks
+from scex_sumo.converters.net.topology.borders import add_approaches, add_entries
+from scex_sumo.converters.net.topology.graph import Topology, build_rows, cut_lanes
+from scex_sumo.converters.net.writing.drawing import extras_text
+from scex_sumo.converters.net.writing.text import net_text
 from scex_sumo.converters.registries import signal_format
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import MapLoss, Road
@@ -78,24 +81,9 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     layout = layout.beside(_side_lanes(road))
     net_path.write_text(net_text(layout, lights, road.georeference, walks), encoding="utf-8")
     table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
-    table.write(net_file(net_path, ".lanes.csv"))
-    extras = net_file(net_path, ".add.xml")
-    extras.write_text(extras_text(road), encoding="utf-8")
-    changes = tuple(f"{a} to {b}" for a, b in lost)
-    losses = (
-        [
-            MapLoss(
-                kind="lane changes",
-                why="not possible in SUMO, because the lanes lie in different edges",
-                elements=changes,
-            )
-        ]
-        if lost
-        else []
-    )
-    return SumoNet(
-        path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=(*road.losses, *losses)
-    )
+    why = "not possible in SUMO, because the lanes lie in different edges"
+    loss = MapLoss(kind="lane changes", why=why, elements=tuple(f"{a} to {b}" for a, b in lost))
+    return _with_files(road, net_path, table, notes, (*road.losses, *([loss] if lost else ())))
 
 
 def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
@@ -103,38 +91,41 @@ def _as_it_is(road: Road, source: Path, net_path: Path) -> SumoNet:
     root = net_root(source)
     places = lane_places(root)
     table = lane_table(places, read_ends(root), {lane for _, under in places for lane, _ in under})
-    table.write(net_file(net_path, ".lanes.csv"))
-    extras = net_file(net_path, ".add.xml")
-    extras.write_text(extras_text(road), encoding="utf-8")
     lit = [light.get("id", "") for light in root.iter("tlLogic") if light.find("condition") is not None]
     note = f"traffic lights with conditions: {listed(lit)}; in the futures their phases ignore the conditions"
-    return SumoNet(path=net_path, extras=extras, lanes=table, notes=(note,) if lit else ())
+    return _with_files(road, net_path, table, [note] if lit else [], ())
+
+
+def _with_files(
+    road: Road, net_path: Path, table: LaneTable, notes: Sequence[str], losses: tuple[MapLoss, ...]
+) -> SumoNet:
+    extras = net_file(net_path, ".add.xml")
+    table.write(net_file(net_path, ".lanes.csv"))
+    extras.write_text(extras_text(road), encoding="utf-8")
+    return SumoNet(path=net_path, extras=extras, lanes=table, notes=tuple(notes), losses=losses)
 
 
 def _side_lanes(road: Road) -> NetLayout:
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
     ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
-    following = {
-        i: tuple(
-            j
-            for j in own
-            if j != i and own[i].kind == own[j].kind and math.dist(ends[i][1], ends[j][0]) < JOINED_M
-        )
+    joined = [
+        (i, j)
         for i in own
-    }
+        for j in own
+        if j != i and own[i].kind == own[j].kind and math.dist(ends[i][1], ends[j][0]) < JOINED_M
+    ]
     lanes = {
-        i: replace(
+        k: replace(
             lane,
-            successors=following[i],
-            predecessors=tuple(j for j in own if i in following[j]),
+            successors=tuple(j for i, j in joined if i == k),
+            predecessors=tuple(i for i, j in joined if j == k),
             left=None,
             right=None,
             conflicts=(),
         )
-        for i, lane in own.items()
+        for k, lane in own.items()
     }
-    rows, _ = build_rows(lanes)
-    return plan_net(Topology(rows, lanes, []), road.regulations, [])
+    return plan_net(Topology(build_rows(lanes)[0], lanes, []), road.regulations, [])
 
 
 def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -> list[Programme]:
@@ -142,3 +133,60 @@ def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -
         return fixed
     taken = {c.internal.name for c in recorded.connections}
     return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]
+
+
+_ENDINGS = (".net.xml", ".lanes.csv", ".add.xml")
+
+
+def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
+    """Convert a road as `convert` does, or take the net from the cache.
+
+    ``keep=False`` neither reads nor writes the cache.
+    """
+    made: list[SumoNet] = []
+
+    def make() -> bytes:
+        made.append(convert(road, net_path))
+        return _packed(made[0]) if keep else b""
+
+    if keep:
+        key = hashlib.sha256(pickle.dumps((__version__, version_of("shapely"), road)))
+        packed = cached_bytes("nets", key.digest(), make)
+    else:
+        packed = make()
+    if not made:
+        try:
+            return _unpacked(packed, net_path)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError):  # not written by us
+            make()
+    return made[0]
+
+
+def _file(net_path: Path, ending: str) -> Path:
+    return net_path if ending == ".net.xml" else net_file(net_path, ending)
+
+
+def _packed(net: SumoNet) -> bytes:
+    content = {
+        "files": {ending: _file(net.path, ending).read_text(encoding="utf-8") for ending in _ENDINGS},
+        "rows": net.lanes.rows,
+        "ends": net.lanes.ends,
+        "notes": net.notes,
+        "losses": [asdict(loss) for loss in net.losses],
+    }
+    return json.dumps(content).encode()
+
+
+def _unpacked(packed: bytes, net_path: Path) -> SumoNet:
+    content = json.loads(packed)
+    ends = {str(lane): (str(before), str(after)) for lane, (before, after) in content["ends"].items()}
+    net = SumoNet(
+        path=net_path,
+        extras=_file(net_path, ".add.xml"),
+        lanes=LaneTable([(int(lanelet), str(lane)) for lanelet, lane in content["rows"]], ends),
+        notes=tuple(map(str, content["notes"])),
+        losses=tuple(MapLoss(**{**loss, "elements": tuple(loss["elements"])}) for loss in content["losses"]),
+    )
+    for ending in _ENDINGS:
+        _file(net_path, ending).write_text(content["files"][ending], encoding="utf-8")
+    return net

@@ -5,11 +5,11 @@ from __future__ import annotations
 import csv
 import heapq
 import io
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 from xml.etree.ElementTree import Element
 
 from scex_sumo.base.errors import InputError, MapError
@@ -54,6 +54,7 @@ def net_file(net_path: Path, suffix: str) -> Path:
 
 
 _Row: TypeAlias = tuple[int, str]  # lanelet, SUMO lane
+_Key = TypeVar("_Key", int, tuple[int, str])
 
 HEADER = ["lanelet_id", "lane_id"]
 
@@ -79,25 +80,18 @@ class LaneTable:
             self._of.setdefault(lanelet, []).append(sumo_lane)
             self._on.setdefault(sumo_lane, []).append(lanelet)
         if self.ends:
-            self._of = {lanelet: self._in_order(lanes) for lanelet, lanes in self._of.items()}
+            self._of = {i: self._in_order([*dict.fromkeys(lanes)]) for i, lanes in self._of.items()}
 
-    def _in_order(self, lanes: list[str]) -> list[str]:
-        edges = {name.rsplit("_", 1)[0]: name for name in lanes}
-        waiting: dict[str, set[str]] = {name: set() for name in lanes}
-        for name in lanes:
-            before, after = self.ends.get(name, ("", ""))
-            if before in edges:
-                waiting[name].add(edges[before])
-            if after in edges:
-                waiting[edges[after]].add(name)
-        ordered: list[str] = []
-        while waiting:
-            first = next((name for name, others in waiting.items() if not others), next(iter(waiting)))
-            del waiting[first]
-            ordered.append(first)
-            for others in waiting.values():
-                others.discard(first)
-        return ordered
+    def _in_order(self, lanes: Sequence[str]) -> list[str]:
+        at = {name.rpartition("_")[0]: k for k, name in enumerate(lanes)}
+        before: dict[int, set[int]] = {k: set() for k in range(len(lanes))}
+        for k, name in enumerate(lanes):
+            entry, leaving = (at.get(edge) for edge in self.ends.get(name, ("", "")))
+            if entry is not None:
+                before[k].add(entry)
+            if leaving is not None:
+                before[leaving].add(k)
+        return [lanes[k] for k in _sorted({k: set() for k in before}, before)]
 
     def sumo_lanes(self, lanelet_id: int) -> tuple[str, ...]:
         """Return the SUMO lanes of a lanelet, in driving order; empty if the net does not hold it."""
@@ -176,7 +170,7 @@ def read_ends(root: Element) -> dict[str, tuple[str, str]]:
 
 
 def lane_table(
-    places: Iterable[tuple[str, list[tuple[int, float]]]],
+    places: Iterable[tuple[str, Sequence[tuple[int, float]]]],
     ends: dict[str, tuple[str, str]],
     known: Container[int],
 ) -> LaneTable:
@@ -203,23 +197,23 @@ def lane_table(
     return LaneTable(_sorted(within, before), ends)
 
 
-def _sorted(within: dict[_Row, set[_Row]], before: dict[_Row, set[_Row]]) -> list[_Row]:
+def _sorted(within: Mapping[_Key, set[_Key]], before: Mapping[_Key, set[_Key]]) -> list[_Key]:
+    """Sort keys behind those ``within`` and ``before`` name for them; in circles ``before`` may be broken."""
     waiting = {key: within[key] | before[key] for key in within}
-    following: dict[_Row, list[_Row]] = {}
+    following: dict[_Key, list[_Key]] = {}
     for key, others in waiting.items():
         for other in others:
             following.setdefault(other, []).append(key)
     ready = [key for key, others in waiting.items() if not others]
     heapq.heapify(ready)
-    result: list[_Row] = []
+    result: list[_Key] = []
     while waiting:
         if ready:
             key = heapq.heappop(ready)
         else:
             key = min(row for row in waiting if waiting.keys().isdisjoint(within[row]))
-        if key not in waiting:
+        if waiting.pop(key, None) is None:
             continue
-        del waiting[key]
         result.append(key)
         for later in following.get(key, ()):
             if later in waiting:

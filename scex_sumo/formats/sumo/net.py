@@ -43,7 +43,7 @@ def read_sumo_road(path: str | Path, **_: object) -> Road:
     path = Path(path)
     try:
         road = _road(path)
-    except (SAXException, LookupError, ValueError, AttributeError, TypeError) as error:
+    except (SAXException, SyntaxError, LookupError, ValueError, AttributeError, TypeError) as error:
         raise MapError(
             f"{path}: sumolib cannot read it: {reason_of(error)[:200]}; build it again with netconvert"
         ) from None

@@ -75,7 +75,7 @@ def _first_root(
     """Return the first root of q(t) = (R + A t²/2)² - ||dp + dv t||² for discs that are apart, A > 0.
 
     q starts negative and is concave up to an inflection, then convex. On the concave part Newton's iteration
-    q is concave up to an inflection, then convex. On the concave part Newton's iteration
+    from the left cannot step over the first root.
     """
     a4, a2 = 0.25 * acceleration * acceleration, acceleration * radius - v2
     a1, a0 = -2 * pv, -gap * (centres + radius)

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from scex_sumo.base.errors import TrackError, UsageError, reason_of
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.version import __version__
-from scex_sumo.converters.net.net_cache import converted
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road

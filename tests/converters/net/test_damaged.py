@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanes_ahead import lanes_ahead
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.converters.net.topology import MAX_LINKS
+from scex_sumo.converters.net.topology.graph import MAX_LINKS
 from scex_sumo.judge.conflicts import find_conflicts
 from scex_sumo.road import Regulation, Road
 from tests.converters.sumo_roads import lane, road

@@ -41,8 +41,8 @@ def test_the_checker_finds_nothing(converted: tuple[Road, SumoNet]) -> None:
 
 def test_everyone_arrives_and_nobody_overlaps(converted: tuple[Road, SumoNet]) -> None:
     report = drive_net(converted[1].path)
-    assert report.arrived == report.vehicles == 120
-    assert report.teleports == report.collisions == report.overlapping_pairs == 0
+    assert report["arrived"] == report["vehicles"] == 120
+    assert report["teleports"] == report["collisions"] == report["overlapping_pairs"] == 0
 
 
 def test_sumo_and_sumolib_load_it_without_a_warning(

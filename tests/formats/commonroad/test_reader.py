@@ -325,7 +325,7 @@ def test_a_recorded_site_becomes_a_net_that_is_faithful(site: str, data: Path, t
     assert report["deviation_max_m"] <= 0.10
     assert report["deviation_p95_m"] <= 0.01
     driving = drive_net(net.path)
-    assert (driving.arrived, driving.teleports, driving.overlapping_pairs) == (120, 0, 0)
+    assert (driving["arrived"], driving["teleports"], driving["overlapping_pairs"]) == (120, 0, 0)
 
 
 def test_a_compressed_file_is_the_same_map(tmp_path: Path) -> None:

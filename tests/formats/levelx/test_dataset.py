@@ -198,10 +198,16 @@ def test_a_missing_companion_and_an_empty_file_are_refused(tmp_path: Path) -> No
     assert not is_levelx(tracks)
 
 
-@pytest.mark.parametrize("text", ["", "8.5", "8.5;abc", "12;8;4", "4;nan"])
+@pytest.mark.parametrize("text", ["", "8.5", "8.5;abc", "12;8;4", "4;nan", "-inf;-inf"])
 def test_markings_that_are_no_lanes_are_refused(tmp_path: Path, text: str) -> None:
     write_highd(tmp_path, [Mover(number=1, x=0.0, y=-23.0)], meta=HIGHD_META | {"upperLaneMarkings": text})
     with pytest.raises(MapError, match=r"01_recordingMeta\.csv: upperLaneMarkings is .*; rising numbers"):
+        read_map(tmp_path / "01_recordingMeta.csv")
+
+
+def test_a_speed_limit_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    write_highd(tmp_path, [Mover(number=1, x=0.0, y=-23.0)], meta=HIGHD_META | {"speedLimit": "null"})
+    with pytest.raises(MapError, match=r"01_recordingMeta\.csv: speedLimit is 'null'; a number expected"):
         read_map(tmp_path / "01_recordingMeta.csv")
 
 

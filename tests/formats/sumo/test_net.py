@@ -179,6 +179,7 @@ def test_nets_of_every_shape_are_populated_and_run_on(kind: str, merge: Path, tm
         ('shape="', 'shape="1e300,0 '),
         ('speed="', 'speed="nan" was="'),
         ('" type="priority"', 'x" type="priority"'),
+        ("http://www.w3.org", "%s%n://www.w3.org"),
     ],
 )
 def test_a_net_that_sumolib_stumbles_over_is_refused(merge: Path, tmp_path: Path, old: str, new: str) -> None:

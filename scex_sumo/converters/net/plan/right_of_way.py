@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scex_sumo.converters.net.rows import Piece
-from scex_sumo.converters.net.topology import Path, Topology
+from scex_sumo.converters.net.topology.graph import Path, Piece, Topology, endless, reached
 from scex_sumo.geometry.polylines import length_of, turn
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
@@ -116,7 +115,8 @@ def set_right_of_way(
             if frozenset((i, j)) not in ruled and (i in zippers or _by_default(a, links[j], i > j)):
                 a.response.add(j)
     for i, a in enumerate(links):
-        a.state = _state(a, i, rules, zippers, _waits_for_itself(links, i))
+        waits = i in reached(a.response, {k: link.response for k, link in enumerate(links)})
+        a.state = _state(a, i, rules, zippers, circular=waits)
 
 
 def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
@@ -177,7 +177,7 @@ def _by_default(a: Link, b: Link, tie: bool) -> bool:
     return side > 0 if side != 0 else tie
 
 
-def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int], circular: bool) -> str:
+def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int], *, circular: bool) -> str:
     kinds = {rule.kind for rule in rules if link.on & (set(rule.yielding) or set(rule.lanes))}
     if index in zippers:
         return "Z"
@@ -189,17 +189,6 @@ def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int
         return "M"
     # SUMO looks for a way out of circular waiting only where the state says right before left.
     return "=" if circular else "m"
-
-
-def _waits_for_itself(links: Sequence[Link], index: int) -> bool:
-    seen: set[int] = set()
-    stack = list(links[index].response)
-    while stack:
-        i = stack.pop()
-        if i not in seen:
-            seen.add(i)
-            stack += links[i].response
-    return index in seen
 
 
 def bits(indices: set[int], count: int) -> str:
@@ -222,27 +211,12 @@ def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
     """Return the lanes of roundabouts: short, round cycles of successors."""
     sizes = {i: length_of(lane.centreline) for i, lane in lanes.items()}
     found: set[int] = set()
-    for i in sorted(_on_cycles(lanes)):
+    for i in sorted(endless({i: lane.successors for i, lane in lanes.items()})):
         if i not in found:
             cycle = _shortest_cycle(lanes, sizes, i)
             if cycle and _roundness(lanes, cycle) >= MIN_ROUNDNESS:
                 found.update(cycle)
     return frozenset(found)
-
-
-def _on_cycles(lanes: Mapping[int, Lane]) -> set[int]:
-    before: dict[int, list[int]] = {}
-    left = {i: sum(j in lanes for j in lane.successors) for i, lane in lanes.items()}
-    for i, lane in lanes.items():
-        for j in lane.successors:
-            before.setdefault(j, []).append(i)
-    ends = [i for i, following in left.items() if not following]
-    for i in ends:
-        for j in before.get(i, ()):
-            left[j] -= 1
-            if not left[j]:
-                ends.append(j)
-    return lanes.keys() - ends
 
 
 def _shortest_cycle(lanes: Mapping[int, Lane], sizes: Mapping[int, float], start: int) -> list[int]:

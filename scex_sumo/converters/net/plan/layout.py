@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.elements import Connection, Edge, NetLane, NetLayout, Node
 from scex_sumo.converters.net.lanelets import BEYOND, JOINT_M, LaneletPart
-from scex_sumo.converters.net.map_borders import ENTRY
-from scex_sumo.converters.net.right_of_way import (
+from scex_sumo.converters.net.plan.right_of_way import (
     Link,
     approach,
     clashing_pieces,
@@ -20,11 +19,129 @@ from scex_sumo.converters.net.right_of_way import (
     set_foes,
     set_right_of_way,
 )
-from scex_sumo.converters.net.rows import Piece
-from scex_sumo.converters.net.topology import Cut, Path, Topology
-from scex_sumo.geometry.polylines import along, bend, cut, heading, join, length_of, project, width_along
+from scex_sumo.converters.net.topology.borders import ENTRY
+from scex_sumo.converters.net.topology.graph import Cut, Path, Piece, Topology
+from scex_sumo.geometry.polylines import (
+    along,
+    bend,
+    cut,
+    heading,
+    join,
+    length_of,
+    mean_line,
+    project,
+    width_along,
+)
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
+
+DECIMALS = 3  # millimetres: what SUMO's tools expect
+EXACT = 9  # decimals of lanes' shapes: drivers on a net that is read back shall plan as on its map
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetLane:
+    """Lane of an edge or of an internal edge.
+
+    Attributes:
+        length: nominal, the same for all lanes of an edge, m.
+        allow: SUMO's vehicle class if only one may drive here, else empty.
+        starts: lanelets under it, with the arc length in m where it begins, in driving order.
+        parts: stretches of lanelets under it, in driving order.
+    """
+
+    name: str
+    shape: FloatArray
+    length: float
+    width: float
+    speed: float
+    starts: tuple[tuple[int, float], ...]
+    change_left: bool = False
+    change_right: bool = False
+    allow: str = ""
+    parts: tuple[LaneletPart, ...] = ()
+
+    @property
+    def edge(self) -> str:
+        """Name of its edge."""
+        return self.name.rpartition("_")[0]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Edge:
+    """A road edge: its lanes, rightmost first, and the nodes at its ends."""
+
+    name: str
+    start: str
+    end: str
+    lanes: tuple[NetLane, ...]
+
+    @property
+    def shape(self) -> FloatArray:
+        """(P, 2) mean line of the lanes. SUMO itself uses the lanes; exports use this line."""
+        return mean_line([lane.shape for lane in self.lanes])
+
+
+@dataclass(kw_only=True, eq=False)
+class Connection(Link):
+    """Link with its internal lane and its ends.
+
+    Attributes:
+        lanelets: from the road before to the road after, without repeats.
+        enters: whether it comes from the first piece of a lane without predecessors.
+    """
+
+    lanelets: tuple[int, ...]
+    enters: bool
+    internal: NetLane
+    from_edge: str
+    from_lane: int
+    to_edge: str
+    to_lane: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Node:
+    """A junction: its incoming lanes, connections and outline."""
+
+    name: str
+    incoming: tuple[str, ...]
+    connections: tuple[Connection, ...]
+    shape: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetLayout:
+    """A whole net, ready to be written."""
+
+    edges: tuple[Edge, ...]
+    nodes: tuple[Node, ...]
+
+    def beside(self, other: NetLayout) -> NetLayout:
+        """Return both nets as one."""
+        return NetLayout(edges=self.edges + other.edges, nodes=self.nodes + other.nodes)
+
+    @property
+    def connections(self) -> tuple[Connection, ...]:
+        """Connections of all junctions."""
+        return tuple(c for node in self.nodes for c in node.connections)
+
+    def places(self) -> list[tuple[str, tuple[tuple[int, float], ...]]]:
+        """Return each SUMO lane, with (lanelet under it, arc length in m where the lane begins)."""
+        lanes = [lane for edge in self.edges for lane in edge.lanes] + [c.internal for c in self.connections]
+        return [(lane.name, lane.starts) for lane in lanes]
+
+    def ends(self) -> dict[str, tuple[str, str]]:
+        """Return the edges before and after each internal lane."""
+        return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
+
+
+def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
+    """Format a polyline as SUMO does: ``x,y x,y``."""
+    # Adding 0.0 turns a rounded -0.0 into 0.0.
+    return " ".join(
+        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
+    )
 
 
 def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Conflict]) -> NetLayout:
@@ -49,7 +166,7 @@ def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Co
         )
         for name, lanes in incoming.items()
     )
-    return NetLayout(edges=edges, nodes=nodes, roads=tuple(plan.roads()))
+    return NetLayout(edges=edges, nodes=nodes)
 
 
 class _Plan:
@@ -72,12 +189,6 @@ class _Plan:
                 )
                 yield Edge(name=name, start=start, end=end, lanes=lanes)
 
-    def roads(self) -> Iterator[tuple[str, int, float]]:
-        for r, row in enumerate(self._topology.rows):
-            for k in self._roads(r):
-                for at, lanelet in enumerate(row.lanes):
-                    yield self._lane_name((r, k, at)), lanelet, row.span(k, at)[0]
-
     def connections(
         self, incoming: Mapping[str, Sequence[str]], rules: Sequence[Regulation], found: Sequence[Conflict]
     ) -> dict[str, tuple[Connection, ...]]:
@@ -89,17 +200,15 @@ class _Plan:
             order = {name: k for k, name in enumerate(incoming[node])}
             shapes = {path: self._inner_shape(path) for path in paths}
             paths = sorted(paths, key=lambda p: (order[self._lane_name(p.start)], self._lane_name(p.end)))
-            links = [self._link(path, shapes[path]) for path in paths]
+            links = [self._connection(node, k, path, shapes[path]) for k, path in enumerate(paths)]
             merging = set_foes(links, clashes)
             on = {i for link in links for i in link.on}
             set_right_of_way(links, merging, [rule for rule in rules if named[rule.element_id] & on])
-            result[node] = tuple(
-                self._connection(node, k, link, shapes[link.path]) for k, link in enumerate(links)
-            )
+            result[node] = tuple(links)
         return result
 
     def outline(self, node: str, connections: Sequence[Connection], edges: Sequence[Edge]) -> FloatArray:
-        inside = {piece for c in connections for piece in c.link.path.inside}
+        inside = {piece for c in connections for piece in c.path.inside}
         areas = [_lane_area(self._topology.lane(p), self._topology.span(p)) for p in sorted(inside)]
         union = _union_outline(areas)
         return union if len(union) else _border(node, edges)
@@ -129,7 +238,7 @@ class _Plan:
             length=nominal,
             width=self._width([piece]),
             speed=lane.speed_limit_mps,
-            lanelets=(lane.lane_id,),
+            starts=((lane.lane_id, self._topology.span(piece)[0]),),
             change_left=left is not None and lane.left == left,
             change_right=right is not None and lane.right == right,
             allow="" if lane.kind == "vehicle" else lane.kind,
@@ -187,17 +296,7 @@ class _Plan:
             self._widths[piece] = width_along(lane.left_bound, lane.right_bound, line)
         return self._widths[piece]
 
-    def _link(self, path: Path, shape: FloatArray) -> Link:
-        return Link(
-            path=path,
-            entry=heading(self._road_shape(path.start), end=True),
-            bend=bend(shape),
-            on=approach(self._topology, path),
-            on_ring=self._topology.lane(path.start).lane_id in self._ring,
-        )
-
-    def _connection(self, node: str, index: int, link: Link, shape: FloatArray) -> Connection:
-        path = link.path
+    def _connection(self, node: str, index: int, path: Path, shape: FloatArray) -> Connection:
         over = path.inside or (path.start, path.end)
         lanes = [self._topology.lane(piece) for piece in over]
         first = self._topology.lane(path.start)
@@ -207,19 +306,22 @@ class _Plan:
             length=length_of(shape),
             width=self._width(over),
             speed=min(lane.speed_limit_mps for lane in (lanes if path.inside else lanes[1:])),
-            lanelets=tuple(dict.fromkeys(lane.lane_id for lane in lanes)),
+            starts=self._starts(path, over),
             allow="" if lanes[0].kind == "vehicle" else lanes[0].kind,
             parts=tuple(self._lanelet_parts(self._inner_parts(path))),
         )
         driven = [self._topology.lane(piece).lane_id for piece in path.pieces]
         return Connection(
-            link=link,
+            path=path,
+            entry=heading(self._road_shape(path.start), end=True),
+            bend=bend(shape),
+            on=approach(self._topology, path),
+            on_ring=first.lane_id in self._ring,
             internal=internal,
             lanelets=tuple(i for k, i in enumerate(driven) if k == 0 or driven[k - 1] != i),
             enters=path.start[1] == 0
             and self._topology.rows[path.start[0]].pieces > 1
             and not first.predecessors,
-            starts=self._starts(path, over),
             from_edge=self._edge_name(*path.start[:2]),
             from_lane=path.start[2],
             to_edge=self._edge_name(*path.end[:2]),
@@ -244,10 +346,10 @@ def _lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
 
 def _union_outline(areas: Sequence[Polygon]) -> FloatArray:
     union = unary_union(shapely.buffer(areas, 0.01, quad_segs=16))
-    hull = union if union.geom_type == "Polygon" else union.convex_hull
-    if hull.geom_type != "Polygon":
+    area = union if union.geom_type == "Polygon" else union.convex_hull
+    if area.geom_type != "Polygon":
         return np.empty((0, 2))
-    return np.asarray(hull.simplify(0.05).exterior.coords)[:-1]
+    return np.asarray(area.simplify(0.05).exterior.coords)[:-1]
 
 
 def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
@@ -260,13 +362,15 @@ def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
                     across = np.array([-np.sin(angle), np.cos(angle)]) * lane.width / 2
                     tip = lane.shape[-1 if end else 0]
                     points += [tip + across, tip - across]
-    hull = MultiPoint(np.array(points)).convex_hull
-    coords = hull.exterior.coords[:-1] if hull.geom_type == "Polygon" else hull.coords
-    return np.asarray(coords)
+    return hull(points)
+
+
+def hull(points: Sequence[FloatArray]) -> FloatArray:
+    """Return the (P, 2) convex hull of points, in order."""
+    found = MultiPoint(np.vstack(points)).convex_hull
+    return np.asarray(found.exterior.coords[:-1] if found.geom_type == "Polygon" else found.coords)
 
 
 def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:
     start, end = project(ends, bound)[0]
-    return (
-        cut(bound, start, end) if end - start > 1e-3 else np.vstack([along(bound, start), along(bound, end)])
-    )
+    return cut(bound, start, end) if end - start > 1e-3 else along(bound, np.array([start, end]))

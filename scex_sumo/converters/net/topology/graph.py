@@ -6,14 +6,190 @@ may have several ways in and out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, Generic, TypeAlias, TypeVar
+
+import numpy as np
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.rows import STUB_M, Piece, Row, Zone, build_rows, lay_zones
+from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
+
+Piece: TypeAlias = tuple[int, int, int]  # row, piece of the row, lane within the row
+Node = TypeVar("Node", bound=Any)
+
+STUB_M = 2.0  # longest road piece cut off a junction piece where a lane begins or ends inside a conflict
+SHORTEST_M = 0.1  # edge that SUMO takes
+SNAP_M = 0.3  # road pieces shorter than this are left to the junction piece beside them
+
+
+class Groups(Generic[Node]):
+    """Disjoint groups of things, each named by its smallest member."""
+
+    def __init__(self) -> None:
+        self._above: dict[Node, Node] = {}
+
+    def name(self, member: Node) -> Node:
+        """Return the smallest member of a thing's group; its own group is new."""
+        while (above := self._above.setdefault(member, member)) != member:
+            member = above
+        return member
+
+    def join(self, one: Node, other: Node) -> None:
+        """Make two groups one."""
+        first, second = sorted((self.name(one), self.name(other)))
+        self._above[second] = first
+
+    def members(self) -> list[Node]:
+        """Return all things."""
+        return list(self._above)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """Stretches of lanes that must lie in one junction.
+
+    Attributes:
+        spans: (start, end) arc length on each of the lanes, m.
+    """
+
+    lanes: tuple[int, ...]
+    spans: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Row:
+    """Lanes side by side, rightmost first.
+
+    Attributes:
+        lengths: of each lane, m.
+        cuts: fractions of the lengths, from 0.0 to 1.0.
+        inside: whether the piece between two cuts lies in a junction.
+    """
+
+    lanes: tuple[int, ...]
+    lengths: tuple[float, ...]
+    cuts: tuple[float, ...] = (0.0, 1.0)
+    inside: tuple[bool, ...] = (False,)
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces."""
+        return len(self.inside)
+
+    def span(self, piece: int, lane: int) -> tuple[float, float]:
+        """Return the arc lengths of a piece on a lane (index into the row), m."""
+        return self.cuts[piece] * self.lengths[lane], self.cuts[piece + 1] * self.lengths[lane]
+
+    def size(self, piece: int) -> float:
+        """Mean length of a piece, m."""
+        return (self.cuts[piece + 1] - self.cuts[piece]) * float(np.mean(self.lengths))
+
+    def with_zones(self, zones: list[tuple[float, float]]) -> Row:
+        """Cut the row so that exactly these fractions (disjoint, ascending) lie in junctions."""
+        cuts, inside = [0.0], []
+        for start, end in zones:
+            if start > cuts[-1]:
+                cuts.append(start)
+                inside.append(False)
+            cuts.append(end)
+            inside.append(True)
+        if cuts[-1] < 1.0:
+            cuts.append(1.0)
+            inside.append(False)
+        return replace(self, cuts=tuple(cuts), inside=tuple(inside))
+
+    def with_inside(self, piece: int, inside: bool) -> Row:
+        """Give one piece to the junction, or to the road."""
+        return replace(self, inside=(*self.inside[:piece], inside, *self.inside[piece + 1 :]))
+
+    def with_road(self, piece: int, cut: float) -> Row:
+        """Cut a piece in two: the first half becomes road, the second stays as it was."""
+        return replace(
+            self,
+            cuts=(*self.cuts[: piece + 1], cut, *self.cuts[piece + 1 :]),
+            inside=(*self.inside[:piece], False, *self.inside[piece:]),
+        )
+
+
+def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, int]]]:
+    """Group lanes by permitted lane changes.
+
+    Returns:
+        The rows, by smallest lane id; and the changes (from, to) that no row can hold, because a lane has
+        another neighbour on that side.
+    """
+    left_of: dict[int, int] = {}
+    right_of: dict[int, int] = {}
+    lost = []
+    for i in sorted(lanes):
+        for neighbour, leftward in ((lanes[i].left, True), (lanes[i].right, False)):
+            if neighbour is None or neighbour not in lanes or neighbour == i:
+                continue
+            right, left = (i, neighbour) if leftward else (neighbour, i)
+            free = left_of.get(right, left) == left and right_of.get(left, right) == right
+            if free and not _reaches(left_of, left, right):
+                left_of[right], right_of[left] = left, right
+            else:
+                lost.append((i, neighbour))
+    rows = []
+    for i in sorted(lanes):
+        if i not in right_of:
+            chain = [i]
+            while chain[-1] in left_of:
+                chain.append(left_of[chain[-1]])
+            lengths = tuple(length_of(lanes[k].centreline) for k in chain)
+            rows.append(Row(lanes=tuple(chain), lengths=lengths))
+    return sorted(rows, key=lambda row: min(row.lanes)), lost
+
+
+def _reaches(left_of: Mapping[int, int], start: int, goal: int) -> bool:
+    while start in left_of:
+        start = left_of[start]
+        if start == goal:
+            return True
+    return False
+
+
+def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict | Zone]) -> list[Row]:
+    """Cut rows at conflicts; lanes that begin or end inside a conflict keep a stub of road."""
+    spans: dict[int, list[tuple[float, float]]] = {}
+    for conflict in found:
+        for lane, span in zip(conflict.lanes, conflict.spans, strict=True):
+            spans.setdefault(lane, []).append(span)
+    result = []
+    for row in rows:
+        zones = [
+            (start / size, end / size)
+            for lane, size in zip(row.lanes, row.lengths, strict=True)
+            for start, end in spans.get(lane, ())
+        ]
+        begins = any(not lanes[i].predecessors for i in row.lanes)
+        ends = any(not lanes[i].successors for i in row.lanes)
+        zones = _tidy(zones, float(np.mean(row.lengths)), begins=begins, ends=ends)
+        result.append(row.with_zones(zones))
+    return result
+
+
+def _tidy(
+    zones: list[tuple[float, float]], size: float, *, begins: bool, ends: bool
+) -> list[tuple[float, float]]:
+    stub, least, gap = (min(length, size / 3) / size for length in (STUB_M, SHORTEST_M, SNAP_M))
+    low = (stub if all(end > stub + gap for _, end in zones) else least) if begins else 0.0
+    high = 1.0 - (stub if all(start < 1.0 - stub - gap for start, _ in zones) else least) if ends else 1.0
+    merged: list[tuple[float, float]] = []
+    for start, end in sorted(zones):
+        start, end = (low if start < low + gap else start), (high if end > high - gap else end)
+        if end - start < 1e-9:
+            continue
+        if merged and start <= merged[-1][1] + gap:
+            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
+        else:
+            merged.append((start, end))
+    return merged
+
 
 Cut: TypeAlias = tuple[int, int]  # row, cut of the row
 
@@ -98,7 +274,7 @@ class _Chains:
                 stack += (*after[piece], *before[piece])
         out, into = _roads_behind(after, before), _roads_behind(before, after)
         knots = [p for p in after if len(out[p]) > 1 and len(into[p]) > 1]
-        return _reached(knots, after) | _reached(knots, before) | _on_rings(after, before)
+        return reached(knots, after) | reached(knots, before) | _on_rings(after, before)
 
 
 _Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
@@ -116,32 +292,40 @@ def _roads_behind(steps: _Steps, back: _Steps) -> dict[Piece, set[Piece]]:
     return roads
 
 
-def _reached(pieces: Iterable[Piece], steps: _Steps) -> set[Piece]:
-    reached: set[Piece] = set()
-    stack = [*pieces]
+def reached(nodes: Iterable[Node], steps: Mapping[Node, Iterable[Node]]) -> set[Node]:
+    """Return the nodes, and what one gets to from them; nodes without steps of their own are left out."""
+    found: set[Node] = set()
+    stack = [*nodes]
     while stack:
-        piece = stack.pop()
-        if piece not in reached and piece in steps:
-            reached.add(piece)
-            stack += steps[piece]
-    return reached
+        node = stack.pop()
+        if node not in found and node in steps:
+            found.add(node)
+            stack += steps[node]
+    return found
+
+
+def endless(after: Mapping[Node, Collection[Node]]) -> set[Node]:
+    """Return the nodes of a graph on its rings, and those that lead to them."""
+    before: dict[Node, list[Node]] = {}
+    for node, onward in after.items():
+        for other in onward:
+            before.setdefault(other, []).append(node)
+    left = {node: sum(other in after for other in onward) for node, onward in after.items()}
+    ends = [node for node, count in left.items() if not count]
+    for node in ends:  # grows
+        for other in before.get(node, ()):
+            left[other] -= 1
+            if not left[other]:
+                ends.append(other)
+    return {*after} - {*ends}
 
 
 def _on_rings(after: _Steps, before: _Steps) -> set[Piece]:
-    left = {piece: sum(p in after for p in onward) for piece, onward in after.items()}
-    ends = [piece for piece, count in left.items() if not count]
-    for piece in ends:  # grows
-        for other in before[piece]:
-            if other in left:
-                left[other] -= 1
-                if not left[other]:
-                    ends.append(other)
-    rest = after.keys() - ends  # rings, and what leads to them
-    rings: set[Piece] = set()
+    rest, rings = endless(after), set[Piece]()
     while rest:
         piece = next(iter(rest))
-        onward, back = ({p: steps[p] for p in rest} for steps in (after, before))
-        ring = _reached([piece], onward) & _reached([piece], back)
+        there, back = (reached([piece], {p: steps[p] for p in rest}) for steps in (after, before))
+        ring = there & back
         if len(ring) > 1 or piece in after[piece]:
             rings |= ring
         rest -= ring
@@ -155,7 +339,7 @@ class Topology(_Chains):
         self, rows: Sequence[Row], lanes: Mapping[int, Lane], zones: Sequence[Conflict | Zone]
     ) -> None:
         super().__init__(rows, lanes)
-        self._parent: dict[Cut, Cut] = {}
+        self._nodes: Groups[Cut] = Groups()
         self._join_cuts(zones)
 
     def lane(self, piece: Piece) -> Lane:
@@ -168,10 +352,7 @@ class Topology(_Chains):
 
     def node(self, row: int, cut: int) -> Cut:
         """Return the node of a cut of a row, named by its first cut."""
-        root = (row, cut)
-        while self._parent.get(root, root) != root:
-            root = self._parent[root]
-        return root
+        return self._nodes.name((row, cut))
 
     def paths_by_node(self) -> dict[Cut, list[Path]]:
         """Return the paths through each node."""
@@ -196,24 +377,20 @@ class Topology(_Chains):
             if min(high, end) - max(low, start) > -1e-6
         ]
 
-    def _unite(self, a: Cut, b: Cut) -> None:
-        a, b = sorted((self.node(*a), self.node(*b)))
-        self._parent[b] = a
-
     def _join_cuts(self, zones: Sequence[Conflict | Zone]) -> None:
         for r, row in enumerate(self.rows):
             for k, inside in enumerate(row.inside):
                 if inside:
-                    self._unite((r, k), (r, k + 1))
+                    self._nodes.join((r, k), (r, k + 1))
             for i in row.lanes:
                 for j in self.lanes[i].successors:
                     if j in self.where:
-                        self._unite((r, row.pieces), (self.where[j][0], 0))
+                        self._nodes.join((r, row.pieces), (self.where[j][0], 0))
         for zone in zones:
             spans = zip(zone.lanes, zone.spans, strict=True)
             touched = [piece for lane, span in spans for piece in self.pieces_on(lane, *span)]
             for piece in touched[1:]:
-                self._unite(touched[0][:2], piece[:2])
+                self._nodes.join(touched[0][:2], piece[:2])
 
 
 def cut_lanes(

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from scex_sumo.converters.lanes_ahead import lanes_ahead
-from scex_sumo.converters.net.elements import Connection, NetLayout
-from scex_sumo.converters.net.walks import Crossing, Walks
+from scex_sumo.converters.net.plan.layout import Connection, NetLayout
+from scex_sumo.converters.net.plan.pedestrians import Crossing, Walks
+from scex_sumo.converters.net.topology.graph import Groups
 from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
@@ -56,7 +57,14 @@ def fixed_programmes(
         for i, a in enumerate(ahead)
     ]
     programmes = []
-    for cluster in _clusters(against):
+    joined: Groups[int] = Groups()
+    for i, others in enumerate(against):
+        for j in (i, *others):
+            joined.join(i, j)
+    clusters: dict[int, list[int]] = {}
+    for i in range(len(against)):
+        clusters.setdefault(joined.name(i), []).append(i)
+    for cluster in clusters.values():
         stages = _stages(cluster, against, [links for _, links in groups])
         name = f"tl{min(groups[i][0].element_id for i in cluster)}"
         links = list({id(c): c for i in cluster for c in groups[i][1]}.values())
@@ -80,7 +88,7 @@ def controlled(
         for lane in rule.lanes:
             # A lane that begins at the map's border is entered where its first edge ends.
             enters = lane in others or (first == lane and c.enters)
-            leaves = first == lane and (bool(others) or _held(lanes[lane], rule, c.starts[-1][1]))
+            leaves = first == lane and (bool(others) or _held(lanes[lane], rule, c.internal.starts[-1][1]))
             if enters if lane in crossing else leaves:
                 found.append(c)
                 break
@@ -93,22 +101,6 @@ def _held(lane: Lane, rule: Regulation, start: float) -> bool:
     if held:
         return max(held) < start + AT_LINE_M
     return length_of(lane.centreline) - start < BEFORE_END_M
-
-
-def _clusters(against: Sequence[set[int]]) -> list[list[int]]:
-    seen: set[int] = set()
-    clusters = []
-    for i in range(len(against)):
-        stack, cluster = [i], []
-        while stack:
-            k = stack.pop()
-            if k not in seen:
-                seen.add(k)
-                cluster.append(k)
-                stack += against[k]
-        if cluster:
-            clusters.append(sorted(cluster))
-    return clusters
 
 
 def _stages(
@@ -126,7 +118,7 @@ def _stages(
 
 
 def _oncoming(a: Sequence[Connection], b: Sequence[Connection]) -> bool:
-    return all(abs(turn(p.link.entry, q.link.entry)) > ONCOMING for p in a for q in b)
+    return all(abs(turn(p.entry, q.entry)) > ONCOMING for p in a for q in b)
 
 
 def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tuple[float, str], ...]:
@@ -155,7 +147,7 @@ def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
         letter = lit.get(c.internal.name, "r")
         if letter == "G":
             prefix = c.internal.name.rsplit("_", 2)[0]
-            foes = [f"{prefix}_{j}_0" for j in c.link.response]
+            foes = [f"{prefix}_{j}_0" for j in c.response]
             if any(lit.get(foe, "r") in "Gg" or foe not in known for foe in foes):
                 letter = "g"
         letters.append(letter)
@@ -185,22 +177,20 @@ def with_crossings(
         for crossing in walks.crossings:
             links = [nodes[crossing.node].connections[k] for k in crossing.crossed]
             crossed: _Crossed = {
-                index[c.internal.name]: abs(c.link.bend) > TURNING_RAD
-                for c in links
-                if c.internal.name in index
+                index[c.internal.name]: abs(c.bend) > TURNING_RAD for c in links if c.internal.name in index
             }
-            if crossed and crossing.name not in taken:
-                taken.add(crossing.name)
+            if crossed and crossing.lane.edge not in taken:
+                taken.add(crossing.lane.edge)
                 lit.append((crossing, crossed))
         phases: _Phases = programme.phases
         for _, crossed in lit:
             phases = _with_crossing(phases, crossed)
         closed = [k for k in range(len(lit)) if not any(state[-len(lit) + k] == "G" for _, state in phases)]
         if closed and programme is recorded:
-            never += [i for k in closed for i in lit[k][0].lane.lanelets]
+            never += [i for k in closed for i, _ in lit[k][0].lane.starts]
         elif closed:
             phases = _with_phase_of_their_own(phases, len(lit), closed)
-        names = tuple(crossing.name for crossing, _ in lit)
+        names = tuple(crossing.lane.edge for crossing, _ in lit)
         result.append(replace(programme, phases=tuple(phases), crossings=names))
     return result, never
 

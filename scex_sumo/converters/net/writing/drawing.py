@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr as quoted
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.elements import shape_text
+from scex_sumo.converters.net.plan.layout import shape_text
 from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Marking, Road
 
@@ -62,31 +62,23 @@ def extras_text(road: Road) -> str:
 
 def _areas(road: Road) -> Iterator[str]:
     for number, area in enumerate(road.areas):
-        style = AREAS.get(area.kind, OTHER_AREA)
-        yield (
-            f'    <poly id="area.{number}" type={quoted(area.kind)} color="{style.color}" fill="1"'
-            f' layer="{style.layer}" shape="{shape_text(area.outline)}"/>'
-        )
+        yield _poly(f"area.{number}", area.kind, AREAS.get(area.kind, OTHER_AREA), area.outline, fill=True)
 
 
 def _markings(road: Road) -> Iterator[str]:
-    number = 0
-    for marking in road.markings:
-        style = LINES.get(marking.kind, OTHER_LINE)
-        for line in _strokes(marking, style):
-            yield _line(f"marking.{number}", marking.kind, style, line)
-            number += 1
+    styled = ((marking, LINES.get(marking.kind, OTHER_LINE)) for marking in road.markings)
+    strokes = ((marking, style, line) for marking, style in styled for line in _strokes(marking, style))
+    for number, (marking, style, line) in enumerate(strokes):
+        yield _poly(f"marking.{number}", marking.kind, style, line)
 
 
 def _stop_lines(road: Road) -> Iterator[str]:
     drawn = [marking.points for marking in road.markings if marking.kind == "stop_line"]
-    number = 0
-    for rule in road.regulations:
-        for line in rule.stop_lines:
-            if not any(np.array_equal(line, other) for other in drawn):
-                drawn.append(line)
-                yield _line(f"stop_line.{number}", "stop_line", LINES["stop_line"], line)
-                number += 1
+    marked = len(drawn)
+    for line in (line for rule in road.regulations for line in rule.stop_lines):
+        if not any(np.array_equal(line, other) for other in drawn):
+            yield _poly(f"stop_line.{len(drawn) - marked}", "stop_line", LINES["stop_line"], line)
+            drawn.append(line)
 
 
 def _strokes(marking: Marking, style: _Style) -> Iterator[FloatArray]:
@@ -101,8 +93,7 @@ def _strokes(marking: Marking, style: _Style) -> Iterator[FloatArray]:
         yield cut(marking.points, k * total / count, (k + 1) * total / count)
 
 
-def _line(name: str, kind: str, style: _Style, line: FloatArray) -> str:
-    return (
-        f'    <poly id="{name}" type={quoted(kind)} color="{style.color}" fill="0" layer="{style.layer}"'
-        f' lineWidth="{style.width:.2f}" shape="{shape_text(line)}"/>'
-    )
+def _poly(name: str, kind: str, style: _Style, line: FloatArray, *, fill: bool = False) -> str:
+    look = f'color="{style.color}" fill="{fill:d}" layer="{style.layer}"'
+    look += "" if fill else f' lineWidth="{style.width:.2f}"'
+    return f'    <poly id="{name}" type={quoted(kind)} {look} shape="{shape_text(line)}"/>'

@@ -1,0 +1,1 @@
+"""Plan of a SUMO net: shapes, right of way, lights and people."""

@@ -1,0 +1,382 @@
+"""Pedestrian part of a SUMO net: crossings in junctions, walking areas and sidewalks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count, pairwise
+from typing import TypeAlias
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, hull
+from scex_sumo.converters.net.topology.graph import Groups, Topology, Zone
+from scex_sumo.geometry.polylines import along, cut, heading, length_of, nearest
+from scex_sumo.road import Lane
+
+MEET_M = 0.5  # between footways that meet
+END_M = 2.0  # another footway this close to an end joins there
+KERB_M = 1.0  # between the edge of a lane and where people wait
+ISLAND_M = 4.0  # between lanes that are crossed at one go
+ALONG = 3.0  # a lane that runs over more than so many widths runs along the walkway
+PASS_M = 1.3  # half a car and some room
+TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
+OUTWARD_M = 0.7  # how far a crosswalk may be moved off a lane
+SHORTEST_M = 0.5  # of a footway, and of what a vehicle lane has in common with a crosswalk
+
+_Station = tuple[int, float]  # lanelet, arc length on it in m
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footway:
+    """Crosswalk (``marked``), or a stretch of a walkway between two places.
+
+    Attributes:
+        lanelet: None if the map does not have it.
+        crossed: vehicle lanes under it, with (start, end) arc length on them in m.
+    """
+
+    name: str
+    lanelet: int | None
+    shape: FloatArray
+    width: float
+    places: tuple[int, int]
+    marked: bool = False
+    crossed: tuple[tuple[int, tuple[float, float]], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Crossed:
+    lane: int
+    span: tuple[float, float]
+    walked: tuple[float, float]
+
+
+def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Footway]:
+    """Cut crosswalks and walkways where others join from the side and where they leave the road."""
+    walked = {i: lane for i, lane in lanes.items() if lane.kind == "pedestrian"}
+    walked = {i: lane for i, lane in walked.items() if length_of(lane.centreline) >= SHORTEST_M}
+    roads = shapely.STRtree([shapely.LineString(x.centreline) for x in driven.values()])
+    walked = {i: _beside_lanes(x, driven, roads) for i, x in walked.items()}
+    crossed = {i: list(_crossed(x, driven, roads)) for i, x in walked.items()}
+    ids, grounds = list(walked), shapely.STRtree([_ground(x) for x in walked.values()])
+    meetings: Groups[_Station] = Groups()
+    for i, lane in walked.items():
+        for s in (0.0, length_of(lane.centreline), *_kerbs(lane, crossed[i])):
+            meetings.name((i, s))
+        for s in (0.0, length_of(lane.centreline)):
+            for j in (ids[k] for k in grounds.query(_tip(lane, s))):
+                if i != j and (at := _meets(lane, s, walked[j], whole=_marked(walked[j]))) is not None:
+                    meetings.join((i, s), (j, at))
+    places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in meetings.members()}))}
+    found = []
+    for i, lane in walked.items():
+        stations = sorted(s for j, s in meetings.members() if j == i)
+        for k, (start, end) in enumerate(pairwise(stations)):
+            ends = (places[meetings.name((i, start))], places[meetings.name((i, end))])
+            under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
+            way = Footway(
+                name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
+                lanelet=i,
+                shape=cut(lane.centreline, start, end),
+                width=lane.width_m,
+                places=ends,
+                marked=_marked(lane),
+                crossed=tuple((c.lane, c.span) for c in under),
+            )
+            found += [way] if ends[0] != ends[1] else []
+    return found
+
+
+def crossed_zones(ways: list[Footway]) -> list[Zone]:
+    """Return one zone of vehicle lanes for each group of crosswalks that meet."""
+    groups: Groups[int] = Groups()
+    crosswalks = [way for way in ways if way.crossed]
+    for way in crosswalks:
+        groups.join(*way.places)
+    crossed: dict[int, list[tuple[int, tuple[float, float]]]] = {}
+    for way in crosswalks:
+        crossed.setdefault(groups.name(way.places[0]), []).extend(way.crossed)
+    return [Zone(lanes=tuple(i for i, _ in on), spans=tuple(s for _, s in on)) for on in crossed.values()]
+
+
+def _ground(lane: Lane) -> shapely.Geometry:
+    points = np.vstack([lane.left_bound, lane.right_bound, lane.centreline])
+    return shapely.box(*(points.min(axis=0) - MEET_M), *(points.max(axis=0) + MEET_M))
+
+
+def _tip(lane: Lane, s: float) -> shapely.Geometry:
+    at = -1 if s else 0
+    return shapely.MultiPoint([lane.left_bound[at], lane.right_bound[at], lane.centreline[at]]).envelope
+
+
+def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
+    """Arc length at which a footway's end joins another footway, or None."""
+    at = -1 if s else 0
+    length = length_of(other.centreline)
+    side = shapely.LineString([lane.left_bound[at], lane.right_bound[at]])
+    for there, station in ((0, 0.0), (-1, length)):
+        if side.distance(shapely.LineString([other.left_bound[there], other.right_bound[there]])) < MEET_M:
+            return station
+    tip = lane.centreline[at]
+    if _area(other).distance(shapely.Point(tip)) > MEET_M:
+        return None
+    station = float(nearest(other.centreline, *tip))
+    if station < END_M or station > length - END_M:
+        return 0.0 if station < length / 2 else length
+    return None if whole else round(station)
+
+
+def _marked(lane: Lane) -> bool:
+    return lane.subtype == "crosswalk"
+
+
+def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Lane:
+    middle, half = shapely.LineString(footway.centreline), footway.width_m / 2
+    right, left = -half, half
+    if not _marked(footway):
+        return footway
+    for k in lines.query(_area(footway), predicate="intersects").tolist():
+        part = _area(footway).intersection(lines.geometries[k])
+        if part.length < SHORTEST_M or part.intersects(middle):
+            continue
+        at = [float(middle.project(point)) for point in shapely.points(shapely.get_coordinates(part))]
+        across = shapely.get_coordinates(part) - along(footway.centreline, np.array(at))
+        ahead = along(footway.centreline, np.array(at) + 0.1) - along(footway.centreline, np.array(at) - 0.1)
+        offset = (ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]) / np.hypot(*ahead.T)
+        if offset.mean() > 0:
+            left = min(left, float(offset.min()) - PASS_M)
+        else:
+            right = max(right, float(offset.max()) + PASS_M)
+    if (right, left) == (-half, half):
+        return footway
+    if left < half:
+        right = max(min(right, left - TWO_ABREAST_M), -half - OUTWARD_M)
+    else:
+        left = min(right + TWO_ABREAST_M, half + OUTWARD_M)
+    if left - right < TWO_ABREAST_M - 1e-6:
+        return footway
+    bounds = [shapely.get_coordinates(middle.offset_curve(s)) for s in (left, (left + right) / 2, right)]
+    return replace(
+        footway, left_bound=bounds[0], centreline=bounds[1], right_bound=bounds[2], width_m=left - right
+    )
+
+
+def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:
+    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    ids = list(driven)
+    for k in np.sort(lines.query(area, predicate="intersects")).tolist():
+        i, line = ids[k], lines.geometries[k]
+        lane = driven[i]
+        for part in shapely.get_parts(area.intersection(line)):
+            across = part.length < ALONG * footway.width_m and part.intersects(middle)
+            if part.length < SHORTEST_M or not (_marked(footway) or across):
+                continue
+            ends = sorted(float(line.project(shapely.Point(part.coords[k]))) for k in (0, -1))
+            s, half = float(middle.project(shapely.shortest_line(part, middle).centroid)), lane.width_m / 2
+            yield _Crossed(lane=i, span=(ends[0], ends[1]), walked=(s - half, s + half))
+
+
+def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
+    length = length_of(footway.centreline)
+    spans = sorted(c.walked for c in crossed) if not _marked(footway) else []
+    merged: list[tuple[float, float]] = []
+    for low, high in spans:
+        if merged and low < merged[-1][1] + ISLAND_M:
+            merged[-1] = (merged[-1][0], max(high, merged[-1][1]))
+        else:
+            merged.append((low, high))
+    for low, high in merged:
+        yield from (s for s in (low - KERB_M, high + KERB_M) if END_M < s < length - END_M)
+
+
+def _area(lane: Lane) -> shapely.Polygon:
+    return shapely.Polygon(np.vstack([lane.left_bound, lane.right_bound[::-1]])).buffer(0.0)
+
+
+def corners(shape: FloatArray, width: float, *, end: bool) -> FloatArray:
+    """(2, 2) left and right corner of a footway's end, m."""
+    length = length_of(shape)
+    a, b = along(shape, np.array([length - min(0.5, length), length] if end else [0.0, min(0.5, length)]))
+    across = np.array([a[1] - b[1], b[0] - a[0]]) / max(float(np.hypot(*(b - a))), 1e-9) * width / 2
+    tip = shape[-1 if end else 0]
+    return np.array([tip + across, tip - across])
+
+
+_Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, its links, edges at them
+
+SPEED_MPS = 2.78  # SUMO's own for sidewalks
+TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
+STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Crossing:
+    """A crosswalk across links of one junction.
+
+    Attributes:
+        start: walking area at its beginning.
+        end: walking area at its end.
+        crossed: indices of the junction's links that run over it.
+        marked: whether vehicles give way there; elsewhere people do.
+    """
+
+    node: str
+    lane: NetLane
+    start: str
+    end: str
+    crossed: tuple[int, ...]
+    edges: tuple[str, ...]
+    marked: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sidewalk:
+    lane: NetLane
+    nodes: tuple[str, str]
+    areas: tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Walks:
+    """Pedestrian part of a net; ``areas`` and ``nodes`` hold outlines by name."""
+
+    crossings: tuple[Crossing, ...]
+    areas: Mapping[str, FloatArray]
+    sidewalks: tuple[_Sidewalk, ...]
+    nodes: Mapping[str, FloatArray]
+
+    def at(self, node: str) -> list[Crossing]:
+        """Crossings of a junction."""
+        return [c for c in self.crossings if c.node == node]
+
+    def incoming(self, node: str) -> list[str]:
+        """Return lanes for people that lead into a junction."""
+        ending = [s.lane.name for s in self.sidewalks if s.nodes[1] == node]
+        return [*ending, *dict.fromkeys(f"{c.start}_0" for c in self.at(node))]
+
+    def places(self) -> Iterator[tuple[str, tuple[tuple[int, float], ...]]]:
+        """Each lane for people, with the lanelet under it and its order along that lanelet."""
+        lanes = [crossing.lane for crossing in self.crossings] + [walk.lane for walk in self.sidewalks]
+        for k, lane in enumerate(lanes):
+            yield lane.name, tuple((lanelet, float(k)) for lanelet, _ in lane.starts)
+
+
+NO_WALKS = Walks(crossings=(), areas={}, sidewalks=(), nodes={})
+
+
+def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -> Walks:
+    """Put a map's footways into the net of its vehicle lanes."""
+    return _Plan(ways, topology, layout).walks() if ways else NO_WALKS
+
+
+class _Plan:
+    def __init__(self, ways: Sequence[Footway], topology: Topology, layout: NetLayout) -> None:
+        across = {way.name: _across(way, topology, layout) for way in ways}
+        self._across = {name: found for name, found in across.items() if found is not None}
+        owners = {p: self._across[w.name][0] for w in ways if w.name in self._across for p in w.places}
+        crosswalks = [way for way in ways if way.name in self._across]
+        sidewalks = [way for way in ways if way.name not in self._across]
+        fresh = count(max(place for way in ways for place in way.places) + 1)
+        self._ways = [*crosswalks, *_halved(sidewalks, owners, fresh), *_stubs(crosswalks, ways, fresh)]
+        ends = [place for way in self._ways for place in way.places]
+        self._node = {place: owners.get(place, f"p{place}") for place in sorted(set(ends))}
+        numbers: dict[str, Iterator[int]] = {node: count() for node in self._node.values()}
+        self._area = {p: f":{n}_w{next(numbers[n])}" for p, n in self._node.items() if ends.count(p) > 1}
+
+    def walks(self) -> Walks:
+        crossings: list[Crossing] = []
+        sidewalks: list[_Sidewalk] = []
+        corner: dict[int, list[FloatArray]] = {}
+        numbers: dict[str, Iterator[int]] = {node: count() for node in self._node.values()}
+        for way in self._ways:
+            areas = (self._area.get(way.places[0], ""), self._area.get(way.places[1], ""))
+            shape = _trimmed(way.shape, areas)
+            for place, end in zip(way.places, (False, True), strict=True):
+                corner.setdefault(place, []).append(corners(shape, way.width, end=end))
+            lane = NetLane(
+                name=f"{way.name}_0",
+                shape=shape,
+                length=length_of(shape),
+                width=way.width,
+                speed=SPEED_MPS,
+                starts=() if way.lanelet is None else ((way.lanelet, 0.0),),
+                allow="pedestrian",
+            )
+            if way.name in self._across:
+                node, links, edges = self._across[way.name]
+                name = f":{node}_c{next(numbers[node])}"
+                lane = replace(lane, name=f"{name}_0")
+                crossings.append(
+                    Crossing(
+                        node=node,
+                        lane=lane,
+                        start=areas[0],
+                        end=areas[1],
+                        crossed=links,
+                        edges=edges,
+                        marked=way.marked,
+                    )
+                )
+            else:
+                nodes = (self._node[way.places[0]], self._node[way.places[1]])
+                sidewalks.append(_Sidewalk(lane=lane, nodes=nodes, areas=areas))
+        return Walks(
+            crossings=tuple(sorted(crossings, key=lambda c: c.lane.name)),
+            areas={name: hull(corner[place]) for place, name in self._area.items()},
+            sidewalks=tuple(sidewalks),
+            nodes={n: hull(corner[place]) for place, n in self._node.items() if n == f"p{place}"},
+        )
+
+
+def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | None:
+    pieces = {piece for lane, span in way.crossed for piece in topology.pieces_on(lane, *span)}
+    for node in layout.nodes if pieces else ():
+        links = [k for k, c in enumerate(node.connections) if pieces & set(c.path.inside)]
+        if links:
+            edges = dict.fromkeys(_nearer_edge(node.connections[k], way.shape) for k in links)
+            return node.name, tuple(links), tuple(edges)
+    return None
+
+
+def _nearer_edge(link: Connection, crosswalk: FloatArray) -> str:
+    line = shapely.LineString(crosswalk)
+    first, last = (line.distance(shapely.Point(link.internal.shape[k])) for k in (0, -1))
+    return link.from_edge if first <= last else link.to_edge
+
+
+def _halved(ways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[int]) -> Iterator[Footway]:
+    for way in ways:
+        one, other = way.places
+        if one not in owners or owners[one] != owners.get(other):
+            yield way
+            continue
+        middle, half = next(fresh), length_of(way.shape) / 2
+        shapes = cut(way.shape, 0.0, half), cut(way.shape, half, 2 * half)
+        for k, (shape, places) in enumerate(zip(shapes, ((one, middle), (middle, other)), strict=True)):
+            yield replace(way, name=f"{way.name}#{'ab'[k]}", shape=shape, places=places)
+
+
+def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterator[int]) -> Iterator[Footway]:
+    places = [place for way in ways for place in way.places]
+    for way in crosswalks:
+        for k, place in enumerate(way.places):
+            if places.count(place) == 1:
+                angle, tip = heading(way.shape, end=k == 1) + (math.pi if k == 0 else 0.0), way.shape[-k]
+                outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
+                yield Footway(
+                    name=f"{way.name}#{k}",
+                    lanelet=None,
+                    shape=np.array([outer, tip]),
+                    width=way.width,
+                    places=(next(fresh), place),
+                )
+
+
+def _trimmed(shape: FloatArray, areas: tuple[str, str]) -> FloatArray:
+    length = length_of(shape)
+    off = min(TRIM_M, length / 4)
+    return cut(shape, off * bool(areas[0]), length - off * bool(areas[1]))

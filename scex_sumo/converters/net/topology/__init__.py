@@ -1,0 +1,1 @@
+"""Topology of a SUMO net: rows of lanes, cut into edges and junctions."""

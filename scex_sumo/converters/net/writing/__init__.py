@@ -1,0 +1,1 @@
+"""Text of a SUMO net and of its drawing."""

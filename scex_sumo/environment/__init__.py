@@ -1,0 +1,28 @@
+"""Gymnasium environments: one vehicle of a seed scene is the agent, drawn models drive the others.
+
+Importing this package registers ``scex_sumo/Seed-v0``. It needs the extra ``gym``.
+"""
+
+from scex_sumo.base.errors import ScexError
+
+try:
+    import gymnasium
+except ImportError as error:
+    raise ScexError(
+        f"environments need Gymnasium ({error}); install it: pip install 'scex-sumo[gym]'"
+    ) from error
+
+SEED_ENV = "scex_sumo/Seed-v0"
+
+
+def register() -> None:
+    """Register the environments with Gymnasium; does nothing the second time."""
+    if SEED_ENV not in gymnasium.registry:
+        gymnasium.register(
+            SEED_ENV,
+            entry_point="scex_sumo.environment.seed_env:SeedEnv",
+            vector_entry_point="scex_sumo.environment.vector_env:SeedVectorEnv",
+        )
+
+
+register()

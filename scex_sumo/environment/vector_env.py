@@ -1,0 +1,303 @@
+"""Vector environment: many futures of one seed scene side by side, an agent in each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.driving.paths import seed_paths
+from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.plug_in.inputs import Surroundings, predictor_inputs
+from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.environment.agent import (
+    AgentSteps,
+    Reward,
+    controlled,
+    default_reward,
+    planned,
+)
+from scex_sumo.extrapolation.assignments import child_generator, random_assignments, route_draws
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.rollout import checked_plan, history_at
+from scex_sumo.extrapolation.settings import Models, RunSettings
+from scex_sumo.extrapolation.situations import plans_of
+from scex_sumo.metrics.base import SceneTracks
+from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
+from scex_sumo.scenarios.seeds import read_seed
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.world.plain import PlainWorld
+
+PATH_POINTS, PATH_SPACING_M = 10, 3.0  # of the agent's path ahead in an observation
+MAX_OBSERVED = 1000.0  # m, m/s; larger values are cut
+Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
+
+
+class SeedVectorEnv(VectorEnv[Any, Any, Any]):
+    """N futures of a seed scene; the agent is one vehicle of each, models are drawn for the others.
+
+    The world is the plain one, which equals SUMO's to the bit where SUMO drives no vehicle. In its first
+    episode after ``reset(seed=s)`` environment i has the drivers of child i of
+    ``extrapolate(seed=s, design="random")``. An environment resets itself at the step after its end.
+
+    An observation is what `predictor_inputs` gives to a driver model, and ``path`` (10, 2): the agent's path
+    ahead in its frame, every 3 m. ``terminated``: the agent touches another vehicle.
+    """
+
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
+
+    _age: IntArray  # (N,) steps since the seed scene
+    _child: IntArray  # (N,) numbers of the episodes
+    _ended: BoolArray
+    _way: FloatArray  # (N,) arc lengths of the agents on their paths, m
+    _length: FloatArray
+
+    def __init__(
+        self,
+        num_envs: int = 385,
+        *,
+        seed_scene: SeedScene | str | Path,
+        agent: int | None = None,
+        models: Models = DEFAULT_MODELS,
+        assign: Mapping[int, str] | None = None,
+        steps: int = 30,
+        replan: int = 5,
+        hold: int = 1,
+        path: int = 0,
+        action: Literal["control", "plan"] = "control",
+        observation: Literal["flat", "dict"] = "flat",
+        surroundings: Surroundings | None = None,
+        reward: Reward = default_reward,
+    ) -> None:
+        """Make N environments.
+
+        Args:
+            seed_scene: scene with its road, or a file that `read_seed` reads.
+            agent: track id; None for the first vehicle.
+            models: as `extrapolate`; so ``assign``, ``steps`` (at which episodes are truncated), ``replan``.
+            hold: steps of 0.1 s that an action is held.
+            path: the agent's path by index from left to right; progress counts along it.
+            action: ``control``: acceleration (1: 4 m/s², -1: -8 m/s²) and steering (1: 0.5 rad to the left);
+                ``plan``: (hold, 2) positions in the agent's frame, m, one per step.
+            observation: ``flat``: one array; ``dict``: named arrays.
+            surroundings: what the agent sees; None for 8 neighbours and 16 lane pieces within 50 m.
+            reward: of the (N,) agents for an action.
+
+        Raises:
+            UsageError: an argument makes no sense.
+        """
+        scene = seed_scene if isinstance(seed_scene, SeedScene) else read_seed(seed_scene)
+        if scene.road is None:
+            raise UsageError("seed_scene: has no road; read it together with its map")
+        tracks = scene.track_ids.tolist()
+        self.agent = tracks[0] if agent is None else agent
+        if self.agent not in tracks:
+            raise UsageError(f"agent: no vehicle {agent} in the seed scene; its vehicles: {tracks}")
+        if self.agent in (assign or {}):
+            raise UsageError(f"assign: vehicle {self.agent} is the agent")
+        if num_envs < 1 or hold < 1 or hold > steps:
+            raise UsageError(f"num_envs {num_envs}, hold {hold}: need at least 1, hold at most {steps} steps")
+        settings = RunSettings(models=models, assign=assign or {}, baseline=False, steps=steps, replan=replan)
+        self._models = ModelSet.of(settings)
+        for name, model in zip(self._models.names, self._models.built, strict=True):
+            if isinstance(model, SumoDriver):
+                raise UsageError(f"models: SUMO drives the vehicles of {name}; an environment has no SUMO")
+        self.scene, self.road = scene, scene.road
+        self.num_envs, self.steps, self.replan, self.hold = num_envs, steps, replan, hold
+        self._vehicle = tracks.index(self.agent)
+        self._controls, self._flat, self._reward = action == "control", observation == "flat", reward
+        self._surroundings = surroundings or Surroundings(neighbours=8, lanes=16)
+        self._paths = seed_paths(scene, self.road, None, steps * STEP_S + 5.0)
+        self._row = self._paths.choose(path, np.full(num_envs, self._vehicle), np.zeros(num_envs))
+        self._world = PlainWorld(num_envs, scene.vehicles, length=scene.length)
+        self._begin(0)
+        box, limit = gymnasium.spaces.Box, MAX_OBSERVED
+        self.single_action_space = box(-1.0, 1.0, (2,)) if self._controls else box(-100.0, 100.0, (hold, 2))
+        spaces: dict[str, gymnasium.Space[Any]] = {
+            name: box(-limit, limit, a.shape[1:]) for name, a in self._arrays().items()
+        }
+        every = gymnasium.spaces.Dict(spaces)
+        self.single_observation_space = gymnasium.spaces.flatten_space(every) if self._flat else every
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Put all environments to the seed scene, with newly drawn drivers."""
+        super().reset(seed=seed)
+        self._begin(int(self.np_random.integers(2**31)) if seed is None else seed)
+        return self._observation(), self._info()
+
+    def step(
+        self, actions: FloatArray
+    ) -> tuple[Observation, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """Advance all environments by ``hold`` steps; those that had ended begin again instead."""
+        actions = np.asarray(actions, dtype=np.float64)
+        if actions.shape != self.action_space.shape or not np.isfinite(actions).all():
+            raise UsageError(
+                f"actions: got shape {actions.shape}, needs finite values of shape {self.action_space.shape}"
+            )
+        begins = self._ended.copy()
+        before, came_from = self._agent_now(), self._way
+        collided = np.zeros(self.num_envs, dtype=bool)
+        planned_states = None if self._controls else planned(before, actions)
+        for held in range(self.hold):
+            self._plan()
+            if planned_states is None:
+                mine = controlled(self._agent_now(), self._length, actions)
+            else:
+                mine = planned_states[:, held]
+            collided |= self._advance(mine, moving=~(begins | collided))
+        if begins.any():
+            self._renew(np.flatnonzero(begins))
+        self._way, offset = self._on_path()
+        after, seconds = self._agent_now(), self.hold * STEP_S
+        turn = np.angle(np.exp(1j * (after.heading - before.heading)))
+        done = AgentSteps(
+            collided=collided,
+            progress=self._way - came_from,
+            offset=offset,
+            speed=after.speed,
+            speed_limit=self._speed_limit(),
+            acceleration=(after.speed - before.speed) / seconds,
+            lateral=(after.speed + before.speed) / 2 * turn / seconds,
+            seconds=seconds,
+        )
+        rewards = np.where(begins, 0.0, self._reward(done))
+        terminated = collided & ~begins
+        truncated = (self._age >= self.steps) & ~terminated & ~begins
+        self._ended = terminated | truncated
+        return self._observation(), rewards, terminated, truncated, self._info()
+
+    def _begin(self, seed: int) -> None:
+        count, shape = self.num_envs, (self.num_envs, self.scene.vehicles)
+        self._seed = seed
+        self._child = np.arange(count) - count  # `_renew` adds N: child numbers never come again
+        self._age = np.zeros(count, dtype=np.int64)
+        self._ended = np.zeros(count, dtype=bool)
+        self._assignment = np.zeros(shape, dtype=np.int64)
+        self._route_draw = np.zeros(shape)
+        self._generators = [child_generator(seed, 0)] * count
+        self._window = self.scene.history.repeat(count)
+        self._next = States.empty((*shape, self.replan))
+        self._length = np.full(count, self.scene.length[self._vehicle])
+        self._renew(np.arange(count))
+        self._way, _ = self._on_path()
+
+    def _renew(self, index: IntArray) -> None:
+        self._child[index] += self.num_envs
+        children, seed = self._child[index], self._seed
+        weights = [spec.weight for spec in self._models.drawn]
+        drawn = random_assignments(weights, children, self.scene.vehicles, seed=seed)
+        for track, model in self._models.fixed.items():
+            drawn[:, self.scene.track_ids.tolist().index(track)] = model
+        self._assignment[index] = drawn
+        self._assignment[index, self._vehicle] = -1
+        self._route_draw[index] = route_draws(children, self.scene.vehicles, seed=seed)
+        for place, child in zip(index.tolist(), children.tolist(), strict=True):
+            self._generators[place] = child_generator(seed, child)
+        self._age[index] = 0
+        self._ended[index] = False
+        self._window.assign(index, self.scene.history.repeat(len(index)))
+
+    def _plan(self) -> None:
+        due = (self._age % self.replan == 0) & ~self._ended
+        for age in np.unique(self._age[due]).tolist():
+            envs = np.flatnonzero(due & (self._age == age))
+            history = self._history(envs, age)
+            assignment, plan = (
+                self._assignment[envs],
+                States.empty((len(envs), self.scene.vehicles, self.replan)),
+            )
+            groups = [
+                VehicleIndex(child=c, vehicle=v)
+                for c, v in (np.nonzero(assignment == m) for m in range(len(self._models.built)))
+            ]
+            generators = [self._generators[env] for env in envs.tolist()]
+            for m, made in plans_of(self._models.built, groups, history, self.road, generators):
+                usable = checked_plan(made, len(groups[m]), self.replan, self._models.names[m])
+                plan.assign((groups[m].child, groups[m].vehicle), usable)
+            self._next.assign(envs, plan)
+
+    def _advance(self, mine: States, *, moving: BoolArray) -> BoolArray:
+        """Move the ``moving`` environments by one step; return (N,) whether their agents touch a vehicle."""
+        every, before = np.arange(self.num_envs), self._window[:, :, -1]
+        states = self._next[every, :, self._age % self.replan]
+        states.assign((every, self._vehicle), mine)
+        states = States.joined([states, before], lambda ab: np.where(moving[:, None], *ab))
+        self._world.move(states, np.ones(states.shape, dtype=bool))
+        self._world.step()
+        read = self._world.read()
+        self._window = States.concatenate([self._window[:, :, 1:], read[:, :, None]], axis=2)
+        self._age = self._age + moving
+        tracks = SceneTracks(
+            states=States.stack([before, read], axis=1),
+            length=self.scene.length,
+            width=self.scene.width,
+            first=1,
+        )
+        hits = find_collisions(tracks, limit_m2=CONTACT_M2, vehicle=self._vehicle)
+        return hits.any_of(self.num_envs) & moving
+
+    def _history(self, envs: IntArray, age: int) -> SceneHistory:
+        return history_at(self.scene, self._window[envs], self._child[envs], self._route_draw[envs], step=age)
+
+    def _agent_now(self) -> States:
+        return self._window[:, self._vehicle, -1]
+
+    def _on_path(self) -> tuple[FloatArray, FloatArray]:
+        """Return (N,) arc lengths and offsets of the agents on their path, m."""
+        now, start = self._agent_now(), float(self.scene.now.speed[self._vehicle])
+        expected = 20.0 + self._age * STEP_S * (start + now.speed) / 2
+        way, offset, _ = foot_points(self._paths, self._row, now.x, now.y, expected)
+        return way, offset
+
+    def _speed_limit(self) -> FloatArray:
+        at = np.clip((self._way / 0.5).astype(np.int64), 0, self._paths.samples - 1)
+        limit: FloatArray = self._paths.speed_limit[self._row, at]
+        return limit
+
+    def _arrays(self) -> dict[str, FloatArray]:
+        parts: list[tuple[IntArray, dict[str, FloatArray]]] = []
+        # Only replayed pedestrians and cyclists depend on the time since the seed scene.
+        ages = np.zeros_like(self._age) if self.scene.obstacles is None else self._age
+        for age in np.unique(ages).tolist():
+            envs = np.flatnonzero(ages == age)
+            who = VehicleIndex(child=np.arange(len(envs)), vehicle=np.full(len(envs), self._vehicle))
+            parts.append(
+                (envs, predictor_inputs(self._history(envs, age), self.road, who, self._surroundings))
+            )
+        order = np.argsort(np.concatenate([envs for envs, _ in parts]))
+        arrays = {name: np.concatenate([part[name] for _, part in parts])[order] for name in parts[0][1]}
+        return {**arrays, "path": self._path_ahead()}
+
+    def _path_ahead(self) -> FloatArray:
+        now, ahead = self._agent_now(), PATH_SPACING_M * np.arange(1, PATH_POINTS + 1)
+        s = (self._way[:, None] + ahead).ravel()
+        x, y = sample_paths(self._paths, np.repeat(self._row, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
+        dx, dy = x - now.x[:, None], y - now.y[:, None]
+        cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
+        return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
+
+    def _observation(self) -> Observation:
+        arrays = {
+            name: np.clip(values, -MAX_OBSERVED, MAX_OBSERVED).astype(np.float32)
+            for name, values in self._arrays().items()
+        }
+        if not self._flat:
+            return arrays
+        # in the order of `gymnasium.spaces.flatten`
+        return np.concatenate([arrays[name].reshape(self.num_envs, -1) for name in sorted(arrays)], axis=1)
+
+    def _info(self) -> dict[str, Any]:
+        return {"child": self._child.copy(), "step": self._age.copy()}
