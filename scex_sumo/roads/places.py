@@ -68,9 +68,7 @@ def _rings(road: Road) -> frozenset[int]:
 def _is_round(loop: FloatArray) -> bool:
     """Return whether a closed line (N, 2) has no long straight part."""
     points = samples(np.vstack([loop, loop[:1]]), 2.0)[1]  # twice round below: a straight may hold the start
-    heading = np.unwrap(
-        headings(np.vstack([points, points[1:]]))
-    )
+    heading = np.unwrap(headings(np.vstack([points, points[1:]])))
     turned = np.abs(heading[None] - heading[: len(points), None]) > STRAIGHT_RAD
     after = np.arange(len(heading))[None] > np.arange(len(points))[:, None]
     straight = np.argmax(turned & after, axis=1) - np.arange(len(points))

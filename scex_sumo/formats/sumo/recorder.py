@@ -130,7 +130,7 @@ class Recorder:
         """Subscribe to the lights."""
         self._sumo, self._keep_s = sumo, keep_s
         self.recorded = Recorded()
-        self._known: set[str] = set()
+        self._labels: dict[tuple[int, str], str] = {}  # a person may have the name of a vehicle
         for light in sumo.trafficlight.getIDList():
             if any(
                 int(logic.type) in _RAIL_SIGNALS for logic in sumo.trafficlight.getAllProgramLogics(light)
@@ -156,7 +156,7 @@ class Recorder:
                 if state.get(_STOP, 0) & _PARKED:
                     parked.append(name)
                 elif abs(x) < _NOWHERE_M and not state.get(_VEHICLE):  # nobody in a vehicle
-                    names.append(name)
+                    names.append(self._labels[more, name])
                     values.extend((x, y, state[_ANGLE], state[_SPEED]))
         recorded.frames.append((time_s, names, values))
         waiting = len(sumo.simulation.getPendingVehicles())
@@ -176,12 +176,15 @@ class Recorder:
         return time_s
 
     def _subscribe(self, domain: Any, names: Sequence[str], more: int) -> None:
-        for name in set(names) - self._known:
-            self._known.add(name)
+        for name in names:
+            if (more, name) in self._labels:
+                continue
+            label = f"{name} (person)" if more == _VEHICLE and name in self.recorded.users else name
+            self._labels[more, name] = label
             domain.subscribe(name, [_SPEED, _POSITION, _ANGLE, more])
             kind = "pedestrian" if more == _VEHICLE else str(domain.getVehicleClass(name))
             size = float(domain.getLength(name)), float(domain.getWidth(name))
-            self.recorded.users[name] = "tram" if kind in _RAILS else kind, *size
+            self.recorded.users[label] = "tram" if kind in _RAILS else kind, *size
 
     def _learn(self, light: str, name: str) -> None:
         known = self.recorded.programmes

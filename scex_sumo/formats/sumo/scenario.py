@@ -58,7 +58,9 @@ def simulate(config: Path, window: Window = (None, None)) -> Recorded:
         try:
             sumo.start([binary, *options])
             try:
-                return _recorded(config, sumo, window)
+                recorded = _recorded(config, sumo, window)
+                by = () if own is None else (f"simulated by {sumo.getVersion()[1]} of SUMO_HOME",)
+                return dataclasses.replace(recorded, notes=(*recorded.notes, *by))
             finally:
                 sumo.close()
         except failed as error:
@@ -72,6 +74,8 @@ def simulate(config: Path, window: Window = (None, None)) -> Recorded:
 def _recorded(config: Path, sumo: Any, window: Window) -> Recorded:
     refuse_mesoscopic(sumo, config)
     begin, end, step_s = sumo.simulation.getTime(), sumo.simulation.getEndTime(), sumo.simulation.getDeltaT()
+    if window[0] is not None and 0 < end < window[0]:
+        raise TrackError(f"{config}: ends at {end:g} s; choose an earlier --time")
     end = end if end > 0 else begin + WITHOUT_END_S
     first, last = (begin if window[0] is None else window[0]), (end if window[1] is None else window[1])
     if window[0] is not None and begin + step_s < window[0] - step_s:

@@ -16,7 +16,7 @@ ROUTES = """<routes>
  <flow id="f" type="car" begin="0" end="90" period="3" from="A0A1" to="C1C2" departLane="best"/>
  <flow id="t" type="truck" begin="0" end="90" period="9" from="C0B0" to="A1A2"/>
  <flow id="b" type="bike" begin="0" end="90" period="9" from="B2B1" to="A0B0"/>
- <personFlow id="p" begin="0" end="90" period="10"><walk from="A0A1" to="C1C2"/></personFlow>
+ <personFlow id="f" begin="0" end="90" period="10"><walk from="A0A1" to="C1C2"/></personFlow>
 </routes>"""
 CONFIG = """<configuration>
  <input><net-file value="g.net.xml"/><route-files value="r.rou.xml"/>{files}</input>

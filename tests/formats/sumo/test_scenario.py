@@ -115,6 +115,8 @@ def test_a_time_before_the_first_vehicle_names_its_departure(tmp_path: Path) -> 
     grid = write_grid(tmp_path, routes='<routes><trip id="a" depart="30" from="A0A1" to="C1C2"/></routes>')
     with pytest.raises(TrackError, match=r"no vehicle .* departs at 30.1 s; choose a later --time"):
         read_seed(grid.config, time=5.0)
+    with pytest.raises(TrackError, match="ends at 90 s; choose an earlier --time"):
+        read_seed(grid.config, time=500.0)
 
 
 def test_a_mesoscopic_simulation_is_refused(tmp_path: Path) -> None:
@@ -195,4 +197,5 @@ def test_the_sumo_of_the_user_simulates(
     monkeypatch.setenv("SUMO_HOME", str(tmp_path / "home"))
     again = read_seed(grid.config, time=TIME_S)
     assert (tmp_path / "calls").read_text().count("ran") >= 3  # its version, its options, the simulation
+    assert any("of SUMO_HOME" in note for note in again.notes)
     np.testing.assert_array_equal(again.history.x, scene.history.x)
