@@ -147,9 +147,11 @@ class Recorder:
             recorded.absent.pop()
         names, parked, values = list[str](), list[str](), array("d")
         for domain, more in ((sumo.vehicle, _STOP), (sumo.person, _VEHICLE)):
-            present = domain.getIDList()
-            self._subscribe(domain, present, more)
-            results = domain.getAllSubscriptionResults()
+            present, results = domain.getIDList(), domain.getAllSubscriptionResults()
+            # A loaded state has none of the subscriptions before.
+            if new := [name for name in present if more not in results.get(name, ())]:
+                self._subscribe(domain, new, more)
+                results = domain.getAllSubscriptionResults()
             for name in present:
                 state = results.get(name, {})
                 x, y = state.get(_POSITION, (np.inf, np.inf))
@@ -166,6 +168,8 @@ class Recorder:
             recorded.frames.popleft()
             recorded.absent.popleft()
         for light, state in sumo.trafficlight.getAllSubscriptionResults().items():
+            if _SPENT not in state:  # subscribed by the user
+                continue
             changes = recorded.lights.setdefault(light, [])
             now = state[_PROGRAMME], state[_PHASE], state[_STATE]
             while changes and changes[-1][0] > time_s:
@@ -177,10 +181,9 @@ class Recorder:
 
     def _subscribe(self, domain: Any, names: Sequence[str], more: int) -> None:
         for name in names:
-            if (more, name) in self._labels:
-                continue
-            label = f"{name} (person)" if more == _VEHICLE and name in self.recorded.users else name
-            self._labels[more, name] = label
+            taken = more == _VEHICLE and (_STOP, name) in self._labels
+            label = f"{name} (person)" if taken else name
+            label = self._labels.setdefault((more, name), label)
             domain.subscribe(name, [_SPEED, _POSITION, _ANGLE, more])
             kind = "pedestrian" if more == _VEHICLE else str(domain.getVehicleClass(name))
             size = float(domain.getLength(name)), float(domain.getWidth(name))

@@ -86,6 +86,13 @@ said(lambda: watch.extrapolate(children=3, models=["constant_velocity"], out="ou
 said(lambda: watch.extrapolate(progress=print))
 said(lambda: watch.extrapolate(models=["nonsense"]))
 assert sumo.simulation.getTime() == watch.time_s == 20.0
+sumo.simulation.saveState("state.xml")
+sumo.simulationStep(25)
+sumo.simulation.loadState("state.xml")
+sumo.simulationStep()
+scene = watch.scene()
+assert scene.time_s == watch.time_s == 20.25 and scene.vehicles > 5 and not scene.recorded_steps.any()
+assert set(scene.source["vehicles"].values()) <= set(sumo.vehicle.getIDList())
 sumo.close()
 """
 
