@@ -24,7 +24,7 @@ from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.pairs.batches import scene_batches
 from scex_sumo.results.design import is_critical
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
-from scex_sumo.studies.sample_size.reduction import choose_vehicles, reduced
+from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
 
 VEHICLES = 5
 LEVELS = len(DEFAULT_MODELS.split(","))

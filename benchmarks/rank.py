@@ -32,11 +32,10 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.cut import list_moments, moment_tasks
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import DaskWorkers, LocalWorkers, MomentWorkers
-from scex_sumo.studies.rank.children import RankTask, run_moment
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.children import RankFolder, RankTask, run_moment
 from scex_sumo.studies.rank.rank import rank
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.scores import RankSettings
 
 DATASET = scex_sumo.example_path("roundabout").parent
 MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")

@@ -82,7 +82,8 @@ def run_command(
         str | None, Option(metavar="NAME", help="How assignments are drawn: balanced (default) or random.")
     ] = None,
     until_band: Annotated[
-        float | None, Option(metavar="W", help="Go on until all 95 % bands are within +-W, e.g. 0.05.")
+        float | None,
+        Option(metavar="W", help="Go on until all 95 % bands, or an exact P, are within +-W."),
     ] = None,
     region: InRegion = None,
     around: Around = None,
@@ -227,7 +228,13 @@ def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
 
 def _print_band(band: dict[str, Any]) -> None:
     left_out = f"; defined too rarely to count: {', '.join(band['left_out'])}" if band["left_out"] else ""
-    short = "" if band["width"] <= band["asked"] else f", not the +-{band['asked']:g} asked for"
+    exact = band.get("remainder") is not None
+    if exact:
+        print(
+            f"P(collision) is exact after {band['children']} futures, remainder {band['remainder']:.3f}; "
+            "--no-exact goes on until the bands are narrow"
+        )
+    short = "" if exact or band["width"] <= band["asked"] else f", not the +-{band['asked']:g} asked for"
     print(
         f"widest 95 % band: +-{band['width']:.3f} ({band['metric'] or 'no metric'}) "
         f"after {band['children']} futures{short}{left_out}"

@@ -57,8 +57,8 @@ class InfluenceTable:
 
     @property
     def remainder(self) -> float:
-        """Share of assignments that the table may get wrong, at most, with 95 % (rule of three)."""
-        return min(1.0, 3.0 / self.checked) if self.checked else 1.0
+        """Share of assignments that the table may get wrong, at most, with 95 %; see `remainder_of`."""
+        return remainder_of(self.checked)
 
     def probability(self, weights: Weights | None = None) -> float:
         """Return the exact probability of the event.
@@ -126,6 +126,11 @@ class InfluenceTable:
                 does = " or ".join(f"{WORDS[n]} ({n})" if n in WORDS else f"drives as {n}" for n in names)
                 parts.append(f"{track} {does}")
         return " and ".join(parts) or "whatever its drivers do"
+
+
+def remainder_of(checked: int) -> float:
+    """Return the largest share that is wrong, with 95 %, if none of ``checked`` draws is (rule of three)."""
+    return min(1.0, 3.0 / checked) if checked else 1.0
 
 
 def reduced(table: InfluenceTable) -> InfluenceTable:

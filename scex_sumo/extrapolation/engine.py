@@ -16,6 +16,7 @@ from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.convert import converted
+from scex_sumo.exact.tables import remainder_of
 from scex_sumo.extrapolation.exact_futures import find_exact, why_not_exact
 from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
@@ -26,7 +27,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import write_tables
 from scex_sumo.metrics.registry import thresholds_of
-from scex_sumo.results.exact import EXACT, remove_exact, write_exact
+from scex_sumo.results.exact import EXACT, Exact, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.provenance import describe, digest, versions
@@ -43,6 +44,7 @@ class RunOptions:
 
     Attributes:
         compared: compare a checked world with SUMO's.
+        exact: find exact probabilities; they may end a run with ``until_band`` earlier.
     """
 
     batch: int | None = None
@@ -97,7 +99,8 @@ def run_scene(
     watch.lap("convert")
     job = Job(scene, net, settings, models, assignment, folder.path, options.gui, compared=options.compared)
     first = _part_of(options.progress, 0, 2) if settings.compared else options.progress
-    job, band = _run_children(job, partial(_run_all, workers=workers, batch=options.batch, progress=first))
+    run_all = partial(_run_all, workers=workers, batch=options.batch, progress=first)
+    job, band, exact = _run_children(job, run_all, partial(_exact, options=options, workers=workers))
     if settings.compared and not (folder.path / BASELINE / "run.json").is_file():
         run_scene(
             scene,
@@ -117,7 +120,10 @@ def run_scene(
         vehicles=vehicles,
     )
     part = write_tables(folder, job, recorded, workers=workers)
-    _write_exact(job, part, options, workers)
+    remove_exact(job.folder)
+    exact = exact or _exact(job, part, options=options, workers=workers)
+    if exact is not None:
+        write_exact(exact, job.folder / EXACT)
     watch.lap("exact")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
@@ -132,12 +138,12 @@ def run_scene(
     return run
 
 
-def _write_exact(job: Job, part: Part, options: RunOptions, workers: Workers) -> None:
-    """Write ``exact.json``, unless the run has no exact probabilities."""
-    remove_exact(job.folder)
-    if options.exact and why_not_exact(job.settings, job.models, len(job.assignment)) is None:
-        assert part.encounters is not None
-        write_exact(find_exact(job, part.encounters, workers), job.folder / EXACT)
+def _exact(job: Job, part: Part, *, options: RunOptions, workers: Workers) -> Exact | None:
+    """Return the influence tables of a run; None if it has no exact probabilities."""
+    if not options.exact or why_not_exact(job.settings, job.models, len(job.assignment)) is not None:
+        return None
+    assert part.encounters is not None
+    return find_exact(job, part.encounters, workers)
 
 
 def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
@@ -189,19 +195,31 @@ class _Stopwatch:
         return dict(self._laps)
 
 
-def _run_children(job: Job, run: Callable[[Job], None]) -> tuple[Job, Look | None]:
-    settings = job.settings
+def _run_children(
+    job: Job, run: Callable[[Job], None], find: Callable[[Job, Part], Exact | None]
+) -> tuple[Job, Look | None, Exact | None]:
+    settings, tried, exact = job.settings, False, None
     if settings.until_band is None or settings.count is None:
         run(job)
-        return job, None
+        return job, None, None
+    band = settings.until_band
 
     def measure(count: int) -> Look:
+        nonlocal tried, exact
         grown = job.of(count)
         run(grown)
-        return look(grown.intervals, *Parts(job.folder).values(count), settings.columns)
+        parts = Parts(job.folder)
+        found = look(grown.intervals, *parts.values(count), settings.columns)
+        if tried or found.width <= band or remainder_of(count) > band:
+            return found
+        tried, exact = True, find(grown, parts.read(0, count, plans=False))
+        if exact is None or exact.p_collision() is None or exact.remainder > band:
+            exact = None
+            return found
+        return dataclasses.replace(found, remainder=exact.remainder)
 
-    band = grow(measure, band=settings.until_band, most=settings.count)
-    return job.of(band.children), band
+    last = grow(measure, band=band, most=settings.count)
+    return job.of(last.children), last, exact
 
 
 def _without_test(job: Job) -> RunSettings:

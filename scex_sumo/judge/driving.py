@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from tempfile import gettempdir
@@ -15,7 +16,8 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError, reason_of
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.net.reader import NetContent, read_net
+from scex_sumo.converters.net.reader import NetContent, SumoLane, read_net
+from scex_sumo.geometry.polylines import cut, heading, length_of, turn
 from scex_sumo.judge.loading import run
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
@@ -32,6 +34,7 @@ NET = "driven.net.xml"
 SEED = 0  # of the order of departures and of SUMO's own randomness
 LENGTH_M = 4.7  # of a car
 WIDTH_M = 1.8
+HEAD_ON_RAD = np.deg2rad(150.0)
 CHANGE_M = 10.0  # shorter edges have no room for two cars to swap lanes
 
 Overlap: TypeAlias = tuple[str, str, str, str, float]
@@ -151,14 +154,13 @@ def border_routes(net: NetContent) -> list[tuple[str, ...]]:
     """Return the shortest route in edges for every pair of border edges that lanes connect.
 
     Routes leave room for lane changes, if any does. Without borders they start and end anywhere. No route
-    begins on another lane, where a car would block others.
+    begins where a car would block others.
     """
     edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
     entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
     left = {net.lanes[link.from_lane].edge_id for link in net.car_links}
     first, ends = edges - entered, edges - left
-    inside = {net.lanes[name].edge_id for name in net.begin_inside(first, ends)}
-    starts = first - inside or first or edges
+    starts = first - _in_the_way(net, first) or first or edges
     for room_m in (CHANGE_M, 0.0):
         moves = _lane_moves(net, room_m)
         routes = [
@@ -170,6 +172,54 @@ def border_routes(net: NetContent) -> list[tuple[str, ...]]:
         if routes:
             break
     return routes
+
+
+def _in_the_way(net: NetContent, starts: set[str]) -> set[str]:
+    cars = {name: lane for name, lane in net.car_lanes.items() if length_of(lane.shape) > 0.0}
+    apart = {name: {*net.edges[lane.edge_id]} for name, lane in cars.items() if lane.edge_id in starts}
+    source: dict[str, str] = {}
+    for link in net.car_links:
+        if link.from_lane in apart:
+            apart[link.from_lane] |= {*link.via, link.to_lane}
+            source |= dict.fromkeys(link.via, link.from_lane)
+    beside: dict[str, set[str]] = {name: set() for name in apart}
+    for name, other in _too_near(cars, {i: _standing(cars[i].shape) for i in apart}, apart):
+        passing = source.get(other, other)
+        beside[name].add(passing)
+        if passing in beside:
+            beside[passing].add(name)
+    allowed: set[str] = set()
+    for name in sorted(apart, key=lambda name: (-cars[name].length_m, name)):
+        if not beside[name] - (apart.keys() - allowed):
+            allowed.add(name)
+    return {cars[name].edge_id for name in apart.keys() - allowed}
+
+
+def _too_near(
+    cars: Mapping[str, SumoLane], standing: Mapping[str, FloatArray], apart: Mapping[str, Collection[str]]
+) -> Iterator[tuple[str, str]]:
+    names, order = list(cars), list(standing)
+    driven = [np.vstack([*([standing[i][:1]] if i in standing else []), cars[i].shape]) for i in names]
+    tree = shapely.STRtree([shapely.LineString(line) for line in driven])
+    stands = [shapely.LineString(line) for line in standing.values()]
+    near = tree.query(stands, predicate="dwithin", distance=WIDTH_M).T.tolist() if stands else ()
+    for name, other in ((order[k], names[j]) for k, j in near):  # a closed circuit has no starts
+        if other not in apart[name] and not _head_on(standing[name], cars[other].shape):
+            yield name, other
+
+
+def _standing(line: FloatArray) -> FloatArray:
+    if length_of(line) >= LENGTH_M:
+        return cut(line, 0.0, LENGTH_M)
+    angle = heading(line, end=False)
+    return np.vstack([line[0] - LENGTH_M * np.array([np.cos(angle), np.sin(angle)]), line])
+
+
+def _head_on(standing: FloatArray, line: FloatArray) -> bool:
+    at, to = shapely.LineString(line), shapely.LineString(standing)
+    s = at.project(shapely.shortest_line(at, to).interpolate(0.0))
+    near = cut(line, max(s - 1.0, 0.0), min(s + 1.0, length_of(line)))
+    return bool(abs(turn(heading(near, end=True), heading(standing, end=True))) > HEAD_ON_RAD)
 
 
 def _lane_moves(net: NetContent, room_m: float) -> dict[str, list[str]]:

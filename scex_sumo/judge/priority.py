@@ -31,7 +31,6 @@ class RightOfWay:
     """Requests of a net's junctions beside conflicts and rules of the map.
 
     Attributes:
-        conflicts: of the map's lanelets, by geometry.
         missing_foes: pairs of lanelets; those ``apart`` do not even share a junction.
         regulated: number of pairs with a rule; ``wrong`` (should yield, should go) are the net's mistakes.
         from_the_right, wrong_right: the same of pairs without a rule.
@@ -176,11 +175,9 @@ class _Links:
         return self._lanelets[link] | before
 
     def of(self, lane_id: int) -> list[SumoLink]:
-        """Return the links through a lanelet or leaving it."""
         return list(dict.fromkeys([*self._through.get(lane_id, ()), *self._from_lanes_of(lane_id)]))
 
     def leaving(self, lane_id: int) -> list[SumoLink]:
-        """Return the links from a lanelet's own lanes onto others."""
         links = self._from_lanes_of(lane_id)
         return [link for link in links if lane_id not in self.matching.lanelets(link.to_lane)]
 
@@ -212,11 +209,9 @@ class _Links:
         return leaving and any(self.are_foes(a, b) for a in self.of(first_id) for b in self.of(second_id))
 
     def are_near(self, one: SumoLink, other: SumoLink) -> bool:
-        """Whether two links come as near to each other as a conflict does."""
         return bool(self._line(one).distance(self._line(other)) <= NEAR_M)
 
     def one_source(self, first_id: int, second_id: int) -> bool:
-        """Whether cars come to both lanelets from only one SUMO lane."""
         first, second = ({link.from_lane for link in self.of(i)} for i in (first_id, second_id))
         return first == second and len(first) == 1
 
@@ -233,20 +228,16 @@ class _Links:
         return self.net.junctions[link.junction].foes[link.row] if link.row >= 0 else np.zeros(0, np.bool_)
 
     def yields(self, one: SumoLink, other: SumoLink) -> bool:
-        """Whether the first of two links of one junction gives way to the second."""
         return bool(self.net.junctions[one.junction].response[one.row, other.row])
 
     def are_foes(self, one: SumoLink, other: SumoLink) -> bool:
-        """Whether two links are foes, in both rows."""
         rows = one.junction == other.junction and one.row >= 0 and other.row >= 0
         return rows and bool(self._foes(one)[other.row] and self._foes(other)[one.row])
 
     def waits(self, one: SumoLink, other: SumoLink) -> bool:
-        """Whether the first of two foes gives way, and the second does not."""
         return self.are_foes(one, other) and self.yields(one, other) and not self.yields(other, one)
 
     def pairs(self) -> Iterator[LinkPair]:
-        """Every pair of links that have rows in one junction, once."""
         rows: dict[str, dict[int, SumoLink]] = defaultdict(dict)
         for link in self.net.links:
             if link.row >= 0:

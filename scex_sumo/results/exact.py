@@ -64,11 +64,20 @@ class Exact:
         tables = [table for (_, _, event), table in self.tables.items() if event == "collision"]
         return union_probability(tables, weights)
 
+    @property
+    def remainder(self) -> float:
+        """Remainder of the least checked table of a collision."""
+        return self._least.remainder
+
+    @property
+    def _least(self) -> InfluenceTable:
+        tables = [table for (_, _, event), table in self.tables.items() if event == "collision"]
+        return min([self._never, *tables], key=lambda table: table.checked)
+
     def told(self) -> str:
         """Return how the tables of collisions were checked, in words: the least checked one counts."""
-        tables = [table for (_, _, event), table in self.tables.items() if event == "collision"]
-        least = min([self._never, *tables], key=lambda table: table.checked)
-        return f"exact, checked on {least.checked} futures: none differs (remainder {least.remainder:.1%})"
+        checked = f"checked on {self._least.checked} futures: none differs"
+        return f"exact, {checked} (remainder {self.remainder:.1%})"
 
 
 @dataclass(frozen=True, kw_only=True)

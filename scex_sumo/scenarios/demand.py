@@ -12,7 +12,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.converters.net.reader import points_of, read_net
+from scex_sumo.converters.net.reader import NetContent, points_of, read_net
+from scex_sumo.geometry.polylines import begin_inside
 
 LATERAL_MPS2 = 2.5  # usual in curves: 2 to 3
 CURVE_WINDOW_M = 6.0  # shorter bends are kinks of the map
@@ -68,8 +69,7 @@ class Network:
         left = {edge for (edge, _), onward in self._onward.items() if onward}
         self._exits = {edge for edge, _ in self._lanes if edge not in left}
         starts = [place for place in self._lanes if place[0] not in entered | self._exits]
-        inside = net.begin_inside({edge for edge, _ in starts}, self._exits)
-        self.origins = sorted(set(starts) - {*map(_place, inside)})
+        self.origins = sorted(set(starts) - _inside(net, starts, self._exits))
         # In a net without entries or exits, such as a grid, traffic begins and ends anywhere.
         self._endless = bool(left) and not (self.origins and self._exits)
         if not self.origins:
@@ -185,6 +185,17 @@ def write_curve_limits(net_path: Path, target: Path) -> None:
 def _place(name: str) -> Place:
     edge, _, index = name.rpartition("_")
     return edge, int(index)
+
+
+def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]:
+    edges = {edge for edge, _ in starts}
+    apart = {f"{edge}_{index}": set(net.edges[edge]) for edge, index in starts}
+    for link in net.links:
+        if link.from_lane in apart:
+            apart[link.from_lane] |= {*link.via[:1], link.to_lane}
+    shapes = {name: lane.shape for name, lane in net.car_lanes.items()}
+    loose = {name for name, lane in net.car_lanes.items() if lane.edge_id in edges | exits}
+    return set(map(_place, begin_inside(shapes, starts=apart, loose=loose, apart=apart)))
 
 
 def _sharpest(shape: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""Runs that go on until the bands around all cumulative distributions are narrow enough."""
+"""Runs that go on until the bands around all cumulative distributions are narrow enough, or P is exact."""
 
 from __future__ import annotations
 
@@ -25,12 +25,14 @@ class Look:
     Attributes:
         width: half-width of the widest band, that of ``metric``.
         left_out: columns that are defined too rarely to count.
+        remainder: of an exact P(collision); None without one.
     """
 
     children: int
     width: float
     metric: str
     left_out: tuple[str, ...]
+    remainder: float | None = None
 
 
 def check_band(band: float) -> None:
@@ -62,7 +64,7 @@ def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, col
 
 
 def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
-    """Run more and more children until the widest band is narrow enough; return the last look.
+    """Run more and more children until the widest band, or the remainder, is narrow; return the last look.
 
     The next number depends on the values only, not on workers, batches or interruptions.
 
@@ -73,7 +75,8 @@ def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
     count = min(FIRST_LOOK, most)
     while True:
         found = measure(count)
-        if found.width <= band or count >= most:
+        certain = found.width if found.remainder is None else min(found.width, found.remainder)
+        if certain <= band or count >= most:
             return found
         needed = int(np.ceil(1.02 * count * (found.width / band) ** 2))
         count = min(max(count + 20, min(needed, 2 * count)), most)

@@ -50,9 +50,8 @@ def track_quality(rows: TrackRows, road: Road) -> TrackQuality:
     joined = (np.diff(rows.segment) == 0) & (step_s > 0.0)
     fast = joined & (mean > FORWARD_MPS)
     if not fast.any():
-        nothing = float("nan")
         return TrackQuality(
-            factor=nothing, braking=nothing, accelerating=nothing, turned=nothing, off_lane=nothing
+            **dict.fromkeys(("factor", "braking", "accelerating", "turned", "off_lane"), np.nan)
         )
     acceleration = np.diff(rows.speed)[joined] / step_s[joined]
     low, high = np.percentile(acceleration, (1.0, 99.0))

@@ -43,11 +43,6 @@ class Scale:
         known = np.where(np.isnan(column), self.middle, column)
         return (np.clip(known, self.low, self.high) - self.middle) / self.unit
 
-    @property
-    def fences(self) -> tuple[float, float]:
-        """``low`` and ``high`` in units of the scale, from the middle."""
-        return (self.low - self.middle) / self.unit, (self.high - self.middle) / self.unit
-
 
 def pooled_scale(columns: Columns) -> Scale:
     """Return the scale of a metric from the finite values of all runs, each run with the same weight.

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import shapely
 
 from scex_sumo.converters.net.reader import net_root, points_of
@@ -59,7 +60,7 @@ def _into(box: Box, x: float, y: float) -> tuple[float, float]:
 
 def _crop_shape(element: ElementTree.Element, box: Box, *, closed: bool) -> bool:
     points = points_of(element.get("shape", ""))
-    if len(points) < (4 if closed else 2):
+    if len(points) < (4 if closed else 2) or not np.isfinite(points).all():
         return False
     whole = shapely.make_valid(shapely.Polygon(points)) if closed else shapely.LineString(points)
     parts = shapely.get_parts(shapely.clip_by_rect(whole, *box))

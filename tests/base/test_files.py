@@ -15,8 +15,8 @@ import pytest
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import TemporaryFolder, lock, replacing, unlock, write_atomic, writing
 from scex_sumo.results.folder import ResultFolder
-from scex_sumo.studies.rank.folder import RankFolder
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.children import RankFolder
+from scex_sumo.studies.rank.scores import RankSettings
 
 HOLDING = """
 import sys

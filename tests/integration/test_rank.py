@@ -268,3 +268,21 @@ def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_pat
         table["p_speed_gap"].to_pylist()[:3] == [1.0] * 3
     )  # some drive 3 m/s faster than others in any child
     assert "median_wttc" in table.column_names and "median_gap" not in table.column_names
+
+
+def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
+    """A ranking of one moment is settled; of several, those whose rank is uncertain get tables."""
+    words = ("--every", 2, "--by", "collisions", "--children", 192, "--top", 6, "--json")
+    done = rank(scex_sumo.example_path("roundabout"), *words, "-o", tmp_path / "exact")
+    assert done.returncode == 0, done.stderr
+    rows = [row for row in json.loads(done.stdout)["moments"] if row["remainder"] is not None]
+    row = max(rows, key=lambda one: one["p_collision"])
+    assert 0 < row["p_collision"] == row["p_collision_low"] == row["p_collision_high"]
+    assert (row["children"], row["remainder"]) == (64, 3 / 64)
+    assert 0 < row["extra"] <= 128
+    seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
+    run = scex_sumo.extrapolate(seed, children=150, out=tmp_path / "run")
+    assert run.p_collision.exact == pytest.approx(row["p_collision"])
+    collisions = [table for key, table in run.exact.tables.items() if key[2] == "collision"]
+    assert row["score"] == row["collisions"]
+    assert row["score"] == pytest.approx(sum(table.probability() for table in collisions))

@@ -12,6 +12,7 @@ from scex_sumo import example_path, extrapolate, read_seed
 from scex_sumo.base.errors import MapError, ResultError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.views.children import most_critical, most_different, write_encounter, write_grid, write_worst
+from scex_sumo.views.crop import crop_extras
 from scex_sumo.views.fcd import LaneFinder
 
 
@@ -91,6 +92,14 @@ def test_a_grid_is_cropped_to_its_vehicles(run: Run) -> None:
         where = np.asarray(states[name])
         assert where.min() - 25.01 <= points[:, axis].min()
         assert points[:, axis].max() <= where.max() + 25.01
+
+
+def test_a_drawing_without_a_place_is_left_out(tmp_path: Path) -> None:
+    extras = tmp_path / "x.add.xml"
+    line = '<poly id="{}" shape="1,1 {},2" color="white" fill="0"/>'
+    extras.write_text(f"<additional>{line.format('lost', 'inf')}{line.format('kept', '9')}</additional>")
+    cropped = crop_extras(extras, (0.0, 0.0, 20.0, 20.0), tmp_path / "cropped.add.xml")
+    assert [poly.get("id") for poly in ElementTree.parse(cropped).getroot()] == ["kept"]
 
 
 def test_a_net_that_leaves_the_earth_is_refused(tmp_path: Path) -> None:

@@ -12,7 +12,8 @@ import pytest
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.judge.report import FidelityReport, check_net, drive_net
+from scex_sumo.judge.driving import Driving
+from scex_sumo.judge.report import TABLE, FidelityReport, check_net, drive_net
 from tests.converters.plain_net import Table, crossing, lane, write_net
 from tests.converters.sumo_roads import lane as side_lane
 from tests.converters.sumo_roads import road as road_of
@@ -40,6 +41,24 @@ def test_a_faithful_net_has_no_problems(tmp_path: Path) -> None:
     assert figures["border_routes"] == 4
     # All lanelets and all SUMO lanes are 3.5 m wide; bounds of the turn's bends are chords, a little nearer.
     assert figures["width_error_mean_m"] < 0.05
+
+
+def test_every_figure_is_a_row_of_the_table(tmp_path: Path) -> None:
+    net = write_net(tmp_path)
+    labels = {"net", "map", "lane_table", "lost_lanelets", "lost_lights", "drawn_lanelets"}
+    driven = {figure.name for figure in TABLE[Driving]}
+    judged = {figure.name for part, rows in TABLE.items() if part is not Driving for figure in rows}
+    assert check_net(net, crossing()).figures.keys() == judged | labels
+    assert drive_net(net, vehicles=2).figures.keys() == driven
+
+
+def test_the_printed_figures_are_those_of_the_report_and_of_the_drive(tmp_path: Path) -> None:
+    report = judge(tmp_path)
+    printed = dict(replace(report, driving=drive_net(write_net(tmp_path), vehicles=2)).rows())
+    assert printed["lanelets"] == "8"
+    assert printed["deviation_max_m"] == "0"
+    assert printed["driving_arrived"] == "2"
+    assert "missing_lanes" not in printed  # lists are problems, and in the JSON
 
 
 def test_without_a_table_lanelets_are_found_by_geometry(tmp_path: Path) -> None:

@@ -52,6 +52,14 @@ def test_a_run_ends_at_the_most_children_in_any_case() -> None:
     assert grow(widths(1.358, []), band=0.01, most=7).children == 7
 
 
+def test_a_run_ends_at_an_exact_probability() -> None:
+    def measure(count: int) -> Look:
+        left = 3 / count if count >= 150 else None
+        return Look(children=count, width=0.3, metric="m", left_out=(), remainder=left)
+
+    assert 150 <= grow(measure, band=0.02, most=500).children < 500
+
+
 @pytest.mark.parametrize("band", [0.0, -0.1, 1.0, float("nan")])
 def test_a_band_that_makes_no_sense_is_refused(band: float) -> None:
     with pytest.raises(UsageError, match="between 0 and 1"):
@@ -68,3 +76,19 @@ def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_pat
     assert info["children"] == info["band"]["children"] == 130
     for name in ("metrics.parquet", "assignments.parquet", "tracks.parquet"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_a_run_until_a_band_ends_at_exact_tables_and_keeps_them(tmp_path: Path) -> None:
+    words = ("run", scex_sumo.example_path("roundabout"), "--until-band", 0.04, "--children", 300)
+    more = ("--no-plots", "--reference", "none", "-o")
+    done = scex(*words, *more, tmp_path / "exact")
+    assert done.returncode == 0, done.stderr
+    assert "P(collision) is exact after 100 futures, remainder 0.030" in done.stdout
+    run = scex_sumo.open_run(tmp_path / "exact")
+    assert (run.children, run.info["band"]["remainder"]) == (100, 0.03)
+    assert run.p_collision() == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2)
+    sampled = scex(*words, "--no-exact", *more, tmp_path / "sampled")
+    assert sampled.returncode == 0, sampled.stderr
+    info = json.loads((tmp_path / "sampled" / "run.json").read_text())
+    assert info["children"] > 100
+    assert info["band"]["remainder"] is None

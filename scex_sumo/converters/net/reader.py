@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import zlib
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,6 @@ import shapely
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.naming import open_binary
-from scex_sumo.geometry.polylines import begin_inside
 from scex_sumo.road import Georeference
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
@@ -125,21 +124,6 @@ class NetContent:
     def car_links(self) -> list[SumoLink]:
         """Links between lanes for passenger cars."""
         return [k for k in self.links if k.from_lane in self.car_lanes and k.to_lane in self.car_lanes]
-
-    def begin_inside(self, first: Collection[str], last: Collection[str]) -> set[str]:
-        """Find the car lanes of the ``first`` edges that begin on another lane, away from the net's borders.
-
-        Args:
-            last: edges that lead out of the net.
-        """
-        cars = self.car_lanes
-        apart = {name: {*self.edges[lane.edge_id]} for name, lane in cars.items() if lane.edge_id in first}
-        for link in self.links:
-            if link.from_lane in apart:
-                apart[link.from_lane] |= {*link.via, link.to_lane}
-        shapes = {name: lane.shape for name, lane in cars.items()}
-        loose = {name for name, lane in cars.items() if lane.edge_id in {*first, *last}}
-        return begin_inside(shapes, starts=apart, loose=loose, apart=apart)
 
     def in_map(self, place: Georeference | None) -> NetContent:
         """Shift lane shapes to the coordinates of a map; ``offset`` is what they were ahead of these."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -17,14 +18,15 @@ from scex_sumo.base.errors import MapError, listed, reason_of
 from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import allowed_copy, prune
-from scex_sumo.converters.net.lanelets import lane_names, lanelet_places, named_parts, put_together
+from scex_sumo.converters.net.lanelets import BEYOND, LaneletPart, lane_names, lanelet_places, named_parts
 from scex_sumo.converters.net.reader import DEFAULT_WIDTH_M, MAX_M, net_root
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.sumo.fcd import ENDINGS
-from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.geometry.polylines import arc_lengths, cut, length_of
 from scex_sumo.road import Area, Lane, Marking, Regulation, Road
 from scex_sumo.roads.conflicts import overlapping
 
+STRAIGHT_M = 5e-9  # a point this near to the line between its neighbours is none of the map's
 MIN_LENGTH_M = 0.05  # lanes without length are extended to this
 MAX_WIDTH_M, MAX_SPEED_MPS = 100.0, 1000.0
 MAX_CORNER = 3.0  # corners of borders reach out at most this many times the half width
@@ -73,7 +75,7 @@ def _road(path: Path) -> Road:
     lines = {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}
     within = {i for i, lane in lanes.items() if lane.subtype.startswith(":")}
     if named:
-        lanes = put_together(named, {lane.subtype: lane for lane in lanes.values()})
+        lanes = _put_together(named, {lane.subtype: lane for lane in lanes.values()})
         lines = {i: lane.centreline for i, lane in lanes.items()}
         numbers = {name: under[0][0] for name in named if (under := lanelet_places(named, name))}
         within = set(lanes) - {number for name, number in numbers.items() if not name.startswith(":")}
@@ -93,6 +95,84 @@ def _road(path: Path) -> Road:
         sumo_lanes=named is None,
         notes=notes,
     )
+
+
+def _put_together(named: Mapping[str, Sequence[LaneletPart]], lanes: Mapping[str, Lane]) -> dict[int, Lane]:
+    """Join the lanelets of a net, by id, without bounds, predecessors and conflicts."""
+    numbers = {lane.lane_id: name for name, lane in lanes.items()}
+    parts: dict[int, list[tuple[LaneletPart, FloatArray]]] = {}
+    following: dict[int, set[int]] = {}
+    beside: dict[int, list[int | None]] = {}
+    for name, stretches in named.items():
+        lane = lanes[name]
+        ends = np.cumsum([0.0, *(s.end - s.start for s in stretches)])
+        if stretches[0].lanelet == BEYOND:  # the gap is at its end
+            ends += length_of(lane.centreline) - ends[-1]
+        for stretch, (start, end) in zip(stretches, pairwise(ends.tolist()), strict=True):
+            parts.setdefault(stretch.lanelet, []).append((stretch, cut(lane.centreline, start, end)))
+        after = [numbers[i] for i in lane.successors]
+        ways = [*pairwise(s.lanelet for s in stretches)]
+        ways += [(stretches[-1].lanelet, named[other][0].lanelet) for other in after if other in named]
+        for here, there in ways:
+            if here != there:
+                following.setdefault(here, set()).add(there)
+        near = [named.get(numbers.get(i or 0, "")) for i in (lane.left, lane.right)]
+        own = beside.setdefault(stretches[0].lanelet, [None, None])
+        for side, other_stretches in enumerate(near):
+            own[side] = other_stretches[0].lanelet if other_stretches else own[side]
+    kinds = {s.lanelet: lanes[name].kind for name, stretches in named.items() for s in stretches}
+    parts.pop(BEYOND, None)
+    return {
+        i: _lanelet(i, parts[i], kinds[i], sorted(following.get(i, set()) - {BEYOND}), beside.get(i))
+        for i in sorted(parts)
+    }
+
+
+def _lanelet(
+    number: int,
+    parts: Sequence[tuple[LaneletPart, FloatArray]],
+    kind: str,
+    following: Sequence[int],
+    beside: Sequence[int | None] | None,
+) -> Lane:
+    stretch, left, right = parts[0][0], *(beside or (None, None))
+    line = _joined(parts)
+    return Lane(
+        lane_id=number,
+        centreline=line,
+        left_bound=line,
+        right_bound=line,
+        width_m=stretch.width,
+        speed_limit_mps=stretch.speed,
+        kind=kind,
+        successors=tuple(following),
+        left=left,
+        right=right,
+        adjacent_left=left,
+        adjacent_right=right,
+    )
+
+
+def _joined(parts: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
+    lines: list[FloatArray] = []
+    reached = -np.inf
+    for stretch, line in sorted(parts, key=lambda part: (part[0].start, -part[0].end)):
+        if stretch.end <= reached + 1e-6:
+            continue
+        lines.append(cut(line, max(reached - stretch.start, 0.0), length_of(line)))
+        reached = stretch.end
+    return _without_cuts(np.vstack(lines))
+
+
+def _without_cuts(line: FloatArray) -> FloatArray:
+    line = line[np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > STRAIGHT_M])]
+    kept = [0]
+    for k in range(1, len(line) - 1):
+        a, b, c = line[kept[-1]], line[k], line[k + 1]
+        (dx, dy), (ex, ey) = c - a, b - a
+        if abs(dx * ey - dy * ex) > STRAIGHT_M * max(float(np.hypot(dx, dy)), 1e-12):
+            kept.append(k)
+    return np.asarray(line[[*kept, len(line) - 1]])
 
 
 def _with_predecessors(lanes: Mapping[int, Lane]) -> dict[int, Lane]:

@@ -15,13 +15,13 @@ from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.page.charts import ticks, value_range
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables import MAX_STATE
 
 Curves: TypeAlias = dict[str, dict[str, FloatArray]]
 """By metric column, arrays of one length: x, pdf, cdf, low, high, atom, as in ``densities.parquet``."""
 
 _CURVES = ("x", "pdf", "cdf", "low", "high", "atom")
 _UNITS = (1e-3, 1e-4, 1e-4)  # of x, density and share
+_MAX_VALUE = 1e13  # of a curve, so that it fits 64 bits; PTTC reaches 1e11 s
 _WORST_SHARE = 0.1
 _LEVELS = 9  # shares of critical children at which the effective number of children is known
 
@@ -86,7 +86,7 @@ def densities_of(run: Run, columns: Sequence[str]) -> Curves:
     metric = np.asarray(table["metric"])
     arrays = {name: np.asarray(table[name], dtype=np.float64) for name in _CURVES}
     for name, values in arrays.items():
-        if not (np.abs(values) < MAX_STATE).all():
+        if not (np.abs(values) < _MAX_VALUE).all():
             raise ResultError(f"{run.folder / DENSITIES}: column {name} has impossible values; run again")
     rows = {column: metric == column for column in columns}
     return {column: {name: values[mine] for name, values in arrays.items()} for column, mine in rows.items()}

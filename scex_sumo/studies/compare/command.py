@@ -49,8 +49,7 @@ def compare_command(
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.studies.compare.compare import KINDS, comparable, compare, group_runs
-    from scex_sumo.studies.compare.table import comparison_lines
+    from scex_sumo.studies.compare.compare import KINDS, comparable, compare, comparison_lines, group_runs
 
     if distance not in KINDS:
         raise UsageError(f"--distance: unknown distance {distance!r}; known: {', '.join(KINDS)}")
@@ -64,7 +63,7 @@ def compare_command(
     with as_written(*wanted):
         runs = [open_run(folder) for folder in wanted]
         warn([*comparable(runs, labels), *_copies(runs, labels)])
-        comparison = compare(runs, labels=labels, distance=distance)
+        comparison = compare(runs, labels, distance=distance)
     grouping = group_runs(comparison.total, labels, groups=groups)
     centre = None if nearest is None else [p.resolve() for p in wanted].index(nearest.resolve())
     console = output_console()
@@ -104,8 +103,8 @@ def _copies(runs: Sequence[Run], labels: Sequence[str]) -> Iterable[str]:
 
 
 def _write(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, out: Path) -> None:
+    from scex_sumo.studies.compare.compare import distances_table
     from scex_sumo.studies.compare.page import HTML, write_comparison
-    from scex_sumo.studies.compare.table import distances_table
 
     table = distances_table(comparison).replace_schema_metadata({"distance": comparison.kind})
     for name in ("distances.parquet", "distances.csv"):

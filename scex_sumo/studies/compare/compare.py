@@ -1,18 +1,23 @@
 """Compare runs by the densities of their metrics: by the values, and by how often they are defined.
 
-Formulas: docs/compare.md.
+Lines and a table of the comparison. Formulas: docs/compare.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal, TypeAlias, get_args
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
+import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError, ResultError, UsageError
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.results.design import column_of
+from scex_sumo.results.run import Run
 from scex_sumo.studies.distances import (
     Columns,
     Scale,
@@ -21,13 +26,12 @@ from scex_sumo.studies.distances import (
     wasserstein_distances,
 )
 
-if TYPE_CHECKING:
-    from scex_sumo.results.run import Run
-
 Kind: TypeAlias = Literal["w1", "jsd"]
 
 KINDS: Final[tuple[str, ...]] = get_args(Kind)
 FEW_CHILDREN: Final = 30
+MAX_IN_MATRIX = 20  # runs whose matrix fits a terminal of 110 characters
+MAX_PAIRS = 15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,22 +86,11 @@ class Comparison:
         return [(self.metrics[m], float(distances[m])) for m in np.argsort(-distances, kind="stable")]
 
 
-def compare(runs: Sequence[Run], *, labels: Sequence[str] | None = None, distance: str = "w1") -> Comparison:
-    """Compute distances between the densities of runs, in scales that come from all runs.
-
-    Args:
-        runs: at least two.
-        labels: (R,) names; default: those of the seed scenes.
-        distance: ``w1``: Wasserstein-1 over the pooled scale, plus the difference of the defined shares;
-            ``jsd``: square root of the Jensen-Shannon divergence of the densities.
-    """
-    names = [str(run.info["seed_scene"]["name"]) for run in runs] if labels is None else list(labels)
-    comparable(runs, names)
-    samples = {
-        m: [np.asarray(r.metrics[m].to_numpy(zero_copy_only=False), dtype=np.float64) for r in runs]
-        for m in runs[0].columns
-    }
-    return compare_samples(samples, names, distance=distance)
+def compare(runs: Sequence[Run], labels: Sequence[str], *, distance: str = "w1") -> Comparison:
+    """Compute distances between the densities of at least two runs, as `compare_samples`."""
+    comparable(runs, labels)
+    samples = {m: [column_of(run.metrics, m) for run in runs] for m in runs[0].columns}
+    return compare_samples(samples, labels, distance=distance)
 
 
 def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
@@ -134,12 +127,12 @@ def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
 def compare_samples(
     samples: Mapping[str, Columns], labels: Sequence[str], *, distance: str = "w1"
 ) -> Comparison:
-    """Compute distances between runs from their metric values.
+    """Compute distances between runs from their metric values, in scales that come from all runs.
 
     Args:
         samples: per metric R arrays (C,), NaN if undefined.
-        labels: (R,) names.
-        distance: as of `compare`.
+        distance: ``w1``: Wasserstein-1 over the pooled scale, plus the difference of the defined shares;
+            ``jsd``: square root of the Jensen-Shannon divergence of the densities.
     """
     if distance not in KINDS:
         raise UsageError(f"unknown distance {distance!r}; known: {', '.join(KINDS)}")
@@ -172,13 +165,12 @@ def _noise(samples: Mapping[str, Columns], scales: Sequence[Scale], kind: Kind) 
     noise = np.zeros((runs, len(samples)))
     for m, (columns, scale) in enumerate(zip(samples.values(), scales, strict=True)):
         for r, column in enumerate(columns):
+            noise[r, m] = np.nan  # one child says nothing about chance
             if column.size > 1:
                 # Neighbouring children may belong together in a balanced design: halves at random.
                 halves = np.array_split(np.random.default_rng(0).permutation(column), 2)
                 values, undefined = _distances(halves, scale, kind)
                 noise[r, m] = values[0, 1] + undefined[0, 1]
-            else:
-                noise[r, m] = np.nan  # one child says nothing about chance
     return np.asarray(noise.mean(axis=1) / np.sqrt(2))
 
 
@@ -272,3 +264,99 @@ def silhouette(distance: FloatArray, groups: Sequence[Hashable]) -> FloatArray:
     larger = np.maximum(within, between)
     fit = np.divide(between - within, larger, where=larger > 0, out=np.zeros(len(groups)))
     return np.where(sizes[own] > 1, fit, 0.0)
+
+
+def comparison_lines(
+    runs: Sequence[Run], comparison: Comparison, grouping: Grouping, centre: int | None
+) -> Iterable[str]:
+    """Yield the lines that the terminal shows.
+
+    Args:
+        centre: the run whose neighbours are listed; None lists pairs, or the nearest run of each.
+    """
+    names, count = comparison.labels, len(runs)
+    about = f"{count} runs, distance {comparison.kind}: mean over {len(comparison.metrics)} metrics"
+    yield f"{about}; {comparison.unit}"
+    yield f"by chance alone, two runs of one seed scene differ by about {comparison.chance:.2f}"
+    told = [(label, run.p_collision) for label, run in zip(names, runs, strict=True) if run.outcomes]
+    if 0 < len(told) <= MAX_IN_MATRIX:
+        yield "P(collision), 95 % interval:"
+        wide = max(len(label) for label in names)
+        yield from (f"  {label:<{wide}} {p.value:6.1%}  {p.low:.1%} – {p.high:.1%}" for label, p in told)
+    yield ""
+    yield from _matrix(comparison, grouping)
+    if count > 2:
+        yield from _groups(comparison, grouping)
+    if centre is not None:
+        yield f"nearest to {names[centre]}:"
+        for place, other in enumerate(comparison.nearest(centre), 1):
+            yield f"  {place:>2}. {_pair(runs, comparison, centre, int(other))}"
+        return
+    if count * (count - 1) // 2 <= MAX_PAIRS:
+        yield "pairs, the most similar first, and what sets them apart most:"
+        i, j = np.triu_indices(count, 1)
+        for k in np.argsort(comparison.total[i, j], kind="stable"):
+            yield f"  {names[i[k]]} | {_pair(runs, comparison, int(i[k]), int(j[k]))}"
+        return
+    yield "nearest neighbours, and what sets them apart most:"
+    for run in grouping.order:
+        yield f"  {names[run]} > {_pair(runs, comparison, int(run), int(comparison.nearest(run)[0]))}"
+    most = Counter(comparison.apart(i, j)[0][0] for i in range(count) for j in range(i))
+    shares = ", ".join(f"{metric} {n}" for metric, n in most.most_common())
+    yield f"what sets the {sum(most.values())} pairs apart most: {shares}"
+
+
+def _matrix(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
+    order = [int(r) for r in grouping.order]
+    if len(order) > MAX_IN_MATRIX:
+        yield f"(the matrix of more than {MAX_IN_MATRIX} runs: -o FOLDER, distances.csv and compare.html)"
+        yield ""
+        return
+    wide = max(len(comparison.labels[r]) for r in order)
+    yield f"{'distance x 100':<{wide + 3}}" + "".join(f"{n:>4}" for n in range(1, len(order) + 1))
+    for row, run in enumerate(order):
+        cells = [f"{100 * comparison.total[run, other]:>4.0f}" for other in order[:row]]
+        yield f"{row + 1:>2} {comparison.labels[run]:<{wide}}{''.join(cells)}   ."
+    yield ""
+
+
+def _groups(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
+    fit = float(grouping.silhouette.mean())
+    quality = f"mean silhouette {fit:.2f}" + (", not clearly apart" if fit < 0.25 else "")
+    yield f"{grouping.groups} groups (Ward, {quality}):"
+    for number in range(1, grouping.groups + 1):
+        members = [comparison.labels[r] for r in grouping.order if grouping.group[r] == number]
+        yield f"  {number}: {', '.join(members)}"
+    yield ""
+
+
+def _pair(runs: Sequence[Run], comparison: Comparison, run: int, other: int) -> str:
+    metric, distance = comparison.apart(run, other)[0]
+    line = f"{comparison.labels[other]}: {comparison.total[run, other]:.2f}"
+    if distance == 0:
+        return f"{line}; nothing sets them apart"
+    medians = " | ".join(_typical(runs[r], metric) for r in (run, other))
+    return f"{line}; {metric} {distance:.2f} (median {medians})"
+
+
+def _typical(run: Run, metric: str) -> str:
+    samples = run.samples(metric)
+    share = len(samples) / run.children
+    if share == 0:
+        return "undefined"
+    text = f"{np.median(samples):.2f} {metric_of(metric).column_unit}".rstrip()
+    return text if share == 1 else f"{text}, defined in {share:.0%}"
+
+
+def distances_table(comparison: Comparison) -> pa.Table:
+    """Return one row for each pair and metric, and one for each pair with metric ``all``."""
+    i, j = np.triu_indices(len(comparison.labels), 1)
+    names = np.asarray(comparison.labels)
+    parts = []
+    for m, metric in [(None, "all"), *enumerate(comparison.metrics)]:
+        terms = [comparison.values, comparison.undefined]
+        values, undefined = [t.mean(axis=2) if m is None else t[:, :, m] for t in terms]
+        apart = {"distance": values + undefined, "values": values, "undefined": undefined}
+        named = {"first": names[i], "second": names[j], "metric": [metric] * len(i)}
+        parts.append(pa.table(named | {name: each[i, j] for name, each in apart.items()}))
+    return pa.concat_tables(parts)

@@ -11,15 +11,24 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.reports.page.charts import Plane, metric_title
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.study import card, plots, table, table_place, write_study
+from scex_sumo.reports.page.study import Table, card, plots, table_place, write_study
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH, density
 from scex_sumo.studies.compare.compare import Comparison, Grouping
 from scex_sumo.studies.distances import Scale
+from scex_sumo.studies.tables import Column, page_table
 
 HTML = "compare.html"
 _KINDS = 6
 _RIDGE_PX = 34
+_COLUMNS = (
+    Column("one", "one"),
+    Column("other", "other"),
+    Column("total", "distance", "real", "Mean over all metrics"),
+    Column("title", "set apart by"),
+    Column("by", "by", "real", "Distance in this metric"),
+    Column("medians", "medians"),
+)
 _FINEST = 1 / 60
 """Of the axis: a bandwidth below this is a comb, not a curve."""
 
@@ -55,19 +64,19 @@ def kind_of(group: int) -> str:
     return f"c{(group - 1) % _KINDS}"
 
 
-def _pairs(runs: Sequence[Run], comparison: Comparison) -> dict[str, object]:
-    heads = [("one", "text", ""), ("other", "text", ""), ("distance", "real", "Mean over all metrics")]
-    heads += [("set apart by", "text", ""), ("by", "real", "Distance in this metric")]
-    heads += [("medians", "text", "")]
+def _pairs(runs: Sequence[Run], comparison: Comparison) -> Table:
     first, second = np.triu_indices(len(runs), 1)
     rows = []
     for k in np.argsort(comparison.total[first, second], kind="stable"):
         i, j = int(first[k]), int(second[k])
-        metric, distance = comparison.apart(i, j)[0]
+        metric, by = comparison.apart(i, j)[0]
+        one, other = comparison.labels[i], comparison.labels[j]
         medians = " | ".join(_median(run, metric) for run in (runs[i], runs[j]))
-        names = comparison.labels[i], comparison.labels[j]
-        rows.append([*names, float(comparison.total[i, j]), metric_title(metric), distance, medians])
-    return dict(table(heads, rows))
+        total, title = float(comparison.total[i, j]), metric_title(metric)
+        rows.append(
+            {"one": one, "other": other, "total": total, "title": title, "by": by, "medians": medians}
+        )
+    return page_table(_COLUMNS, rows)
 
 
 def _median(run: Run, metric: str) -> str:

@@ -12,11 +12,12 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.reports.page.charts import metric_title
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.study import Table, card, plots, table, table_place, write_study
+from scex_sumo.reports.page.study import Table, card, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.studies.explain.effects import Condition
 from scex_sumo.studies.explain.explain import WORST_SHARE, Explanation, pair_of
+from scex_sumo.studies.tables import Column, page_table
 
 HTML = "explain.html"
 _CELL_PX = 26
@@ -50,7 +51,7 @@ def write_explanations(
     ]
     tables = {
         "conditions": _conditions(found, ids, names),
-        "worst": _worst([row for rows in worst.values() for row in rows]),
+        "worst": page_table(_WORST, [row for rows in worst.values() for row in rows]),
     }
     scene = run.info["seed_scene"]
     about = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
@@ -83,36 +84,40 @@ def _models(rule: Condition, ids: Sequence[int], names: Sequence[str]) -> str:
     return " and ".join(f"{ids[vehicle]} as {names[model]}" for vehicle, model in pairs)
 
 
+_CONDITIONS = (
+    Column("question", "critical if"),
+    Column("models", "models", "words"),
+    Column("share", "share", "percent", "Critical share of the futures with these models"),
+    Column("all", "all futures", "percent", "Critical share of all futures"),
+    Column("low", "from", "percent", "95 % confidence interval of the share"),
+    Column("high", "to", "percent", "95 % confidence interval of the share"),
+    Column("covered", "of the critical", "percent", "Share of all critical futures that have these models"),
+)
+_WORST = (
+    Column(lambda row: _titled(row["metric"]), "metric"),
+    Column("child", "child"),
+    Column("value", "value", "real"),
+    Column(
+        lambda row: " – ".join(str(row[k]) for k in ("track_id", "other_id") if row[k] is not None) or None,
+        "vehicles",
+    ),
+    Column("after_s", "after", "seconds"),
+    Column("assignment", "models", "words"),
+)
+
+
+def _titled(metric: str) -> str:
+    return metric if metric == COLLISION or pair_of(metric) else metric_title(metric)
+
+
 def _conditions(found: Sequence[Explanation], ids: Sequence[int], names: Sequence[str]) -> Table:
-    heads = [
-        ("critical if", "text", ""),
-        ("models", "words", ""),
-        ("share", "percent", "Critical share of the futures with these models"),
-        ("all futures", "percent", "Critical share of all futures"),
-        ("from", "percent", "95 % confidence interval of the share"),
-        ("to", "percent", "95 % confidence interval of the share"),
-        ("of the critical", "percent", "Share of all critical futures that have these models"),
-    ]
     rows = [
-        [_question(one), _models(c, ids, names), c.share, one.p_critical.value, c.low, c.high, c.covered]
+        vars(c) | {"question": _question(one), "models": _models(c, ids, names), "all": one.p_critical.value}
         for one in found
         if one.given or one.p_critical.value <= 2 * WORST_SHARE  # else many share the value of the tenth
         for c in one.conditions
     ]
-    return table(heads, sorted(rows, key=lambda row: -row[2]))
-
-
-def _worst(rows: Sequence[Mapping[str, Any]]) -> Table:
-    heads = [("metric", "text", ""), ("child", "text", ""), ("value", "real", ""), ("vehicles", "text", "")]
-    heads += [("after", "seconds", ""), ("models", "words", "")]
-    shown = []
-    for row in rows:
-        vehicles = " – ".join(str(row[name]) for name in ("track_id", "other_id") if row[name] is not None)
-        metric = row["metric"]
-        name = metric if metric == COLLISION or pair_of(metric) else metric_title(metric)
-        cells = row["child"], row["value"], vehicles or None, row["after_s"], row["assignment"]
-        shown.append([name, *cells])
-    return table(heads, shown)
+    return page_table(_CONDITIONS, sorted(rows, key=lambda row: -row["share"]))
 
 
 def _matrix(one: Explanation, ids: Sequence[int]) -> Html:

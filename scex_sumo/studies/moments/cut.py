@@ -17,9 +17,8 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
-from scex_sumo.studies.moments.references import Failure, Listing, MomentRef, moment_name, plain
-from scex_sumo.studies.moments.run import MomentTask, pack_road
-from scex_sumo.studies.moments.settings import StudySettings
+from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, moment_name, plain
+from scex_sumo.studies.moments.run import MomentTask, StudySettings, pack_road
 
 T = TypeVar("T")
 Item: TypeAlias = Listing | Failure | MomentTask

@@ -1,11 +1,13 @@
-"""Study folder: parts that have run, checked when they are read, and found again after a crash."""
+"""Study folder: moments by name, parts that have run, failures; checked when read, found after a crash."""
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import zlib
 from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -15,9 +17,82 @@ import pyarrow.parquet as pq
 from scex_sumo.base.errors import ResultError, one_line
 from scex_sumo.base.files import replacing, write_atomic
 from scex_sumo.results.output_folder import OutputFolder, as_json
-from scex_sumo.studies.moments.references import Failure, as_row, from_row
 
 _FAILED = "failed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MomentRef:
+    """A moment by name, before its seed scene is built.
+
+    Attributes:
+        moment: unique in a study, fit for a folder's name; ``seed`` in files.
+        location: the site; moments of one site share a map.
+        case: id of the case, or an empty string.
+        time_s: in the recording's clock.
+    """
+
+    moment: str
+    location: str
+    recording: str
+    case: str
+    time_s: float
+    vehicles: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """Why a moment, or a whole recording, has no result.
+
+    Attributes:
+        moment: the moment's name, or the recording's.
+        time_s: None for a whole recording.
+        died: a worker died; the next run of the same command tries again.
+    """
+
+    moment: str
+    location: str
+    recording: str
+    case: str = ""
+    time_s: float | None = None
+    vehicles: int = 0
+    reason: str = ""
+    died: bool = False
+
+    @classmethod
+    def of(cls, ref: MomentRef, reason: str, *, died: bool = False) -> Failure:
+        """Return the failure of a moment."""
+        return cls(**asdict(ref), reason=one_line(reason), died=died)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listing:
+    """The moments of one recording, in order of time."""
+
+    recording: str
+    moments: tuple[MomentRef, ...]
+
+
+def as_row(named: MomentRef | Failure) -> dict[str, Any]:
+    """Return the values under their names in files."""
+    values = asdict(named)
+    return {"seed": values.pop("moment"), **values}
+
+
+def from_row(row: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments of `MomentRef` or `Failure`; the reverse of `as_row`."""
+    return {"moment": row["seed"], **{name: value for name, value in row.items() if name != "seed"}}
+
+
+def moment_name(recording: str, case: str, time_s: float) -> str:
+    """Name a moment by recording, case and time, in milliseconds if needed."""
+    when = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
+    return plain(f"{recording}_case{case}_t{when}" if case else f"{recording}_t{when}")
+
+
+def plain(name: str) -> str:
+    """Replace the characters that the path of a partition would have to escape."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name)
 
 
 class StudyFolder(OutputFolder):
@@ -39,43 +114,44 @@ class StudyFolder(OutputFolder):
 
     def fail(self, failure: Failure) -> None:
         """Record that a moment has no result."""
-        row = as_row(failure)
-        write_atomic(self._failure_file(failure.moment), as_json({**row, "check": checksum([row])}).encode())
+        self._save(_FAILED, failure.moment, [as_row(failure)])
 
     def failures(self) -> dict[str, Failure]:
         """Return failures by moment; damaged files are removed, so that their moments run again."""
         found = {}
         for file in sorted((self.path / _FAILED).glob("*.json")):
-            row = read_record(file)
             try:
-                if row.pop("check") != checksum([row]):
-                    raise ValueError
-                failure = Failure(**from_row(row))
+                rows = self._kept(_FAILED, file.stem) or []
+                failure = Failure(**from_row(rows[0]))
                 found[failure.moment] = failure
-            except (ValueError, KeyError, TypeError):
+            except (IndexError, KeyError, TypeError):
                 file.unlink()
         return found
 
     def clear_failure(self, moment: str) -> None:
         """Let a moment be tried again."""
-        self._failure_file(moment).unlink(missing_ok=True)
+        self._record(_FAILED, moment).unlink(missing_ok=True)
 
-    def _failure_file(self, moment: str) -> Path:
-        return self.path / _FAILED / f"{moment}.json"
+    def _record(self, kind: str, name: str) -> Path:
+        return self.path / kind / f"{plain(name)}.json"
+
+    def _save(self, kind: str, name: str, rows: Sequence[dict[str, Any]], **more: str) -> None:
+        """Write rows and their checksum to a small JSON file."""
+        content = {**more, "seeds": rows, "check": _checksum(rows)}
+        write_atomic(self._record(kind, name), as_json(content).encode())
+
+    def _kept(self, kind: str, name: str) -> list[dict[str, Any]] | None:
+        """Return the rows of `_save`; None if the file is missing or damaged."""
+        try:
+            content = json.loads(self._record(kind, name).read_text())
+            rows: list[dict[str, Any]] = content["seeds"]
+            return rows if content["check"] == _checksum(rows) else None
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            return None
 
 
-def checksum(rows: Sequence[dict[str, Any]]) -> int:
-    """Return the checksum of the rows of a file of listings or failures."""
+def _checksum(rows: Sequence[dict[str, Any]]) -> int:
     return zlib.crc32(as_json({"seeds": rows}).encode())
-
-
-def read_record(file: Path) -> dict[str, Any]:
-    """Read a small JSON file; empty if it is missing or damaged."""
-    try:
-        content = json.loads(file.read_text())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return content if isinstance(content, dict) else {}
 
 
 def write_table(file: Path, table: pa.Table, **options: Any) -> None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from scex_sumo.base.errors import MissingExtraError, ScexError, UsageError, one_line, reason_of
 from scex_sumo.base.version import __version__
 from scex_sumo.extrapolation.workers import Workers, WorkersDied
-from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask
 
 if TYPE_CHECKING:

@@ -1,35 +1,41 @@
-"""Children of a moment of a ranking: run and measured in a worker, scored, and as a table."""
+"""Children of the moments of a ranking: run and measured in a worker, as a table, and kept in its folder."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import ResultError
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.evaluation.encounters import answers_of
-from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.job import Job, parts_in_memory
 from scex_sumo.results.folder import tracks_table
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.moments.references import Failure
-from scex_sumo.studies.moments.run import MomentTask, attempt, compared
-from scex_sumo.studies.moments.settings import built
-from scex_sumo.studies.rank.settings import MIXED, RankSettings
+from scex_sumo.studies.moments.folder import (
+    Failure,
+    Listing,
+    MomentRef,
+    StudyFolder,
+    as_row,
+    damaged,
+    from_row,
+    read_table,
+    write_table,
+)
+from scex_sumo.studies.moments.run import MomentTask, attempt, built, compared
+from scex_sumo.studies.rank.exact import ExactScore, find_exact_score
+from scex_sumo.studies.rank.scores import PAIR_NUMBERS, RankSettings, critical_pairs, score_of
 
 MAX_KEPT = 5
 """Children of a moment whose tracks ``critical`` keeps at most."""
-CRITICAL_WEIGHT = 0.1
-"""Of a critical encounter beside a collision in the score of a moment."""
-MICRO = 10**6
-PAIR_NUMBERS = 5  # of a critical encounter
-HARD_MPS = 10.0
-"""Relative speed at impact that makes a collision count twice."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,10 +44,12 @@ class RankTask(MomentTask):
 
     Attributes:
         spare: how many more children may have their tracks kept.
+        drawn: critical encounters of all drawn children, for the search of an exact score.
     """
 
     settings: RankSettings
     spare: int
+    drawn: Sequence[IntArray] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,20 +65,23 @@ class MomentPart:
     tracks: pa.Table | None
 
 
-def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | Failure:
+def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | ExactScore | Failure:
     """Run the children of a task on its road or the one given; or return the moment's failure."""
     return attempt(_run, task, road)
 
 
-def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart:
+def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart | ExactScore:
     models, run = built(task.settings.models), task.settings.run
     if task.children.start == 0:
         models.try_on(scene, seed=run.seed)
-    drawn = models.draw(scene.track_ids, children=task.children.stop, seed=run.seed, design=run.design)
+    count = task.children.stop if task.drawn is None else task.settings.children
+    drawn = models.draw(scene.track_ids, children=count, seed=run.seed, design=run.design)
     same = compared(net, task.ref)
     job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
+    if task.drawn is not None:
+        return find_exact_score(job, task.drawn, task.settings.by)
     parts = parts_in_memory(job, task.children)
-    pairs = [rows for part in parts for rows in _critical_pairs(part, scene.track_ids)]
+    pairs = [rows for part in parts for rows in critical_pairs(part, scene.track_ids)]
     kept = choose_kept(score_of(pairs, task.settings.by), task.settings.keep, task.spare)
     children = np.concatenate([part.children for part in parts])
     table = children_table(
@@ -93,39 +104,6 @@ def _fallbacks(part: Part) -> IntArray:
     of_child = np.asarray(part.fallbacks["child"], dtype=np.int64)
     row = np.searchsorted(part.children, of_child)
     return np.bincount(row, minlength=len(part.children)).astype(np.int64)
-
-
-def _critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
-    assert part.encounters is not None and part.collisions is not None
-    injured = {
-        (hit["child"], frozenset((hit["track_id"], hit["other_id"]))): round(
-            MICRO * ((hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0))
-        )
-        for hit in part.collisions.to_pylist()
-    }
-    found = encounters_of_rows(part.encounters)
-    answers = answers_of(found)
-    some = np.flatnonzero(answers["critical"])
-    speed = np.round(100 * found.relative_speed[some])
-    hits = answers["collision"][some]
-    child, one, other = found.child[some], track_ids[found.first[some]], track_ids[found.second[some]]
-    pairs = zip(child.tolist(), one.tolist(), other.tolist(), strict=True)
-    injuries = np.array([injured.get((c, frozenset((a, b))), 0) for c, a, b in pairs], dtype=np.int64)
-    rows = np.stack([one, other, hits, speed, injuries], axis=-1)
-    return [rows[child == number].astype(np.int64) for number in part.children]
-
-
-def score_of(pairs: Sequence[IntArray], by: str = MIXED) -> FloatArray:
-    """Return the scores (C,) of children from their critical encounters.
-
-    ``mixed``: a collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
-    ``severity``: expected severe injuries. ``collisions``, ``encounters``: their number.
-    """
-    if by != MIXED:
-        counts = {"severity": lambda r: r[:, 4].sum() / MICRO, "collisions": lambda r: r[:, 2].sum()}
-        return np.array([float(counts.get(by, len)(rows)) for rows in pairs], dtype=np.float64)
-    hard = [(rows[:, 2] * (1 + rows[:, 3] / (100 * HARD_MPS))).sum() for rows in pairs]
-    return np.array(hard, dtype=np.float64) + CRITICAL_WEIGHT * np.array([len(rows) for rows in pairs])
 
 
 def choose_kept(score: FloatArray, keep: str, spare: int) -> BoolArray:
@@ -187,24 +165,123 @@ def children_table(
         models: (C, V), with ``track_ids`` (V,).
         pairs: (C,) of (E, 5), see `pairs_of`.
     """
-    data = {"child": pa.array(children, pa.int32())}
-    for index, name in enumerate(columns):
-        data[name] = pa.array(values[:, index], mask=~defined[:, index])
-    data["fallbacks"] = pa.array(fallbacks, pa.int32())
-    data["kept"] = pa.array(kept)
-    data["track_id"] = pa.array([track_ids.tolist()] * len(children), pa.list_(pa.int64()))
-    data["model"] = pa.array([list(row) for row in models], pa.list_(pa.string()))
-    data["critical_pairs"] = pa.array([rows.reshape(-1) for rows in pairs], pa.list_(pa.int64()))
-    return pa.table(data)
+    metrics = [pa.array(values[:, m], mask=~defined[:, m]) for m in range(len(columns))]
+    tracks, drivers = [track_ids.tolist()] * len(children), [list(row) for row in models]
+    critical = [rows.reshape(-1) for rows in pairs]
+    data = [children, *metrics, fallbacks, kept, tracks, drivers, critical]
+    schema = children_schema(columns)
+    each = zip(schema.names, data, schema.types, strict=True)
+    return pa.table({name: pa.array(one, kind) for name, one, kind in each})
 
 
-def pairs_of(table: pa.Table) -> list[IntArray]:
-    """Return the critical encounters (E, 5) of each child.
+REPORTS = "moments"
+"""Folder of the reports of the moments that are shown."""
+_CHILDREN, _TRACKS, _SEEDS, _EXACT = "children", "tracks", "seeds", "exact"
+_PART = re.compile(r"children-(\d+)-(\d+)\.parquet")
 
-    Rows are track_id, other_id, 1 in a collision, the relative speed at impact in cm/s, and the expected
-    severe injuries in millionths.
+
+class RankFolder(StudyFolder):
+    """Folder of a ranking under way.
+
+    ``children/location=L/seed=S/children-FIRST-LAST.parquet`` is there whole or not at all; its tracks are
+    written first.
     """
-    return [
-        np.asarray(row, dtype=np.int64).reshape(-1, PAIR_NUMBERS)
-        for row in table["critical_pairs"].to_pylist()
-    ]
+
+    info, what = "rank.json", "ranking"
+    another = "another ranking, of other recordings or with other options"
+    evidence = ("ranking.parquet", "ranking.csv", _SEEDS)
+    kept = ("ranking.parquet", "ranking.csv", "ranking.html", _CHILDREN, _TRACKS, _SEEDS, _EXACT, REPORTS)
+
+    def __init__(
+        self, path: Path, identity: Mapping[str, Any], settings: RankSettings, *, overwrite: bool = False
+    ) -> None:
+        self._columns = settings.run.columns
+        self._schema = children_schema(self._columns)
+        self._models = {str(spec) for spec in built(settings.models).drawn}
+        super().__init__(path, identity, overwrite=overwrite)
+
+    def _prepare(self) -> None:
+        super()._prepare()
+        (self.path / _SEEDS).mkdir(exist_ok=True)
+        self._parts = dict(self._scan())
+
+    def _scan(self) -> Iterator[tuple[str, dict[int, int]]]:
+        for folder in (self.path / _CHILDREN).glob("location=*/seed=*"):
+            spans = {}
+            for file in sorted(folder.iterdir()):
+                named = _PART.fullmatch(file.name)
+                if named is None:
+                    continue
+                try:
+                    self._read(file)
+                except ResultError:
+                    file.unlink()
+                else:
+                    spans[int(named[1])] = int(named[2]) + 1
+            yield folder.name.removeprefix("seed="), spans
+
+    def listing(self, recording: str) -> Listing | None:
+        """Return the moments of a recording; None if it is not listed, or the file is damaged."""
+        rows = self._kept(_SEEDS, recording)
+        try:
+            refs = None if rows is None else tuple(MomentRef(**from_row(row)) for row in rows)
+            return None if refs is None else Listing(recording=recording, moments=refs)
+        except (KeyError, TypeError):
+            return None
+
+    def save_listing(self, listing: Listing) -> None:
+        """Keep the moments of a recording."""
+        rows = [as_row(ref) for ref in listing.moments]
+        self._save(_SEEDS, listing.recording, rows, recording=listing.recording)
+
+    def exact(self, ref: MomentRef) -> ExactScore | None:
+        """Return the exact score of a moment; None if it was not searched, or the file is damaged."""
+        rows = self._kept(_EXACT, ref.moment)
+        try:
+            return None if rows is None else ExactScore(**rows[0])
+        except (TypeError, IndexError):
+            return None
+
+    def save_exact(self, ref: MomentRef, exact: ExactScore) -> None:
+        """Keep the exact score of a moment."""
+        (self.path / _EXACT).mkdir(exist_ok=True)
+        self._save(_EXACT, ref.moment, [asdict(exact)])
+
+    def has(self, ref: MomentRef, first: int) -> bool:
+        """Whether the part of a moment that begins with child ``first`` is there."""
+        return first in self._parts.get(ref.moment, {})
+
+    def append(self, ref: MomentRef, part: MomentPart) -> None:
+        """Add children of a moment, unless they are there."""
+        numbers = part.children["child"]
+        first, last = numbers[0].as_py(), numbers[-1].as_py()
+        if self.has(ref, first):
+            return
+        # Of so few rows, statistics and schema would be the larger part.
+        small = {"write_statistics": False, "store_schema": False}
+        if part.tracks is not None:
+            write_table(self._part_file(_TRACKS, ref, first, last), part.tracks, **small)
+        write_table(self._part_file(_CHILDREN, ref, first, last), part.children, **small)
+        self._parts.setdefault(ref.moment, {})[first] = last + 1
+
+    def _part_file(self, kind: str, ref: MomentRef, first: int, last: int) -> Path:
+        name = f"children-{first:05d}-{last:05d}.parquet"
+        return self.path / kind / f"location={ref.location}" / f"seed={ref.moment}" / name
+
+    def read(self, ref: MomentRef, first: int) -> pa.Table:
+        """Read the part of a moment that begins with child ``first``."""
+        return self._read(self._part_file(_CHILDREN, ref, first, self._parts[ref.moment][first] - 1))
+
+    def _read(self, file: Path) -> pa.Table:
+        table, named = read_table(file, self._schema, self._columns), _PART.fullmatch(file.name)
+        assert named is not None
+        if table["child"].to_pylist() != list(range(int(named[1]), int(named[2]) + 1)):
+            raise damaged(file, "has other futures than its name says")
+        tracks, models = table["track_id"].to_pylist(), table["model"].to_pylist()
+        if any(row != tracks[0] for row in tracks) or any(len(row) != len(tracks[0]) for row in models):
+            raise damaged(file, "has rows with other vehicles")
+        if not self._models.issuperset(name for row in models for name in row):
+            raise damaged(file, f"has models other than {', '.join(sorted(self._models))}")
+        if any(len(row) % PAIR_NUMBERS for row in table["critical_pairs"].to_pylist()):
+            raise damaged(file, "column critical_pairs has incomplete rows")
+        return table

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.commands.console import progress_bar, resumable, warn
+from scex_sumo.commands.console import run_study, warn
 from scex_sumo.commands.options import (
     Cache,
     Cluster,
@@ -52,6 +50,7 @@ def rank_command(
     by: Annotated[
         str, Option(metavar="mixed|severity|collisions|encounters", help="Order of the moments.")
     ] = "mixed",
+    exact: Annotated[bool, Option(help="Exact P where it saves futures.")] = True,
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
@@ -62,42 +61,22 @@ def rank_command(
     ] = Path("out") / "ranking",
 ) -> Answer:
     """Rank the moments of a dataset: which are worth testing."""
+    options = {**locals()}
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.studies.rank.rank import rank
 
-    with progress_bar("futures") as tick, resumable("seeds", out):
-        ranking = rank(
-            roots,
-            out=out,
-            every=every,
-            window=(first_s, last_s),
-            children=children,
-            first=first,
-            min_vehicles=min_vehicles,
-            models=models if models is not None else DEFAULT_MODELS,
-            preset=preset,
-            metrics=None if metrics is None else [name.strip() for name in metrics.split(",")],
-            thresholds=parse_thresholds(threshold),
-            keep=keep,
-            cache=cache,
-            top=top,
-            by=by,
-            seed=seed,
-            workers=workers,
-            cluster=cluster,
-            overwrite=overwrite,
-            command=["scex-sumo", *sys.argv[1:]],
-            progress=tick,
-        )
-    warn(ranking.info["notes"])
-    if ranking.info["fallbacks"]:
-        warn(
-            [
-                f"{ranking.info['fallbacks']} plans were replaced by the path-following driver's; "
-                "see column fallbacks of ranking.csv"
-            ]
-        )
-    _warn_failures(ranking)
+    options["window"] = options.pop("first_s"), options.pop("last_s")
+    options["thresholds"] = parse_thresholds(options.pop("threshold"))
+    options["models"] = DEFAULT_MODELS if models is None else models
+    options["metrics"] = None if metrics is None else [name.strip() for name in metrics.split(",")]
+    ranking = run_study(rank, "futures", **options)
+    fallbacks = ranking.info["fallbacks"]
+    about = "plans were replaced by the path-following driver's; see column fallbacks of ranking.csv"
+    warn([f"{fallbacks} {about}"] if fallbacks else [])
+    rows = ranking.table.select(["seed", "failure"]).to_pylist()
+    failed = [f"{row['seed']}: failed: {row['failure']}" for row in rows if row["failure"] is not None]
+    more = len(failed) - _SHOWN_FAILURES
+    warn(failed[:_SHOWN_FAILURES] + ([f"{more} more failed; see ranking.csv"] if more > 0 else []))
     _print_top(ranking)
     print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} futures")
     print(f"result: {out / 'ranking.csv'}")
@@ -113,55 +92,21 @@ def rank_command(
     }
 
 
-def _warn_failures(ranking: Ranking) -> None:
-    rows = ranking.table.select(["seed", "failure"]).to_pylist()
-    rows = [row for row in rows if row["failure"] is not None]
-    warn(f"{row['seed']}: failed: {row['failure']}" for row in rows[:_SHOWN_FAILURES])
-    if len(rows) > _SHOWN_FAILURES:
-        warn([f"{len(rows) - _SHOWN_FAILURES} more failed; see ranking.csv"])
-
-
 def _print_top(ranking: Ranking) -> None:
     from pyarrow import array, string
     from pyarrow.compute import is_in
-    from rich.table import Table
 
     from scex_sumo.commands.console import output_console
-    from scex_sumo.reports.run_table import print_line, print_table
+    from scex_sumo.reports.run_table import print_line
+    from scex_sumo.studies.rank.table import printed_columns
+    from scex_sumo.studies.tables import print_columns
 
-    table = Table(title="most critical moments, at least 3 s apart", title_justify="left")
     shown = is_in(ranking.table["seed"], array(ranking.info["shown"], string()))
-    for name in ("rank", "95 %", "moment", "vehicles", "children", "P(collision)", "encounters", "worst"):
-        if name in ("moment", "worst"):
-            table.add_column(name, overflow="fold")
-        else:
-            table.add_column(name, justify="right", no_wrap=True)
-    for row in ranking.table.filter(shown).to_pylist():
-        table.add_row(
-            str(row["rank"]),
-            f"{row['rank_low']}–{row['rank_high']}",
-            row["seed"],
-            str(row["vehicles"]),
-            str(row["children"]),
-            "{:.0f}% [{:.0f}–{:.0f}]".format(
-                *(100 * row[f"p_collision{end}"] for end in ("", "_low", "_high"))
-            ),
-            f"{row['encounters']:.2f}",
-            _worst_pair(row),
-        )
-    console = output_console(width=160)
-    print_table(table, console)
+    console, rows = output_console(width=160), ranking.table.filter(shown).to_pylist()
+    print_columns(printed_columns(), rows, console, "most critical moments, at least 3 s apart")
     about = "P(collision): stress test; encounters: critical ones of a future"
-    order = (
-        "collisions, how hard they are, and these" if ranking.info.get("by") is None else ranking.info["by"]
-    )
+    order = ranking.info.get("by", "collisions, how hard they are, and these")
     print_line(f"{about} on average; ranked by {order}", console)
-
-
-def _worst_pair(row: Mapping[str, Any]) -> str:
-    if row["worst_track_id"] is None:
-        return "–"
-    often = f"{row['worst_p_critical']:.0%} critical"
-    if row["worst_p_collision"] > 0:
-        often = f"{row['worst_p_collision']:.0%} collide"
-    return f"{row['worst_track_id']}, {row['worst_other_id']}: {often}"
+    least = max((row["remainder"] for row in rows if row["remainder"] is not None), default=None)
+    if least is not None:
+        print_line(f"exact: its tables are wrong in at most {least:.1%} of the assignments (95 %)", console)

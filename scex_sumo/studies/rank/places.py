@@ -14,7 +14,9 @@ from scipy.special import ndtri
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.folder import MomentRef
+from scex_sumo.studies.rank.exact import ExactScore, search_after
+from scex_sumo.studies.rank.scores import RankSettings
 
 DRAWS = 200
 NEARBY_S = 3.0
@@ -84,12 +86,13 @@ def place(
     return Places(score=score, rank=rank, low=np.minimum(low, rank), high=np.maximum(high, rank))
 
 
-def mean_score(values: FloatArray, intervals: DesignIntervals) -> tuple[float, float]:
+def mean_score(values: FloatArray, intervals: DesignIntervals, unit: float = 1.0) -> tuple[float, float]:
     """Return the mean of the scores (C,) of children, and its standard error under their design.
 
-    Half a child of another score is added: equal children do not prove that the next one is equal.
+    Half a child with another score, by ``unit``, is added: equal children do not prove that the next one is
+    equal.
     """
-    variance = float(intervals.variance(values[:, None])[0]) + (0.5 / (len(values) + 1)) ** 2
+    variance = float(intervals.variance(values[:, None])[0]) + (0.5 * unit / (len(values) + 1)) ** 2
     return float(values.mean()), float(np.sqrt(variance))
 
 
@@ -115,22 +118,25 @@ class Tally:
 
     Attributes:
         children: of this round.
-        score: mean of all its children so far.
+        score: mean of all its children so far, corrected by the tables.
         kept: children of this round whose tracks are kept.
+        exact: what tables say, if they were searched.
     """
 
     children: int
     score: float
     error: float
     kept: int = 0
+    exact: ExactScore | None = None
 
 
-def round_ends(children: int, first: int) -> list[int]:
-    """Return the number of children after each round: doubled each time, up to ``children``."""
-    ends = [min(first, children)]
-    while ends[-1] < children:
-        ends.append(min(2 * ends[-1], children))
-    return ends
+def rounds(settings: RankSettings) -> list[range]:
+    """Return the children of each round: their number doubles each time; none where tables are searched."""
+    ends = [settings.first]
+    while ends[-1] < settings.children:
+        ends.append(min(2 * ends[-1], settings.children))
+    spans, searched = list(map(range, [0, *ends], ends)), search_after(settings, ends)
+    return spans if searched is None else sorted([*spans, range(searched, searched)], key=lambda s: s.stop)
 
 
 def current_places(refs: Sequence[MomentRef], tallies: Mapping[str, Sequence[Tally]], *, seed: int) -> Places:
@@ -145,6 +151,8 @@ def undecided(
 ) -> list[MomentRef]:
     """Return the moments of the round before that may reach the page and whose rank is uncertain.
 
+    An exact score stays as it is.
+
     Args:
         refs: moments without failure, in the order of the dataset.
         tallies: rounds by moment; those from ``number`` on are ignored.
@@ -157,11 +165,13 @@ def undecided(
     places = current_places(known, before, seed=seed)
     shown = distinct_moments(known, places.order(), top)
     last = max((int(places.rank[i]) for i in shown), default=0)
-    return [
-        ref
-        for i, ref in enumerate(known)
-        if len(before[ref.moment]) == number and places.low[i] <= last and places.low[i] < places.high[i]
+    last_of = [before[ref.moment][-1].exact for ref in known]
+    possible = [
+        len(before[ref.moment]) == number and not (exact and exact.settled)
+        for ref, exact in zip(known, last_of, strict=True)
     ]
+    uncertain = (places.low <= last) & (places.low < places.high) & possible
+    return [known[i] for i in np.flatnonzero(uncertain)]
 
 
 def distinct_moments(refs: Sequence[MomentRef], order: Sequence[int], top: int) -> list[int]:

@@ -20,11 +20,10 @@ from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.provenance import versions
 from scex_sumo.studies.moments.workers import moment_workers
-from scex_sumo.studies.rank.children import run_moment
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.children import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.settings import MIXED, RankSettings
+from scex_sumo.studies.rank.scores import MIXED, RankSettings
 from scex_sumo.studies.rank.table import ranking_table, write_ranking
 
 
@@ -61,6 +60,7 @@ def rank(
     top: int = 10,
     keep: str = "none",
     by: str = MIXED,
+    exact: bool = True,
     cache: bool = True,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
@@ -74,7 +74,7 @@ def rank(
         out: folder of the ranking; an interrupted one goes on.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
-        every: as of `scex_sumo.studies.rank.settings.RankSettings`, like the next seven.
+        every: as of `scex_sumo.studies.rank.scores.RankSettings`, like the next eight.
         window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
@@ -100,6 +100,7 @@ def rank(
         top=top,
         keep=keep,
         by=by,
+        exact=exact,
         cache=cache,
     )
     if window[0] is not None and window[1] is not None and window[0] > window[1]:
@@ -123,7 +124,7 @@ def rank(
             **identity,
             "seeds": len(ranking.refs),
             "failed": len(table) - len(ranking.refs),
-            "children_run": pc.sum(table["children"]).as_py(),
+            "children_run": sum(pc.sum(table[name]).as_py() or 0 for name in ("children", "extra")),
             "fallbacks": pc.sum(table["fallbacks"]).as_py() or 0,
             "shown": shown,
             "notes": pool.notes(),

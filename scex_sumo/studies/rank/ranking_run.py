@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scex_sumo.base.arrays import IntArray
+from scex_sumo.base.progress import Progress
 from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
-from scex_sumo.studies.moments.references import Failure, Listing, MomentRef
+from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.rank.children import MAX_KEPT, RankTask, pairs_of, score_of
-from scex_sumo.studies.rank.folder import RankFolder
-from scex_sumo.studies.rank.places import Tally, mean_score, round_ends, undecided
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.children import MAX_KEPT, RankFolder, RankTask
+from scex_sumo.studies.rank.exact import ExactScore
+from scex_sumo.studies.rank.places import Tally, mean_score, rounds, undecided
+from scex_sumo.studies.rank.scores import INJURIES, RankSettings, pairs_of, score_of
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
-
-Progress = Callable[[int, int], None]
 
 
 class RankingRun:
@@ -43,13 +42,12 @@ class RankingRun:
         """Load the results of an earlier, interrupted run of the same ranking."""
         self.recordings, self.settings = recordings, settings
         self._folder, self._workers, self._progress = folder, workers, progress
-        self._ends = round_ends(settings.children, settings.first)
-        self._starts = [0, *self._ends[:-1]]
+        self._rounds = rounds(settings)
         self.listings: dict[str, Listing] = {}
         self.unreadable: dict[str, Failure] = {}
         self.tallies: dict[str, list[Tally]] = {}
         self.failures: dict[str, Failure] = {}
-        self._scores: dict[str, tuple[list[Sequence[str]], list[float]]] = {}  # models and scores so far
+        self._drawn: dict[str, list[pa.Table]] = {}  # models and critical pairs so far
         self._done = self._total = 0
         for name, failure in folder.failures().items():
             if failure.died:  # of the machine, maybe, and not of the moment
@@ -73,23 +71,27 @@ class RankingRun:
 
     def parts(self, ref: MomentRef) -> list[pa.Table]:
         """Read the children of a moment."""
-        return [self._folder.read(ref, first) for first in self._starts[: len(self.tallies[ref.moment])]]
+        spans = [span for span in self._rounds[: len(self.tallies[ref.moment])] if span]
+        return [self._folder.read(ref, span.start) for span in spans]
 
     def run(self) -> None:
         """Run all rounds that have not run."""
-        for number, span in enumerate(map(range, self._starts, self._ends)):
+        for number, span in enumerate(self._rounds):
             chosen = None if number == 0 else self._chosen(number)
             self._begin_round(span, chosen)
             recordings = self.recordings if chosen is None else self._readable()
             items = read_ahead(self._cut(recordings, span, chosen), _AHEAD)
             try:
-                for task, result in self._workers.run(self._tasks(items, len(span))):
+                for task, result in self._workers.run(self._tasks(items, _cost(span))):
                     if isinstance(result, Failure):
                         self._fail(result)
+                    elif isinstance(result, ExactScore):
+                        self._folder.save_exact(task.ref, result)
+                        self._count(task.ref, exact=result)
                     else:
                         self._folder.append(task.ref, result)
                         self._count(task.ref, result.children)
-                    self._tick(len(span))
+                    self._tick(_cost(span))
             finally:
                 items.close()  # ends the thread, wherever the workers have stopped
 
@@ -104,7 +106,11 @@ class RankingRun:
             wanted=lambda listing: [ref for ref in listing.moments if ref.moment in names],
         )
         for task in (item for item in items if isinstance(item, MomentTask)):
-            yield dataclasses.replace(task, children=range(self.tallies[task.ref.moment][-1].children))
+            yield dataclasses.replace(task, children=range(self.drawn(task.ref)))
+
+    def drawn(self, ref: MomentRef) -> int:
+        """Return the number of children of a moment."""
+        return sum(len(part) for part in self._drawn[ref.moment])
 
     def _readable(self) -> list[Recording]:
         return [recording for recording in self.recordings if recording.name in self.listings]
@@ -122,7 +128,8 @@ class RankingRun:
         for item in items:
             if isinstance(item, MomentTask):
                 kept = sum(tally.kept for tally in self.tallies.get(item.ref.moment, ()))
-                yield RankTask.of(item, spare=MAX_KEPT - kept)
+                drawn = None if item.children else self._pairs(item.ref)
+                yield RankTask.of(item, spare=MAX_KEPT - kept, drawn=drawn)
             elif isinstance(item, Listing):
                 self._folder.save_listing(item)
                 self._enter(item)
@@ -141,24 +148,42 @@ class RankingRun:
     def _open(self, ref: MomentRef, span: range, chosen: set[str] | None) -> bool:
         if chosen is not None and ref.moment not in chosen:
             return False
-        return ref.moment not in self.failures and not self._folder.has(ref, span.start)
+        return ref.moment not in self.failures and not self._has(ref, span)
+
+    def _has(self, ref: MomentRef, span: range) -> bool:
+        return self._folder.has(ref, span.start) if span else self._folder.exact(ref) is not None
 
     def _enter(self, listing: Listing) -> None:
         self.listings[listing.recording] = listing
         for ref in listing.moments:
-            for first in self._starts:
-                if not self._folder.has(ref, first):
+            for span in self._rounds:
+                if not self._has(ref, span):
                     break
-                self._count(ref, self._folder.read(ref, first))
+                if span:
+                    self._count(ref, self._folder.read(ref, span.start))
+                else:
+                    self._count(ref, exact=self._folder.exact(ref))
 
-    def _count(self, ref: MomentRef, children: pa.Table) -> None:
-        models, scores = self._scores.setdefault(ref.moment, ([], []))
-        models.extend(children["model"].to_pylist())
-        scores.extend(score_of(pairs_of(children), self.settings.by).tolist())
-        score, error = mean_score(np.array(scores), self.settings.intervals(models))
-        kept = pc.sum(children["kept"]).as_py()
-        tally = Tally(children=len(children), score=score, error=error, kept=kept)
-        self.tallies.setdefault(ref.moment, []).append(tally)
+    def _pairs(self, ref: MomentRef) -> list[IntArray]:
+        return [rows for part in self._drawn[ref.moment] for rows in pairs_of(part)]
+
+    def _count(
+        self, ref: MomentRef, children: pa.Table | None = None, exact: ExactScore | None = None
+    ) -> None:
+        tallies, parts = self.tallies.setdefault(ref.moment, []), self._drawn.setdefault(ref.moment, [])
+        kept = 0
+        if children is not None:
+            parts.append(children.select(["model", "critical_pairs"]))
+            kept = pc.sum(children["kept"]).as_py()
+        exact = exact or (tallies[-1].exact if tallies else None)
+        models = [row for part in parts for row in part["model"].to_pylist()]
+        scores, mean = score_of(self._pairs(ref), self.settings.by), 0.0
+        if exact is not None:
+            scores, mean = scores - exact.predicted[: len(scores)], exact.mean
+        unit = INJURIES if self.settings.by == "severity" else 1.0
+        score, error = mean_score(scores, self.settings.intervals(models), unit)
+        count = 0 if children is None else len(children)
+        tallies.append(Tally(children=count, score=mean + score, error=error, kept=kept, exact=exact))
 
     def _fail(self, failure: Failure) -> None:
         self.failures[failure.moment] = failure
@@ -169,7 +194,7 @@ class RankingRun:
         if chosen is None:
             self._expect(len(span))
         else:
-            self._total = self._done + len(span) * sum(self._open(ref, span, chosen) for ref in self.listed)
+            self._total = self._done + _cost(span) * sum(self._open(ref, span, chosen) for ref in self.listed)
         self._tick(0)
 
     def _expect(self, children: int) -> None:
@@ -182,3 +207,8 @@ class RankingRun:
         self._done += children
         if self._progress is not None:
             self._progress(self._done, max(self._total, self._done))
+
+
+def _cost(span: range) -> int:
+    """Return the children of a moment in a round; where tables are searched, at most."""
+    return len(span) or 2 * span.stop

@@ -1,4 +1,4 @@
-"""Table of a ranking: one row for each moment, the most critical first, failures last."""
+"""Table of a ranking: one row for each moment, the most critical first, failures last; and its columns."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ import pyarrow.parquet as pq
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
-from scex_sumo.metrics.registry import side_of
+from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.moments.references import Failure, MomentRef, as_row
-from scex_sumo.studies.rank.children import MICRO, pairs_of
+from scex_sumo.studies.moments.folder import Failure, MomentRef, as_row
+from scex_sumo.studies.rank.exact import COLLISION, CRITICAL, ExactScore
 from scex_sumo.studies.rank.places import Tally, place
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.scores import MICRO, SCORED, RankSettings, pairs_of
+from scex_sumo.studies.tables import Column, Row
 
 _ROWS_AT_ONCE = 500
-_ENDS = ("", "_low", "_high")
 
 
 def ranking_table(run: RankingRun) -> pa.Table:
@@ -54,34 +54,106 @@ def ranking_table(run: RankingRun) -> pa.Table:
 
 def schema(settings: RankSettings) -> pa.Schema:
     """Return the columns: rank and score, moment, collisions, worst pair, metrics, failure."""
-    fields = [("rank", pa.int64()), ("rank_low", pa.int64()), ("rank_high", pa.int64())]
-    fields += [("score", pa.float64()), ("score_error", pa.float64())]
-    fields += [(name, pa.string()) for name in ("seed", "location", "recording", "case")]
-    fields += [("time_s", pa.float64()), ("vehicles", pa.int64()), ("children", pa.int64())]
-    fields += [("fallbacks", pa.int64())]
-    fields += [(f"p_collision{end}", pa.float64()) for end in _ENDS]
-    fields += [("collisions", pa.float64()), ("encounters", pa.float64())]
-    fields += [("expected_mais3", pa.float64())]
-    fields += [("worst_track_id", pa.int64()), ("worst_other_id", pa.int64())]
-    fields += [("worst_p_collision", pa.float64()), ("worst_p_critical", pa.float64())]
-    fields += [(f"median_{column}", pa.float64()) for column in settings.run.columns]
+    whole, real, text = pa.int64(), pa.float64(), pa.string()
+    fields = dict.fromkeys(("rank", "rank_low", "rank_high"), whole)
+    fields |= dict.fromkeys(("score", "score_error"), real)
+    fields |= dict.fromkeys(("seed", "location", "recording", "case"), text) | {"time_s": real}
+    fields |= dict.fromkeys(("vehicles", "children", "extra", "fallbacks"), whole)
+    fields |= dict.fromkeys((*_ends("p_collision"), "remainder", "collisions", "encounters"), real)
+    fields |= {"expected_mais3": real, "worst_track_id": whole, "worst_other_id": whole}
+    fields |= dict.fromkeys(("worst_p_collision", "worst_p_critical"), real)
+    fields |= {f"median_{column}": real for column in settings.run.columns}
     for column in settings.thresholds:
-        fields += [(f"critical_{column}", pa.int64()), (f"defined_{column}", pa.int64())]
-        fields += [(f"p_{column}{end}", pa.float64()) for end in _ENDS]
-    return pa.schema([*fields, ("failure", pa.string())])
+        fields |= dict.fromkeys((f"critical_{column}", f"defined_{column}"), whole)
+        fields |= dict.fromkeys(_ends(f"p_{column}"), real)
+    return pa.schema([*fields.items(), ("failure", text)])
+
+
+def _ends(name: str) -> list[str]:
+    return [name + end for end in ("", "_low", "_high")]
+
+
+def page_columns(limits: Mapping[str, float], *, exact: bool) -> list[Column]:
+    """Return the columns on the page; ``exact`` if some P(collision) is."""
+    share = "Exact P(collision): wrong in at most this share of the assignments (95 %)"
+    return [
+        Column("rank", "place"),
+        Column(ranks, "95 %", "text", "Place, with 95 % certainty"),
+        Column("seed", "moment", "words"),
+        Column("location", "site", "words"),
+        Column("time_s", "time", "seconds", "In the recording"),
+        Column("vehicles", "vehicles"),
+        Column("children", "children", "text", "That have been run"),
+        Column("p_collision", "P(collision)", "percent"),
+        *([Column("remainder", "remainder", "percent", share)] if exact else []),
+        Column("encounters", "encounters", "real", "Critical ones of a future, on average"),
+        Column(lambda row: _worst_pair(row) or None, "worst pair"),
+        *(
+            Column(f"p_{column}", f"P({metric_of(column).words})", "percent", critical_words(column, limit))
+            for column, limit in limits.items()
+        ),
+    ]
+
+
+def printed_columns() -> list[Column]:
+    """Return the columns in the terminal."""
+    return [
+        Column("rank", "rank"),
+        Column(lambda row: ranks(row).replace(" ", ""), "95 %"),
+        Column("seed", "moment", "words"),
+        Column("vehicles", "vehicles"),
+        Column("children", "children"),
+        Column(_collision, "P(collision)"),
+        Column("encounters", "encounters", ".2f"),
+        Column(_worst, "worst", "words"),
+    ]
+
+
+def ranks(row: Row) -> str:
+    """Return the interval of the rank of a row."""
+    return f"{row['rank_low']} – {row['rank_high']}"
+
+
+def critical_words(column: str, limit: float) -> str:
+    """Return when a metric column is critical, in words."""
+    metric, mean = metric_of(column), ", mean" if column.endswith("_mean") else ""
+    sign = "≤" if metric.side == "left" else "≥"
+    return f"{metric.words}{mean} {sign} {limit:.3g} {metric.column_unit}".rstrip()
+
+
+def _collision(row: Row) -> str:
+    if row["remainder"] is not None:
+        return f"{100 * row['p_collision']:.4g}% exact"
+    return "{:.0f}% [{:.0f}–{:.0f}]".format(*(100 * row[name] for name in _ends("p_collision")))
+
+
+def _worst_pair(row: Row) -> str:
+    return "" if row["worst_track_id"] is None else f"{row['worst_track_id']}, {row['worst_other_id']}"
+
+
+def _worst(row: Row) -> str | None:
+    often = f"{row['worst_p_critical'] or 0:.0%} critical"
+    if row["worst_p_collision"]:
+        often = f"{row['worst_p_collision']:.0%} collide"
+    return f"{_worst_pair(row)}: {often}" if _worst_pair(row) else None
 
 
 def moment_row(
     ref: MomentRef, parts: Sequence[pa.Table], tally: Tally, settings: RankSettings
 ) -> dict[str, Any]:
-    """Return the row of a moment without its rank, from its children and their tally."""
+    """Return the row of a moment without its rank, from its children and their tally.
+
+    An exact P(collision) has no interval but a ``remainder``.
+    """
     children = pa.concat_tables(parts)
     intervals = settings.intervals(children["model"].to_pylist())
     pairs = pairs_of(children)
     row: dict[str, Any] = as_row(ref) | {"children": children.num_rows}
-    row |= {"score": tally.score, "score_error": tally.error}
+    row |= {"score": tally.score, "score_error": tally.error, "extra": 0}
     row["fallbacks"] = int(np.asarray(children["fallbacks"]).sum())
     row |= _outcome(pairs, intervals)
+    if tally.exact is not None:
+        row |= _exact(row, tally.score, tally.exact, settings.by)
     for column in settings.run.columns:
         values = column_of(children, column)
         samples = values[~np.isnan(values)]
@@ -94,7 +166,7 @@ def moment_row(
 
 
 def _share(name: str, found: Interval) -> dict[str, float]:
-    return dict(zip((name + end for end in _ENDS), (found.value, found.low, found.high), strict=True))
+    return dict(zip(_ends(name), (found.value, found.low, found.high), strict=True))
 
 
 def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str, Any]:
@@ -112,6 +184,19 @@ def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str,
     names = ("worst_track_id", "worst_other_id", "worst_p_collision", "worst_p_critical")
     shares = (hits[worst] / len(pairs), critical[worst] / len(pairs))
     return row | dict(zip(names, (*both[worst].tolist(), *shares), strict=True))
+
+
+def _exact(row: Row, score: float, exact: ExactScore, by: str) -> dict[str, Any]:
+    """Return the values of a row that tables make exact, or more certain."""
+    known: dict[str, Any] = {"extra": exact.extra}
+    if by in SCORED:
+        known[SCORED[by]] = score
+    if exact.p_collision is not None:
+        known |= dict.fromkeys(_ends("p_collision"), exact.p_collision) | {"remainder": exact.remainder}
+    for name, event in (("worst_p_collision", COLLISION), ("worst_p_critical", CRITICAL)):
+        share = exact.pair(row["worst_track_id"], row["worst_other_id"], event) if name in row else None
+        known |= {} if share is None else {name: share}
+    return known
 
 
 def failed_row(failure: Failure) -> dict[str, Any]:

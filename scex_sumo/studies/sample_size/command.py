@@ -29,7 +29,7 @@ from scex_sumo.commands.options import (
 from scex_sumo.commands.seed import seed_scene
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Console
 
     from scex_sumo.results.run import Run
 
@@ -70,8 +70,14 @@ def sample_size_command(
 
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.run_table import print_line
-    from scex_sumo.studies.sample_size.reduction import choose_vehicles, reduced
-    from scex_sumo.studies.sample_size.sample_size import MODELS, study, subsets, truth
+    from scex_sumo.studies.sample_size.sample_size import (
+        MODELS,
+        choose_vehicles,
+        reduced,
+        study,
+        subsets,
+        truth,
+    )
 
     wanted = _sizes(sizes)
     if not 1 <= draws <= MAX_DRAWS:
@@ -107,7 +113,7 @@ def sample_size_command(
     for name in ("sample_size.parquet", "sample_size.csv"):
         write_table(table, folder / name)
     console = output_console(width=110)
-    console.print(_table(rows, run, draws))
+    _print(rows, run, draws, console)
     for line in _answers(rows):
         print_line(line, console)
     print(
@@ -142,29 +148,17 @@ def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
             )
 
 
-def _table(rows: list[dict[str, Any]], run: Run, draws: int) -> Table:
-    from rich.table import Table
+def _print(rows: list[dict[str, Any]], run: Run, draws: int, console: Console) -> None:
+    from scex_sumo.studies.sample_size.page import COLUMNS
+    from scex_sumo.studies.tables import Column, print_columns
 
-    scene = run.info["seed_scene"]
-    table = Table(
-        title=f"{scene['name']}: samples of {run.children} assignments, {draws} draws each",
-        title_justify="left",
-        caption="from all assignments, median and 95 % of the samples: KS largest difference of a share of "
-        "futures, W1 in the metric's unit, JSD 0 to 1",
-        caption_justify="left",
+    about = (
+        "from all assignments, median and 95 % of the samples: KS largest difference of a share of "
+        "futures, W1 in the metric's unit, JSD 0 to 1"
     )
-    for name in ("metric", "design"):
-        table.add_column(name, no_wrap=True)
-    for name in ("runs", "KS", "95 %", "W1", "95 %", "JSD", "95 %"):
-        table.add_column(name, justify="right", no_wrap=True)
-    last = None
-    for row in rows:
-        if row["metric"].endswith("_mean"):
-            continue
-        if last not in (None, row["metric"]):
-            table.add_section()
-        distances = [row[f"{d}_{q}"] for d in ("ks", "w1", "jsd") for q in ("median", "p95")]
-        shown = ["–" if d is None else f"{d:.3f}" for d in distances]
-        table.add_row(row["metric"] if row["metric"] != last else "", row["design"], str(row["size"]), *shown)
-        last = row["metric"]
-    return table
+    names = ("KS", "95 %", "W1", "95 %", "JSD", "95 %")
+    distances = [one._replace(title=name, form=".3f") for name, one in zip(names, COLUMNS[3:], strict=True)]
+    heads = [Column("metric", "metric", "words"), Column("design", "design", "words"), Column("size", "runs")]
+    title = f"{run.info['seed_scene']['name']}: samples of {run.children} assignments, {draws} draws each"
+    shown = [row for row in rows if not row["metric"].endswith("_mean")]
+    print_columns([*heads, *distances], shown, console, title, about, grouped=True)

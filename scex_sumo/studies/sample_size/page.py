@@ -11,10 +11,11 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.reports.page.charts import Plane, density_plot, line_legend, metric_title, value_range
 from scex_sumo.reports.page.html import Html
-from scex_sumo.reports.page.study import card, plots, table, table_place, write_study
+from scex_sumo.reports.page.study import card, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density, density, dkw_half_width
+from scex_sumo.studies.tables import Column, page_table
 
 HTML = "sample_size.html"
 _KINDS = ("critical", "picked", "likely", "c4", "c5")
@@ -52,28 +53,21 @@ def write_sample_size(
         "Also of the means over a future. KS, W1, JSD: three distances of a sample from all assignments.",
         table_place("sizes"),
     )
-    return write_study(
-        path,
-        f"How many futures are enough: {scene['name']}",
-        about,
-        how_far,
-        what,
-        numbers,
-        tables={"sizes": _table(rows)},
-    )
+    title, tables = f"How many futures are enough: {scene['name']}", {"sizes": page_table(COLUMNS, rows)}
+    return write_study(path, title, about, how_far, what, numbers, tables=tables)
 
 
-def _table(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    names = [
-        (f"{kind}_{end}", f"{kind.upper()} {words}")
+COLUMNS = (
+    Column(lambda row: metric_title(row["metric"]), "metric"),
+    Column("design", "design"),
+    Column("size", "children"),
+    *(
+        Column(f"{kind}_{end}", f"{kind.upper()} {words}", "real")
         for kind in ("ks", "w1", "jsd")
         for end, words in (("median", "median"), ("p95", "95 %"))
-    ]
-    heads = [("metric", "text", ""), ("design", "text", ""), ("children", "text", "")]
-    return table(
-        [*heads, *((title, "real", "") for _, title in names)],
-        [[metric_title(r["metric"]), r["design"], r["size"], *(r[name] for name, _ in names)] for r in rows],
-    )
+    ),
+)
+"""Columns of the table of rows."""
 
 
 def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, str]) -> Html:
@@ -101,9 +95,9 @@ def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, 
 def _densities(run: Run, column: str, subsets: Mapping[int, IntArray]) -> Html:
     values = run.values(column)
     x = value_range(values)
-    curves: list[tuple[str, Density | None]] = [("drawn", _density(values))]
-    curves += [
-        (kind, _density(values[children])) for children, kind in zip(subsets.values(), _KINDS, strict=False)
+    samples = [values[children] for children in subsets.values()]
+    curves = [
+        (kind, _density(one)) for kind, one in zip(("drawn", *_KINDS), [values, *samples], strict=False)
     ]
     return density_plot(column, curves, x)
 

@@ -1,26 +1,33 @@
-"""Sample size: all assignments as the truth, and the error of fewer children."""
+"""Sample size: vehicles that interact most, all their assignments as the truth, the error of fewer."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.base.version import __version__
+from scex_sumo.behaviors.registry import DEFAULT_MODELS, parse_models
 from scex_sumo.extrapolation.assignments import all_assignments
+from scex_sumo.extrapolation.extrapolate import extrapolate
+from scex_sumo.results.provenance import digest
+from scex_sumo.results.run import Run, open_run
+from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.designs import DESIGNS, check_design
 from scex_sumo.studies.distances import errors
 
-if TYPE_CHECKING:
-    from scex_sumo.results.run import Run
-
 SIZES: Final = (1000, 385, 100, 10)
 DRAWS: Final = 200
+VEHICLES: Final = 5
+_LOOK_AHEAD_S = 3.0
+_STANDING_MPS = 0.5
+_BOTH_STAND_M = 1e3
+_OFF_ROAD_M = 1e6  # farther than any vehicle on the road
 MODELS: Final = f"{DEFAULT_MODELS},calibrated_driver,sumo:EIDM"
 """Six models as in the paper; two that drive as people do stand in for its learned drivers."""
 
@@ -31,32 +38,23 @@ def truth(
     *,
     models: str = MODELS,
     seed: int = 0,
-    workers: int = 1,
     preset: str = "both",
     overwrite: bool = False,
-    command: Sequence[str] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    **options: Any,
 ) -> Run:
     """Run every assignment of a seed scene, or open the result of an earlier run.
 
     Args:
         out: result folder; an interrupted run goes on.
         seed: of the random routes; one draw per assignment.
-        command: the command line, for ``run.json``.
-        progress: called with (steps done, steps in all).
+        options: others of `extrapolate`.
     """
-    from scex_sumo.base.version import __version__
-    from scex_sumo.behaviors.registry import parse_models
-    from scex_sumo.extrapolation.extrapolate import extrapolate
-    from scex_sumo.results.provenance import digest
-    from scex_sumo.results.run import open_run
-
     if (Path(out) / "run.json").is_file() and not overwrite:
-        found = open_run(out)
+        found, specs = open_run(out), parse_models(models)
         wanted: Mapping[str, Any] = {
             "scex_sumo": __version__,
-            "models": [{"model": str(s), "weight": s.weight} for s in parse_models(models)],
-            "children": len(all_assignments([len(parse_models(models))] * scene.vehicles)),
+            "models": [{"model": str(s), "weight": s.weight} for s in specs],
+            "children": len(all_assignments([len(specs)] * scene.vehicles)),
             "assign": {},
             "preset": preset,
             "seed": seed,
@@ -64,19 +62,8 @@ def truth(
         same_scene = found.info["seed_scene"]["fingerprint"] == digest(scene)
         if same_scene and all(found.info.get(k) == v for k, v in wanted.items()):
             return found
-    return extrapolate(
-        scene,
-        models=models,
-        children="all",
-        preset=preset,
-        seed=seed,
-        world="checked",
-        workers=workers,
-        out=out,
-        overwrite=overwrite,
-        command=command,
-        progress=progress,
-    )
+    options |= {"models": models, "children": "all", "preset": preset, "seed": seed, "world": "checked"}
+    return extrapolate(scene, out=out, overwrite=overwrite, **options)
 
 
 def subsets(count: int, size: int, draws: int, *, seed: int = 0) -> IntArray:
@@ -152,3 +139,51 @@ def study(
         if progress is not None:
             progress(index + 1, len(run.columns))
     return rows
+
+
+def choose_vehicles(scene: SeedScene, count: int = VEHICLES) -> IntArray:
+    """Choose a group of vehicles around the closest encounter, as ascending indices.
+
+    At constant velocity for 3 s, the two vehicles that come nearest to each other are taken first, then
+    always the one that comes nearest to any taken.
+    """
+    if not 1 <= count <= scene.vehicles:
+        raise UsageError(
+            f"{scene.name}: has {scene.vehicles} vehicles, but {count} shall take part; give --vehicles 1 to "
+            f"{scene.vehicles}, or a seed scene with more vehicles by --time or --synthetic"
+        )
+    apart = _nearest_approach(scene)
+    stands = scene.now.speed < _STANDING_MPS
+    apart[stands[:, None] & stands] += _BOTH_STAND_M
+    if scene.road is not None:
+        off = off_road(scene.road, scene)
+        apart[off, :] += _OFF_ROAD_M
+        apart[:, off] += _OFF_ROAD_M
+    np.fill_diagonal(apart, np.inf)
+    chosen = [int(v) for v in np.unravel_index(np.argmin(apart), apart.shape)][:count]
+    while len(chosen) < count:
+        nearest = apart[chosen].min(axis=0)
+        nearest[chosen] = np.inf
+        others = [v for v in range(scene.vehicles) if v not in chosen]
+        chosen.append(min(others, key=lambda v: float(nearest[v])))
+    return np.sort(np.asarray(chosen, dtype=np.int64))
+
+
+def _nearest_approach(scene: SeedScene) -> FloatArray:
+    now = scene.now
+    x, y = now.x, now.y
+    vx, vy = now.speed * np.cos(now.heading), now.speed * np.sin(now.heading)
+    dx, dy = x[None] - x[:, None], y[None] - y[:, None]
+    dvx, dvy = vx[None] - vx[:, None], vy[None] - vy[:, None]
+    speed2 = dvx**2 + dvy**2
+    when = np.where(speed2 > 0, -(dx * dvx + dy * dvy) / np.where(speed2 > 0, speed2, 1.0), 0.0)
+    when = np.clip(when, 0.0, _LOOK_AHEAD_S)
+    return np.asarray(np.hypot(dx + dvx * when, dy + dvy * when), dtype=np.float64)
+
+
+def reduced(scene: SeedScene, vehicles: Sequence[int] | IntArray) -> SeedScene:
+    """Return the seed scene with some of its vehicles, by index; other participants stay."""
+    kept = np.asarray(vehicles, dtype=np.int64)
+    if len(kept) == scene.vehicles:
+        return scene
+    return scene.reordered(kept.tolist(), name=f"{scene.name}_{len(kept)}v")

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.studies.moments.folder import StudyFolder, damaged, read_table, write_table
-from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.folder import MomentRef, StudyFolder, damaged, read_table, write_table
 from scex_sumo.studies.validate.moment import COMPARED, Forecast, asked_of, forecast_schemas
 from scex_sumo.studies.validate.settings import ValidationSettings
 

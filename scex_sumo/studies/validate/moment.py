@@ -21,9 +21,8 @@ from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.studies.moments.references import Failure
-from scex_sumo.studies.moments.run import MomentTask, attempt, compared
-from scex_sumo.studies.moments.settings import StudySettings, built
+from scex_sumo.studies.moments.folder import Failure
+from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
 from scex_sumo.studies.validate.realism import FEATURES, realism, realism_score
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS, POSITIONS, gap_forecasts, position_forecasts

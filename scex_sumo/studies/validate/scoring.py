@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.registry import THRESHOLDS, metric_of, side_of
-from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.validate.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
 from scex_sumo.studies.validate.scores import (
     brier,

@@ -12,7 +12,7 @@ from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, recording_moments
 from scex_sumo.converters.datasets.split import PARTS, Split, split_moments
 from scex_sumo.scene import STEP_S
-from scex_sumo.studies.moments.settings import StudySettings
+from scex_sumo.studies.moments.run import StudySettings
 
 ALL = "all"
 

@@ -23,7 +23,7 @@ from scex_sumo.converters.datasets.split import Split
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.provenance import versions
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
-from scex_sumo.studies.moments.references import Failure, Listing, MomentRef
+from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers, moment_workers
 from scex_sumo.studies.validate.folder import ForecastFolder

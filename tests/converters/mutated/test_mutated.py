@@ -101,7 +101,11 @@ def test_nobody_starts_on_lanelets_that_begin_within_an_intersection(tmp_path: P
     a_road = replace(whole, lanes={i: _without(lane, gone) for i, lane in kept.items()})
     report = judged(a_road, tmp_path)
     assert report.driving is not None
-    assert (report.driving.arrived, report.driving.overlapping_pairs, report.driving.teleports) == (120, 0, 0)
+    assert (report.driving["arrived"], report.driving["overlapping_pairs"], report.driving["teleports"]) == (
+        120,
+        0,
+        0,
+    )
     assert {edge for edge, _ in Network(tmp_path / "mutated.net.xml").origins} == {
         f"l{3 * i}" for i in (30006, 30010, 30018, 30026)
     }

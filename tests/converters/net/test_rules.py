@@ -194,8 +194,8 @@ def test_one_lane_for_both_ways_lets_one_way_through_at_a_time(tmp_path: Path) -
     net = convert(road(lanes), tmp_path / "strip.net.xml")
     assert load(net.path) == ""
     report = drive_net(net.path, vehicles=40)
-    assert report.arrived == 40
-    assert report.overlapping_pairs == 0
+    assert report["arrived"] == 40
+    assert report["overlapping_pairs"] == 0
 
 
 def test_no_edge_leaves_a_junction_and_enters_it_again(tmp_path: Path) -> None:

@@ -170,7 +170,7 @@ def fake_run(**changed: object) -> SimpleNamespace:
 )
 def test_runs_that_measure_something_else_are_refused(changed: dict[str, object], words: str) -> None:
     with pytest.raises(ResultError, match=f"b: {words}; "):
-        compare([fake_run(), fake_run(**changed)], labels=["a", "b"])  # type: ignore[list-item]
+        compare([fake_run(), fake_run(**changed)], ["a", "b"])  # type: ignore[list-item]
 
 
 @pytest.mark.parametrize(
@@ -189,4 +189,4 @@ def test_other_differences_are_said(changed: dict[str, object], words: str) -> N
 
 def test_one_run_is_no_comparison() -> None:
     with pytest.raises(UsageError, match="at least two"):
-        compare([fake_run()])  # type: ignore[list-item]
+        compare([fake_run()], ["a"])  # type: ignore[list-item]

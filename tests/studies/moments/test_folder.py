@@ -10,9 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.studies.moments.folder import read_table, write_table
-from scex_sumo.studies.moments.references import Failure, Listing
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.moments.folder import Failure, Listing, read_table, write_table
+from scex_sumo.studies.rank.children import RankFolder
 from scex_sumo.studies.rank.table import write_ranking
 from tests.studies.rank.parts import SETTINGS, moment_part, moment_ref
 

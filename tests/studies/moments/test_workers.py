@@ -15,11 +15,11 @@ import pytest
 import scex_sumo
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.moments.references import Failure, MomentRef
+from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import pack_road
 from scex_sumo.studies.moments.workers import LocalWorkers
 from scex_sumo.studies.rank.children import MomentPart, RankTask, run_moment
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.scores import RankSettings
 
 SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", children=96))
 

@@ -7,9 +7,9 @@ import pyarrow as pa
 
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.rank.children import MomentPart, children_table
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.scores import RankSettings
 
 SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", preset="paper"))
 DRIVERS = ("standard_driver", "risky_driver", "standard_driver")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.studies.rank.children import choose_kept, score_of
+from scex_sumo.studies.rank.children import choose_kept
+from scex_sumo.studies.rank.scores import score_of
 
 PAIRS = [
     np.array([[1, 2, 1, 500, 20_000]]),

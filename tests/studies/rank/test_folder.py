@@ -10,9 +10,9 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.studies.moments.references import Failure, Listing
-from scex_sumo.studies.rank.children import pairs_of
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.moments.folder import Failure, Listing
+from scex_sumo.studies.rank.children import RankFolder
+from scex_sumo.studies.rank.scores import pairs_of
 from tests.studies.rank.parts import DRIVERS, SETTINGS, moment_part, moment_ref
 
 PLAN = {"children": 4, "seed": 0}

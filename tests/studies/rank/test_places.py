@@ -5,18 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.moments.references import MomentRef
+from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.rank.places import (
     Tally,
     distinct_moments,
     mean_score,
     nearby,
     place,
-    round_ends,
+    rounds,
     severity_share,
     undecided,
 )
+from scex_sumo.studies.rank.scores import RankSettings
 
 
 def test_severity_counts_the_seeds_that_are_beaten() -> None:
@@ -73,6 +75,7 @@ def test_the_interval_of_ranks_holds_the_true_rank_as_often_as_it_says() -> None
 def test_children_that_are_all_alike_leave_some_doubt() -> None:
     intervals = DesignIntervals(np.zeros((32, 0), dtype=np.int64), design="random")
     assert mean_score(np.zeros(32), intervals) == (0.0, pytest.approx(0.5 / 33))
+    assert mean_score(np.zeros(32), intervals, 0.1) == (0.0, pytest.approx(0.05 / 33))
 
 
 def test_equal_scores_are_ranked_by_severity() -> None:
@@ -126,7 +129,21 @@ def tally(critical: int, children: int = 32) -> Tally:
     ],
 )
 def test_rounds_double_up_to_the_most_children(children: int, first: int, ends: list[int]) -> None:
-    assert round_ends(children, first) == ends
+    run = RunSettings(models="standard_driver,risky_driver", children=children)
+    settings = RankSettings(run=run, first=first, exact=False)
+    assert [span.stop for span in rounds(settings)] == ends
+
+
+@pytest.mark.parametrize(
+    ("models", "children", "stop"),
+    [("rules", 385, 64), ("rules", 128, 64), ("rules", 96, None), ("likely", 385, None)],
+    ids=["room for tables", "just", "fewer than their futures are left", "models that draw at random"],
+)
+def test_tables_are_searched_where_they_may_save_futures(
+    models: str, children: int, stop: int | None
+) -> None:
+    spans = rounds(RankSettings(run=RunSettings(models=models, children=children)))
+    assert [span.stop for span in spans if not span] == ([] if stop is None else [stop])
 
 
 REFS = [ref(10.0 * i) for i in range(4)]

@@ -7,22 +7,25 @@ import dataclasses
 import hashlib
 import itertools
 import shutil
+import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 import scex_sumo
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.workers import Done
-from scex_sumo.studies.rank.children import MomentPart, RankTask, children_table, choose_kept, score_of
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.children import MomentPart, RankFolder, RankTask, children_table, choose_kept
+from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.places import distinct_moments
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.scores import RankSettings, score_of
+from scex_sumo.studies.rank.table import ranking_table
 
 ONE_MODEL = RunSettings(models="standard_driver", children=96)
 
@@ -52,8 +55,10 @@ class Instant:
                 self.asked.append((task.ref.moment, task.children.start))
                 if task.ref.moment == self._bad:
                     yield task, Failure.of(task.ref, "bad luck", died=self._died)
-                else:
+                elif task.drawn is None:
                     yield task, made_up(task)
+                else:
+                    yield task, tables(task)
 
     def close(self) -> None:
         pass
@@ -81,6 +86,21 @@ def made_up(task: RankTask) -> MomentPart:
     return MomentPart(children=table, tracks=None)
 
 
+def tables(task: RankTask) -> ExactScore:
+    """Tables that settle every other moment."""
+    share = len([rows for rows in task.drawn or () if len(rows)]) / task.children.stop
+    even = zlib.crc32(task.ref.moment.encode()) % 2 == 0
+    return ExactScore(
+        mean=share * even,
+        predicted=[share * even] * task.settings.children,
+        settled=even,
+        p_collision=share if even else None,
+        pairs=[(1, 2, "collision", share)] if even else [],
+        extra=70,
+        checked=task.children.stop,
+    )
+
+
 @pytest.fixture(scope="module")
 def recordings() -> tuple[Recording, ...]:
     return find_recordings([scex_sumo.example_path("roundabout"), scex_sumo.example_path("motorway_merge")])
@@ -94,6 +114,17 @@ def ranked(
         result = RankingRun(recordings, settings, folder, workers)
         result.run()
     return result
+
+
+def ranked_exactly(
+    recordings: tuple[Recording, ...], path: Path, workers: Instant
+) -> tuple[RankingRun, pa.Table]:
+    run = RunSettings(models="standard_driver,risky_driver", children=256)
+    settings = RankSettings(run=run, every=2.0, top=9)
+    with RankFolder(path, {"plan": 1}, settings) as folder:
+        result = RankingRun(recordings, settings, folder, workers)
+        result.run()
+        return result, ranking_table(result)
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -213,3 +244,36 @@ def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:
     assert len({ref.moment for ref in found.refs}) == 4
     assert found.failures == {}
     assert len(distinct_moments(found.refs, range(4), 4)) == 4
+
+
+def test_a_moment_with_an_exact_score_gets_no_more_children(
+    recordings: tuple[Recording, ...], tmp_path: Path
+) -> None:
+    workers = Instant()
+    found, table = ranked_exactly(recordings, tmp_path / "out", workers)
+    rows = {row["seed"]: row for row in table.to_pylist()}
+    exact = {ref.moment: found.tallies[ref.moment][-1].exact for ref in found.refs}
+    settled = {name for name, one in exact.items() if one is not None and one.settled}
+    open_ = {name for name, one in exact.items() if one is not None and not one.settled}
+    assert settled
+    assert {rows[name]["children"] for name in settled} == {64}
+    assert {rows[name]["remainder"] for name in settled} == {3 / 64}
+    assert all(rows[name]["p_collision_low"] == rows[name]["p_collision_high"] for name in settled)
+    assert max(rows[name]["children"] for name in open_) > 64
+    assert {rows[name]["remainder"] for name in open_} == {None}
+    assert {rows[name]["extra"] for name in settled | open_} == {70}
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_interrupted_among_its_tables_it_goes_on_to_the_same_bytes(
+    recordings: tuple[Recording, ...], tmp_path: Path, share: float
+) -> None:
+    whole, rest = Instant(), Instant(back_to_front=3)
+    _, table = ranked_exactly(recordings, tmp_path / "whole", whole)
+    cut = Instant(stop=int(share * len(whole.asked)))
+    with pytest.raises(KeyboardInterrupt):
+        ranked_exactly(recordings, tmp_path / "cut", cut)
+    _, again = ranked_exactly(recordings, tmp_path / "cut", rest)
+    assert contents(tmp_path / "cut") == contents(tmp_path / "whole")
+    assert again.equals(table)
+    assert sorted(cut.asked + rest.asked) == sorted(whole.asked)

@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.studies.moments.references import Failure
+from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.rank.children import MomentPart
 from scex_sumo.studies.rank.places import Tally
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.scores import RankSettings
 from scex_sumo.studies.rank.table import failed_row, moment_row, placed, tabulate, write_ranking
 from tests.studies.rank.parts import moment_part, moment_ref
 

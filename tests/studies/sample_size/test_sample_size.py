@@ -14,8 +14,7 @@ import scex_sumo
 from scex_sumo.base.errors import UsageError
 from scex_sumo.extrapolation.assignments import all_assignments
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.sample_size.reduction import choose_vehicles, reduced
-from scex_sumo.studies.sample_size.sample_size import designed, subsets
+from scex_sumo.studies.sample_size.sample_size import choose_vehicles, designed, reduced, subsets
 from tests.command import scex
 from tests.seeds import straight_seed
 

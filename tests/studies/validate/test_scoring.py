@@ -12,7 +12,7 @@ import pytest
 from scex_sumo.base.errors import ResultError
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scene import States
-from scex_sumo.studies.moments.references import Failure, MomentRef
+from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.validate.folder import ForecastFolder
 from scex_sumo.studies.validate.moment import (
     CONSTANT_VELOCITY,

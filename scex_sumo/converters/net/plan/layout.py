@@ -35,9 +35,6 @@ from scex_sumo.geometry.polylines import (
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
-DECIMALS = 3  # millimetres: what SUMO's tools expect
-EXACT = 9  # decimals of lanes' shapes: drivers on a net that is read back shall plan as on its map
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetLane:
@@ -134,14 +131,6 @@ class NetLayout:
     def ends(self) -> dict[str, tuple[str, str]]:
         """Return the edges before and after each internal lane."""
         return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
-
-
-def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
-    """Format a polyline as SUMO does: ``x,y x,y``."""
-    # Adding 0.0 turns a rounded -0.0 into 0.0.
-    return " ".join(
-        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
-    )
 
 
 def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Conflict]) -> NetLayout:
@@ -353,16 +342,17 @@ def _union_outline(areas: Sequence[Polygon]) -> FloatArray:
 
 
 def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
-    points: list[FloatArray] = []
-    for edge in edges:
-        for lane in edge.lanes:
-            for name, end in ((edge.start, False), (edge.end, True)):
-                if name == node:
-                    angle = heading(lane.shape, end=end)
-                    across = np.array([-np.sin(angle), np.cos(angle)]) * lane.width / 2
-                    tip = lane.shape[-1 if end else 0]
-                    points += [tip + across, tip - across]
-    return hull(points)
+    ends = [
+        (edge, end) for edge in edges for end in (False, True) if node == (edge.end if end else edge.start)
+    ]
+    return hull([corners(lane.shape, lane.width, end=end) for edge, end in ends for lane in edge.lanes])
+
+
+def corners(shape: FloatArray, width: float, *, end: bool, reach: float = 2.0) -> FloatArray:
+    """(2, 2) left and right corner of a lane's end, m; its heading is that of the last ``reach`` metres."""
+    angle, tip = heading(shape, end=end, reach=reach), shape[-1 if end else 0]
+    across = np.array([-np.sin(angle), np.cos(angle)]) * width / 2
+    return np.array([tip + across, tip - across])
 
 
 def hull(points: Sequence[FloatArray]) -> FloatArray:

@@ -59,12 +59,10 @@ def fixed_programmes(
     programmes = []
     joined: Groups[int] = Groups()
     for i, others in enumerate(against):
-        for j in (i, *others):
+        for j in others:
             joined.join(i, j)
-    clusters: dict[int, list[int]] = {}
-    for i in range(len(against)):
-        clusters.setdefault(joined.name(i), []).append(i)
-    for cluster in clusters.values():
+    names = [joined.name(i) for i in range(len(against))]
+    for cluster in ([i for i, name in enumerate(names) if name == first] for first in dict.fromkeys(names)):
         stages = _stages(cluster, against, [links for _, links in groups])
         name = f"tl{min(groups[i][0].element_id for i in cluster)}"
         links = list({id(c): c for i in cluster for c in groups[i][1]}.values())

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, hull
+from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, corners, hull
 from scex_sumo.converters.net.topology.graph import Groups, Topology, Zone
 from scex_sumo.geometry.polylines import along, cut, heading, length_of, nearest
 from scex_sumo.road import Lane
@@ -71,10 +71,10 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
             for j in (ids[k] for k in grounds.query(_tip(lane, s))):
                 if i != j and (at := _meets(lane, s, walked[j], whole=_marked(walked[j]))) is not None:
                     meetings.join((i, s), (j, at))
-    places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in meetings.members()}))}
+    places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in list(meetings.above)}))}
     found = []
     for i, lane in walked.items():
-        stations = sorted(s for j, s in meetings.members() if j == i)
+        stations = sorted(s for j, s in meetings.above if j == i)
         for k, (start, end) in enumerate(pairwise(stations)):
             ends = (places[meetings.name((i, start))], places[meetings.name((i, end))])
             under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
@@ -197,39 +197,30 @@ def _area(lane: Lane) -> shapely.Polygon:
     return shapely.Polygon(np.vstack([lane.left_bound, lane.right_bound[::-1]])).buffer(0.0)
 
 
-def corners(shape: FloatArray, width: float, *, end: bool) -> FloatArray:
-    """(2, 2) left and right corner of a footway's end, m."""
-    length = length_of(shape)
-    a, b = along(shape, np.array([length - min(0.5, length), length] if end else [0.0, min(0.5, length)]))
-    across = np.array([a[1] - b[1], b[0] - a[0]]) / max(float(np.hypot(*(b - a))), 1e-9) * width / 2
-    tip = shape[-1 if end else 0]
-    return np.array([tip + across, tip - across])
-
-
 _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, its links, edges at them
 
 SPEED_MPS = 2.78  # SUMO's own for sidewalks
+TIP_M = 0.5  # of a footway, for its direction
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
 STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Crossing:
     """A crosswalk across links of one junction.
 
     Attributes:
-        start: walking area at its beginning.
-        end: walking area at its end.
         crossed: indices of the junction's links that run over it.
+        edges: of these links, those nearer to it.
+        areas: walking areas at its beginning and end.
         marked: whether vehicles give way there; elsewhere people do.
     """
 
     node: str
-    lane: NetLane
-    start: str
-    end: str
     crossed: tuple[int, ...]
     edges: tuple[str, ...]
+    lane: NetLane
+    areas: tuple[str, str]
     marked: bool
 
 
@@ -256,7 +247,7 @@ class Walks:
     def incoming(self, node: str) -> list[str]:
         """Return lanes for people that lead into a junction."""
         ending = [s.lane.name for s in self.sidewalks if s.nodes[1] == node]
-        return [*ending, *dict.fromkeys(f"{c.start}_0" for c in self.at(node))]
+        return [*ending, *dict.fromkeys(f"{c.areas[0]}_0" for c in self.at(node))]
 
     def places(self) -> Iterator[tuple[str, tuple[tuple[int, float], ...]]]:
         """Each lane for people, with the lanelet under it and its order along that lanelet."""
@@ -265,71 +256,54 @@ class Walks:
             yield lane.name, tuple((lanelet, float(k)) for lanelet, _ in lane.starts)
 
 
-NO_WALKS = Walks(crossings=(), areas={}, sidewalks=(), nodes={})
-
-
 def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -> Walks:
     """Put a map's footways into the net of its vehicle lanes."""
-    return _Plan(ways, topology, layout).walks() if ways else NO_WALKS
-
-
-class _Plan:
-    def __init__(self, ways: Sequence[Footway], topology: Topology, layout: NetLayout) -> None:
-        across = {way.name: _across(way, topology, layout) for way in ways}
-        self._across = {name: found for name, found in across.items() if found is not None}
-        owners = {p: self._across[w.name][0] for w in ways if w.name in self._across for p in w.places}
-        crosswalks = [way for way in ways if way.name in self._across]
-        sidewalks = [way for way in ways if way.name not in self._across]
-        fresh = count(max(place for way in ways for place in way.places) + 1)
-        self._ways = [*crosswalks, *_halved(sidewalks, owners, fresh), *_stubs(crosswalks, ways, fresh)]
-        ends = [place for way in self._ways for place in way.places]
-        self._node = {place: owners.get(place, f"p{place}") for place in sorted(set(ends))}
-        numbers: dict[str, Iterator[int]] = {node: count() for node in self._node.values()}
-        self._area = {p: f":{n}_w{next(numbers[n])}" for p, n in self._node.items() if ends.count(p) > 1}
-
-    def walks(self) -> Walks:
-        crossings: list[Crossing] = []
-        sidewalks: list[_Sidewalk] = []
-        corner: dict[int, list[FloatArray]] = {}
-        numbers: dict[str, Iterator[int]] = {node: count() for node in self._node.values()}
-        for way in self._ways:
-            areas = (self._area.get(way.places[0], ""), self._area.get(way.places[1], ""))
-            shape = _trimmed(way.shape, areas)
-            for place, end in zip(way.places, (False, True), strict=True):
-                corner.setdefault(place, []).append(corners(shape, way.width, end=end))
-            lane = NetLane(
-                name=f"{way.name}_0",
-                shape=shape,
-                length=length_of(shape),
-                width=way.width,
-                speed=SPEED_MPS,
-                starts=() if way.lanelet is None else ((way.lanelet, 0.0),),
-                allow="pedestrian",
-            )
-            if way.name in self._across:
-                node, links, edges = self._across[way.name]
-                name = f":{node}_c{next(numbers[node])}"
-                lane = replace(lane, name=f"{name}_0")
-                crossings.append(
-                    Crossing(
-                        node=node,
-                        lane=lane,
-                        start=areas[0],
-                        end=areas[1],
-                        crossed=links,
-                        edges=edges,
-                        marked=way.marked,
-                    )
-                )
-            else:
-                nodes = (self._node[way.places[0]], self._node[way.places[1]])
-                sidewalks.append(_Sidewalk(lane=lane, nodes=nodes, areas=areas))
-        return Walks(
-            crossings=tuple(sorted(crossings, key=lambda c: c.lane.name)),
-            areas={name: hull(corner[place]) for place, name in self._area.items()},
-            sidewalks=tuple(sidewalks),
-            nodes={n: hull(corner[place]) for place, n in self._node.items() if n == f"p{place}"},
+    met = {way.name: _across(way, topology, layout) for way in ways}
+    across = {name: found for name, found in met.items() if found is not None}
+    owners = {place: across[way.name][0] for way in ways if way.name in across for place in way.places}
+    crosswalks = [way for way in ways if way.name in across]
+    fresh = count(max((place for way in ways for place in way.places), default=0) + 1)
+    walkways = _halved([way for way in ways if way.name not in across], owners, fresh)
+    ways = [*crosswalks, *walkways, *_stubs(crosswalks, ways, fresh)]
+    ends = [place for way in ways for place in way.places]
+    node = {place: owners.get(place, f"p{place}") for place in sorted(set(ends))}
+    numbers, crossed = ({name: count() for name in node.values()} for _ in range(2))
+    area = {p: f":{n}_w{next(numbers[n])}" for p, n in node.items() if ends.count(p) > 1}
+    crossings: list[Crossing] = []
+    sidewalks: list[_Sidewalk] = []
+    corner: dict[int, list[FloatArray]] = {}
+    for way in ways:
+        start, end = way.places
+        areas = (area.get(start, ""), area.get(end, ""))
+        size = length_of(way.shape)
+        off = min(TRIM_M, size / 4)
+        shape = cut(way.shape, off * bool(areas[0]), size - off * bool(areas[1]))
+        for place, last in ((start, False), (end, True)):
+            corner.setdefault(place, []).append(corners(shape, way.width, end=last, reach=TIP_M))
+        name = (
+            f":{across[way.name][0]}_c{next(crossed[across[way.name][0]])}"
+            if way.name in across
+            else way.name
         )
+        lane = NetLane(
+            name=f"{name}_0",
+            shape=shape,
+            length=length_of(shape),
+            width=way.width,
+            speed=SPEED_MPS,
+            starts=() if way.lanelet is None else ((way.lanelet, 0.0),),
+            allow="pedestrian",
+        )
+        if way.name in across:
+            crossings.append(Crossing(*across[way.name], lane=lane, areas=areas, marked=way.marked))
+        else:
+            sidewalks.append(_Sidewalk(lane=lane, nodes=(node[start], node[end]), areas=areas))
+    return Walks(
+        crossings=tuple(sorted(crossings, key=lambda c: c.lane.name)),
+        areas={name: hull(corner[place]) for place, name in area.items()},
+        sidewalks=tuple(sidewalks),
+        nodes={n: hull(corner[place]) for place, n in node.items() if n == f"p{place}"},
+    )
 
 
 def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | None:
@@ -374,9 +348,3 @@ def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterat
                     width=way.width,
                     places=(next(fresh), place),
                 )
-
-
-def _trimmed(shape: FloatArray, areas: tuple[str, str]) -> FloatArray:
-    length = length_of(shape)
-    off = min(TRIM_M, length / 4)
-    return cut(shape, off * bool(areas[0]), length - off * bool(areas[1]))

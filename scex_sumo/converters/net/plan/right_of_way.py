@@ -114,9 +114,9 @@ def set_right_of_way(
         for j in a.foes:
             if frozenset((i, j)) not in ruled and (i in zippers or _by_default(a, links[j], i > j)):
                 a.response.add(j)
+    waits = {i: a.response for i, a in enumerate(links)}
     for i, a in enumerate(links):
-        waits = i in reached(a.response, {k: link.response for k, link in enumerate(links)})
-        a.state = _state(a, i, rules, zippers, circular=waits)
+        a.state = _state(a, i, rules, zippers, circular=i in reached(a.response, waits))
 
 
 def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
@@ -29,22 +30,18 @@ class Groups(Generic[Node]):
     """Disjoint groups of things, each named by its smallest member."""
 
     def __init__(self) -> None:
-        self._above: dict[Node, Node] = {}
+        self.above: dict[Node, Node] = {}
 
     def name(self, member: Node) -> Node:
         """Return the smallest member of a thing's group; its own group is new."""
-        while (above := self._above.setdefault(member, member)) != member:
+        while (above := self.above.setdefault(member, member)) != member:
             member = above
         return member
 
     def join(self, one: Node, other: Node) -> None:
         """Make two groups one."""
         first, second = sorted((self.name(one), self.name(other)))
-        self._above[second] = first
-
-    def members(self) -> list[Node]:
-        """Return all things."""
-        return list(self._above)
+        self.above[second] = first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,16 +86,8 @@ class Row:
 
     def with_zones(self, zones: list[tuple[float, float]]) -> Row:
         """Cut the row so that exactly these fractions (disjoint, ascending) lie in junctions."""
-        cuts, inside = [0.0], []
-        for start, end in zones:
-            if start > cuts[-1]:
-                cuts.append(start)
-                inside.append(False)
-            cuts.append(end)
-            inside.append(True)
-        if cuts[-1] < 1.0:
-            cuts.append(1.0)
-            inside.append(False)
+        cuts = sorted({0.0, 1.0, *(cut for zone in zones for cut in zone)})
+        inside = [any(start <= a and b <= end for start, end in zones) for a, b in pairwise(cuts)]
         return replace(self, cuts=tuple(cuts), inside=tuple(inside))
 
     def with_inside(self, piece: int, inside: bool) -> Row:
@@ -130,27 +119,20 @@ def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, in
                 continue
             right, left = (i, neighbour) if leftward else (neighbour, i)
             free = left_of.get(right, left) == left and right_of.get(left, right) == right
-            if free and not _reaches(left_of, left, right):
+            if free and right not in _leftward(left_of, left):
                 left_of[right], right_of[left] = left, right
             else:
                 lost.append((i, neighbour))
-    rows = []
-    for i in sorted(lanes):
-        if i not in right_of:
-            chain = [i]
-            while chain[-1] in left_of:
-                chain.append(left_of[chain[-1]])
-            lengths = tuple(length_of(lanes[k].centreline) for k in chain)
-            rows.append(Row(lanes=tuple(chain), lengths=lengths))
+    chains = [_leftward(left_of, i) for i in lanes if i not in right_of]
+    rows = [Row(lanes=c, lengths=tuple(length_of(lanes[i].centreline) for i in c)) for c in chains]
     return sorted(rows, key=lambda row: min(row.lanes)), lost
 
 
-def _reaches(left_of: Mapping[int, int], start: int, goal: int) -> bool:
-    while start in left_of:
-        start = left_of[start]
-        if start == goal:
-            return True
-    return False
+def _leftward(left_of: Mapping[int, int], first: int) -> tuple[int, ...]:
+    chain = [first]
+    while chain[-1] in left_of:
+        chain.append(left_of[chain[-1]])
+    return tuple(chain)
 
 
 def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict | Zone]) -> list[Row]:
@@ -409,17 +391,14 @@ def cut_lanes(
     lanes = {i: replace(x, left=None, right=None) if i in closed else x for i, x in lanes.items()}
     rows, _ = build_rows(lanes)
     zones: list[Conflict | Zone] = [*found, *walked]
-    rows = [_with_road_to_change_on(row) for row in lay_zones(rows, lanes, zones)]
+    rows = [  # lanes side by side need some road to change on
+        _opened(row, 0) if len(row.lanes) > 1 and all(row.inside) else row
+        for row in lay_zones(rows, lanes, zones)
+    ]
     rows = _open_knots(rows, lanes)
     rows = _fill_gaps(Topology(rows, lanes, zones))
     rows = _split_loops(Topology(rows, lanes, zones))
     return Topology(rows, lanes, zones), lost
-
-
-def _with_road_to_change_on(row: Row) -> Row:
-    if len(row.lanes) == 1 or not all(row.inside):
-        return row
-    return row.with_road(0, min(STUB_M / row.size(0), 1 / 3) * row.cuts[1])
 
 
 def _fill_gaps(topology: Topology) -> list[Row]:
@@ -486,10 +465,8 @@ def _knot(chains: _Chains) -> tuple[int, int] | None:
     for r, k in {piece[:2] for piece in chains.unsound(chains.pieces())}:
         merging = any(len(chains.before((r, k, at))) > 1 for at in range(len(chains.rows[r].lanes)))
         candidates.append((merging, chains.rows[r].size(k), -r, -k))
-    if not candidates:
-        return None
-    _, _, r, k = max(candidates)
-    return -r, -k
+    _, _, r, k = max(candidates, default=(False, 0.0, 1, 1))
+    return (-r, -k) if r <= 0 else None
 
 
 def _double_way(chains: _Chains) -> list[tuple[int, int]]:

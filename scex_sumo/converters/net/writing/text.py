@@ -9,17 +9,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.lanelets import KEY, parts_text
-from scex_sumo.converters.net.plan.layout import (
-    DECIMALS,
-    EXACT,
-    Connection,
-    NetLane,
-    NetLayout,
-    Node,
-    shape_text,
-)
+from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, Node
 from scex_sumo.converters.net.plan.lights import Programme
-from scex_sumo.converters.net.plan.pedestrians import NO_WALKS, SPEED_MPS, Walks
+from scex_sumo.converters.net.plan.pedestrians import SPEED_MPS, Walks
 from scex_sumo.converters.net.plan.right_of_way import bits, direction
 from scex_sumo.road import Georeference
 from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opposed
@@ -27,8 +19,9 @@ from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opp
 # Traffic light and link index by internal lane or crossing.
 Lights: TypeAlias = Mapping[str, tuple[str, int]]
 
-HEADER = '<?xml version="1.0" encoding="UTF-8"?>'
-ROOT = '<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1.00">'
+DECIMALS = 3  # millimetres: what SUMO's tools expect
+EXACT = 9  # decimals of lanes' shapes: drivers on a net that is read back shall plan as on its map
+ROOT = '<net version="1.20" junctionCornerDetail="5"{} limitTurnSpeed="-1.00">'
 NOBODY = "custom2"  # a class that no vehicle has
 # Of a junction, by the first of these states among its links.
 KINDS = {"Z": "zipper", "w": "allway_stop", "s": "priority_stop", "m": "priority", "=": "right_before_left"}
@@ -38,38 +31,46 @@ _Span: TypeAlias = tuple[float, float]  # m along an internal lane
 
 
 def net_text(
-    layout: NetLayout,
-    programmes: Sequence[Programme] = (),
-    place: Georeference | None = None,
-    walks: Walks = NO_WALKS,
+    layout: NetLayout, programmes: Sequence[Programme], place: Georeference | None, walks: Walks
 ) -> str:
     """Return the whole file; with ``place`` SUMO's tools can show the net on a map of the world."""
     lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
     lights |= {n: (p.name, len(p.connections) + k) for p in programmes for k, n in enumerate(p.crossings)}
-    root = ROOT.replace(" limit", ' walkingareas="true" limit') if walks.areas else ROOT
-    return "\n".join([HEADER, "", root, *_body(layout, programmes, lights, place, walks), "</net>", ""])
-
-
-def _body(
-    layout: NetLayout,
-    programmes: Sequence[Programme],
-    lights: Lights,
-    place: Georeference | None,
-    walks: Walks,
-) -> Iterator[str]:
-    lanes = [lane for edge in layout.edges for lane in edge.lanes]
-    points = np.vstack([lane.shape for lane in (*lanes, *(walk.lane for walk in walks.sidewalks))])
-    yield _location(np.concatenate([points.min(axis=0), points.max(axis=0)]), place)
+    lanes = [
+        *(lane for edge in layout.edges for lane in edge.lanes),
+        *(walk.lane for walk in walks.sidewalks),
+    ]
+    points = np.vstack([lane.shape for lane in lanes])
     nodes = sorted(layout.nodes, key=lambda node: node.name)
-    yield from _edges(layout, nodes, walks)
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        "",
+        ROOT.format(' walkingareas="true"' if walks.areas else ""),
+        _location(np.concatenate([points.min(axis=0), points.max(axis=0)]), place),
+        *_edges(layout, nodes, walks),
+        *_programmes(programmes),
+        *_junctions(nodes, lights, walks),
+        *_connections(nodes, lights, walks),
+        "</net>",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
+    """Format a polyline as SUMO does: ``x,y x,y``."""
+    # Adding 0.0 turns a rounded -0.0 into 0.0.
+    return " ".join(
+        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
+    )
+
+
+def _programmes(programmes: Iterable[Programme]) -> Iterator[str]:
     for programme in programmes:
         name = f'id="{programme.name}" type="static" programID="{programme.programme}"'
         yield f'    <tlLogic {name} offset="0">'
-        for seconds, state in programme.phases:
-            yield f'        <phase duration="{seconds:g}" state="{state}"/>'
+        yield from (f'        <phase duration="{s:g}" state="{state}"/>' for s, state in programme.phases)
         yield "    </tlLogic>"
-    yield from _junctions(nodes, lights, walks)
-    yield from _connections(nodes, lights, walks)
 
 
 def _location(corners: FloatArray, place: Georeference | None) -> str:
@@ -193,8 +194,8 @@ def _connections(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterato
         yield _way(c.internal.edge, c.to_edge, c.to_lane, turn=direction(c.bend))
     for crossing in walks.crossings:
         light, state = _light(crossing.lane.edge, lights), "M" if crossing.marked else "m"
-        yield _way(crossing.start, crossing.lane.edge, light=light, state=state)
-        yield _way(crossing.lane.edge, crossing.end)
+        yield _way(crossing.areas[0], crossing.lane.edge, light=light, state=state)
+        yield _way(crossing.lane.edge, crossing.areas[1])
     for walk in walks.sidewalks:
         for ends in ((walk.areas[0], walk.lane.edge), (walk.lane.edge, walk.areas[1])):
             if all(ends):

@@ -10,8 +10,8 @@ from scex_sumo.base.errors import TrackError, reason_of
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.studies.moments.cut import list_moments, unreadable
-from scex_sumo.studies.moments.references import Failure, moment_name
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.moments.folder import Failure, moment_name
+from scex_sumo.studies.rank.children import RankFolder
 from tests.studies.rank.parts import SETTINGS
 
 RECORDING = Recording(

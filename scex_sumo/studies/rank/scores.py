@@ -1,0 +1,138 @@
+"""Settings of a ranking, and the scores of its order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import UsageError
+from scex_sumo.converters.datasets.recordings import Recording
+from scex_sumo.evaluation.encounters import answers_of
+from scex_sumo.evaluation.outcomes import encounters_of_rows
+from scex_sumo.results.design import design_intervals
+from scex_sumo.results.parts import Part
+from scex_sumo.statistics.intervals import DesignIntervals
+from scex_sumo.studies.moments.run import StudySettings, built
+
+KEEP = ("none", "critical", "all")
+MIXED = "mixed"
+BY = (MIXED, "severity", "collisions", "encounters")
+"""Orders of moments, see `score_of`."""
+SCORED = {"severity": "expected_mais3", "collisions": "collisions", "encounters": "encounters"}
+"""Column of the table that is the score of an order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankSettings(StudySettings):
+    """Settings of a ranking; ``run.children`` is the maximum of a moment.
+
+    Attributes:
+        first: children of every moment.
+        top: moments on the page; more children settle their ranks.
+        keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
+        by: order of the moments: ``mixed``, ``severity``, ``collisions`` or ``encounters``.
+        exact: search exact tables, see `scex_sumo.studies.rank.exact`.
+    """
+
+    first: int = 32
+    top: int = 10
+    keep: str = "none"
+    by: str = MIXED
+    exact: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_positive("first")
+        self.check_positive("top")
+        if self.keep not in KEEP:
+            raise UsageError(f"--keep: got {self.keep!r}; known: {', '.join(KEEP)}")
+        if self.by not in BY:
+            raise UsageError(f"--by: got {self.by!r}; known: {', '.join(BY)}")
+        object.__setattr__(self, "first", min(self.first, self.children))
+
+    def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
+        """Return the values that identify the ranking of some recordings."""
+        other = ({} if self.by == MIXED else {"by": self.by}) | ({} if self.exact else {"exact": False})
+        return self.identity(recordings, first=self.first, top=self.top, keep=self.keep) | other
+
+    def intervals(self, models: Sequence[Sequence[str]]) -> DesignIntervals:
+        """Return the intervals of children with (C, V) models."""
+        drawn = built(self.models).drawn
+        index = {str(spec): number for number, spec in enumerate(drawn)}
+        levels = np.array([[index[name] for name in row] for row in models], dtype=np.int64)
+        fixed = np.zeros(levels.shape[1], dtype=np.bool_)
+        return design_intervals(levels, [spec.weight for spec in drawn], fixed, self.run.design)
+
+
+CRITICAL_WEIGHT = 0.1
+"""Of a critical encounter beside a collision in the score of a moment."""
+MICRO = 10**6
+INJURIES = 0.1
+"""Expected severe injuries of a hard collision: both cars change their speed by 11 m/s."""
+PAIR_NUMBERS = 5  # of a critical encounter
+HARD_MPS = 10.0
+"""Relative speed at impact that makes a collision count twice."""
+
+
+def score_of(pairs: Sequence[IntArray], by: str = MIXED) -> FloatArray:
+    """Return the scores (C,) of children from their critical encounters.
+
+    ``mixed``: a collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
+    ``severity``: expected severe injuries. ``collisions``, ``encounters``: their number.
+    """
+    parts = ((*worth_of(rows, by), len(rows)) for rows in pairs)
+    return np.array([hit.sum() / unit + count * each for hit, unit, each, count in parts], dtype=np.float64)
+
+
+def worth_of(rows: IntArray, by: str = MIXED) -> tuple[FloatArray, float, float]:
+    """Return what critical encounters (E, 5) add to a score.
+
+    Returns:
+        (E,) for their collisions, the unit of that, and the addition of each critical encounter.
+    """
+    hit = rows[:, 2].astype(np.float64)
+    ways = {
+        MIXED: (hit * (1 + rows[:, 3] / (100 * HARD_MPS)), 1.0, CRITICAL_WEIGHT),
+        "severity": (rows[:, 4].astype(np.float64), float(MICRO), 0.0),
+        "collisions": (hit, 1.0, 0.0),
+        "encounters": (0.0 * hit, 1.0, 1.0),
+    }
+    return ways[by]
+
+
+def critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
+    """Return the critical encounters (E, 5) of each child of a part, see `pairs_of`."""
+    assert part.encounters is not None and part.collisions is not None
+    injured = {
+        (hit["child"], frozenset((hit["track_id"], hit["other_id"]))): round(
+            MICRO * ((hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0))
+        )
+        for hit in part.collisions.to_pylist()
+    }
+    found = encounters_of_rows(part.encounters)
+    answers = answers_of(found)
+    some = np.flatnonzero(answers["critical"])
+    speed = np.round(100 * found.relative_speed[some])
+    hits = answers["collision"][some]
+    child, one, other = found.child[some], track_ids[found.first[some]], track_ids[found.second[some]]
+    pairs = zip(child.tolist(), one.tolist(), other.tolist(), strict=True)
+    injuries = np.array([injured.get((c, frozenset((a, b))), 0) for c, a, b in pairs], dtype=np.int64)
+    rows = np.stack([one, other, hits, speed, injuries], axis=-1)
+    return [rows[child == number].astype(np.int64) for number in part.children]
+
+
+def pairs_of(table: pa.Table) -> list[IntArray]:
+    """Return the critical encounters (E, 5) of each child.
+
+    Rows are track_id, other_id, 1 in a collision, the relative speed at impact in cm/s, and the expected
+    severe injuries in millionths.
+    """
+    return [
+        np.asarray(row, dtype=np.int64).reshape(-1, PAIR_NUMBERS)
+        for row in table["critical_pairs"].to_pylist()
+    ]
