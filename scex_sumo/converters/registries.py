@@ -110,6 +110,8 @@ class Dataset:
         repair: repair of this dataset's own defects before `repair_tracks`.
         simulated: whether positions and velocities are exact, and ``read`` takes ``window=(first, last)``, s,
             to simulate only that.
+        from_car: whether a car recorded it, with a map in the same coordinates: nothing is aligned, and
+            vehicles off the lanes are treated by `within_map`.
     """
 
     is_mine: Callable[[Path], bool]
@@ -121,6 +123,7 @@ class Dataset:
     siblings: Callable[[Path], Iterable[Path]] = lambda path: ()
     repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
     simulated: bool = False
+    from_car: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,5 +27,6 @@ EXPORTERS: Final = Registry(
         "mp4": "scex_sumo.exporters.video:write_mp4",
         "gif": "scex_sumo.exporters.video:write_gif",
         "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
+        "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
     },
 )

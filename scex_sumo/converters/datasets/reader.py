@@ -11,6 +11,7 @@ from pathlib import Path
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.cleaning.align import Evidence, align_tracks, evidence
 from scex_sumo.converters.cleaning.repair import repair_tracks
+from scex_sumo.converters.datasets.off_lanes import within_map
 from scex_sumo.converters.datasets.sample import resample_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
@@ -53,9 +54,13 @@ def read_clean(
     table, findings = read_recorded(paths, None if road is None else road.net, window)
     if repair:
         table, findings = repaired(table, findings, dataset_of(paths[0]))
-    if align and road is not None:
+    from_car = dataset_of(paths[0]).from_car
+    if align and road is not None and not from_car:
         table, moved = align_tracks(table, road, siblings=_siblings(paths))
         findings = (*findings, moved) if moved else findings
+    if road is not None and from_car:
+        table, left = within_map(table, road)
+        findings = (*findings, *left)
     return CleanRecording(table=table, findings=findings, repair=repair)
 
 

@@ -85,7 +85,7 @@ def load_recording(recording: Recording, origin: tuple[float, float] | None = No
         road=road,
         table=clean.table,
         findings=clean.findings,
-        notes=_doubts(evidence(clean.table.vehicles), road),
+        notes=_doubts(evidence(clean.table.vehicles), road, track_path),
     )
 
 
@@ -183,7 +183,7 @@ def recorded_scene(
         return scene
     samples, off = evidence(clean.table.vehicles), off_road(road, scene)
     _check_place(scene, off, samples, road, force=force)
-    scene = _warned(scene, off, _doubts(samples, road))
+    scene = _warned(scene, off, _doubts(samples, road, recording.track_paths[0]))
     return clean.table.complete(dataclasses.replace(scene, road=road))
 
 
@@ -228,8 +228,8 @@ def _with_history(window: Window) -> Window:
     )
 
 
-def _doubts(samples: Evidence, road: Road) -> tuple[str, ...]:
-    doubt = doubt_place(samples, road)
+def _doubts(samples: Evidence, road: Road, tracks: Path) -> tuple[str, ...]:
+    doubt = None if dataset_of(tracks).from_car else doubt_place(samples, road)
     return (doubt,) if doubt else ()
 
 

@@ -210,6 +210,22 @@ def track_rows(
     )
 
 
+def joined_rows(*parts: TrackRows) -> TrackRows:
+    """Join the tracks of several parts of one recording, the parts one after the other."""
+    tracks = np.cumsum([0, *(part.tracks for part in parts)])
+    segments = np.cumsum([0, *(int(part.segment.max(initial=-1)) + 1 for part in parts)])
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_COLUMNS}
+    columns["segment"] = np.concatenate(
+        [part.segment + first for part, first in zip(parts, segments, strict=False)]
+    )
+    return TrackRows(
+        **columns,
+        track=np.concatenate([part.track + first for part, first in zip(parts, tracks, strict=False)]),
+        labels=tuple(label for part in parts for label in part.labels),
+        types=tuple(kind for part in parts for kind in part.types),
+    )
+
+
 def number_of(label: str) -> int:
     """Number of a vehicle by its label, not through a float: ``4.0`` is 4."""
     return int(label.partition(".")[0])
