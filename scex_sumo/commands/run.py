@@ -232,7 +232,7 @@ def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
     if worst := worst_of(meetings(run), 1):
         row = worst[0].row
         return worst[0].run.folder, {"encounter": f"{row['track_id']},{row['other_id']}"}
-    defined = [column for column in ("ttc", "wttc") if len(run.samples(column))]
+    defined = [name for name in ("ttc", "wttc") if name in run.columns and len(run.samples(name))]
     return run.folder, {"critical": defined[0]} if defined else {"child": 0}
 
 

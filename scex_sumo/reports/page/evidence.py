@@ -62,7 +62,7 @@ def _moment(run: Run) -> dict[str, str]:
     return {
         "scenario (6.4)": f"{scene['location']}{time}: {counted(scene['vehicles'], 'vehicle')}, "
         f"{counted(run.children, 'future')} of {run.info['steps'] * STEP_S:g} s",
-        "recording": ", ".join(str(source[key]) for key in ("tracks", "fcd", "state") if source.get(key))
+        "recording": ", ".join(str(source[key]) for key in ("tracks", "simulation") if source.get(key))
         or "none: a synthetic or stored scene",
         "exposure (6.4)": _exposure(run),
     }

@@ -11,7 +11,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.page.charts import samples_of_both, ticks, value_range
 from scex_sumo.results.run import Run
-from scex_sumo.statistics.atoms import split_atoms
+from scex_sumo.statistics.density import split_atoms
 
 _WORST_SHARE = 0.1
 _LEVELS = 9  # shares of critical children at which the effective number of children is known
