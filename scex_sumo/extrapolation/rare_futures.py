@@ -122,7 +122,7 @@ class _Futures:
             ),
             "draw": pa.array(found.draw[hit].tolist(), pa.list_(pa.float64())),
         }
-        parquet.write_table(pa.table(columns), self.path / "futures.parquet")
+        parquet.write_table(pa.table(columns), (self.path / "futures.parquet").absolute())
         for old in self.path.glob("[0-9]*"):
             shutil.rmtree(old, ignore_errors=True)
 

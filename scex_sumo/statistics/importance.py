@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtr, ndtri
-from scipy.stats import chi2, rankdata
+from scipy.special import gammaincinv, ndtr, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE, Interval
@@ -178,9 +177,9 @@ def weighted_interval(
     tail, value, variance = (1 - confidence) / 2, float(hits.sum()), float((hits**2).sum())
     if not len(hits):
         return Interval(value=0.0, low=0.0, high=min(1.0, -largest * np.log(1 - confidence)), count=number)
-    low = variance / (2 * value) * chi2.ppf(tail, 2 * value**2 / variance)
+    low = variance / value * gammaincinv(value**2 / variance, tail)
     value_on, variance_on = value + largest, variance + largest**2
-    high = variance_on / (2 * value_on) * chi2.ppf(1 - tail, 2 * value_on**2 / variance_on)
+    high = variance_on / value_on * gammaincinv(value_on**2 / variance_on, 1 - tail)
     return Interval(value=min(value, 1.0), low=float(low), high=min(float(high), 1.0), count=number)
 
 
@@ -385,7 +384,11 @@ def _first_proposals(
         for side, vehicle in enumerate(pair):
             if tiltable[vehicle]:
                 score = variables.scores(draw[misses, vehicle])
-                together = -_correlation(score, ndtri((rankdata(gap) - 0.5) / len(gap)))
+                ordered = np.sort(gap)
+                above = np.searchsorted(ordered, gap, side="left") + np.searchsorted(
+                    ordered, gap, side="right"
+                )
+                together = -_correlation(score, ndtri(above / (2 * len(gap))))
                 means[side] = _LIKELY_SDS * _shrunk(together, 1 / np.sqrt(len(gap)))
         share = np.exp(close[0][0] - sds)
         if share > _MIN_SHARE:

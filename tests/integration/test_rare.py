@@ -25,7 +25,7 @@ def run_of(out: Path, **options: Any) -> Run:
     """Two pairs of cars; the first car of one of them brakes hard, closely ahead of the other."""
     given = {"models": "likely_driver", "children": 60, "world": "plain", "metrics": ["gap"], "rare": RARE}
     given["assign"] = {1: "emergency_brake"}
-    return scex_sumo.extrapolate(queues(2, 2, gap_m=4.5), out=out, **given | options)
+    return scex_sumo.extrapolate(queues(2, 2, gap_m=4.0), out=out, **given | options)
 
 
 @pytest.fixture(scope="module")

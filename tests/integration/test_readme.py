@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import re
 import shlex
@@ -11,12 +12,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 import scex_sumo as scex
 from scex_sumo.base.programs import environment, program
 from tests.command import scex as scex_sumo
 from tests.conftest import shared_data
+from tests.formats import test_argoverse, test_scenarionet
 from tests.formats.levelx.levelx_files import Mover, write_highd
 from tests.formats.levelx.test_dataset import intersection
 
@@ -122,17 +126,16 @@ def published_levelx(folder: Path) -> None:
 
 
 def simulated(folder: Path) -> None:
-    """A net and floating car data of a SUMO simulation."""
-    net, routes = folder / "mine.net.xml", folder / "mine.rou.xml"
-    quiet = {"check": True, "capture_output": True, "cwd": folder, "env": environment()}
-    subprocess.run([program("netgenerate"), "--grid", "--grid.number", "3", "-o", net.name], **quiet)  # type: ignore[call-overload]
+    """A configuration of a SUMO simulation."""
+    net = {"check": True, "capture_output": True, "cwd": folder, "env": environment()}
+    subprocess.run([program("netgenerate"), "--grid", "--grid.number", "3", "-o", "mine.net.xml"], **net)  # type: ignore[call-overload]
     flows = "".join(
         f'<flow id="{edge}" from="{edge}" to="{to}" begin="0" end="90" period="4"/>'
         for edge, to in (("A0A1", "C1C2"), ("C2C1", "A1A0"), ("A2B2", "C0B0"))
     )
-    routes.write_text(f"<routes>{flows}</routes>")
-    fcd = ["--fcd-output", "mine.fcd.xml.gz", "--step-length", "0.1", "--end", "65", "--no-step-log", "true"]
-    subprocess.run([program("sumo"), "-n", net.name, "-r", routes.name, *fcd], **quiet)  # type: ignore[call-overload]
+    (folder / "mine.rou.xml").write_text(f"<routes>{flows}</routes>")
+    files = '<net-file value="mine.net.xml"/><route-files value="mine.rou.xml"/>'
+    (folder / "mine.sumocfg").write_text(f"<configuration><input>{files}</input></configuration>")
 
 
 @pytest.mark.parametrize("dataset", rows("Your data"))
@@ -146,14 +149,26 @@ def test_the_command_of_each_dataset_runs_as_written(dataset: str, tmp_path: Pat
             (tmp_path / entry.name).symlink_to(entry)
     elif dataset.startswith("INTERACTION"):
         published_interaction(tmp_path)
-    elif "D" in dataset and dataset != "SUMO simulation":
-        published_levelx(tmp_path)
+    elif dataset == "Argoverse 2":
+        (tmp_path / "log_map_archive_ID.json").write_text(json.dumps(test_argoverse.map_content()))
+        parquet.write_table(pa.table(test_argoverse.columns()), tmp_path / "scenario_ID.parquet")
+    elif dataset.startswith("ScenarioNet"):
+        scenario = test_scenarionet.written(tmp_path, test_scenarionet.content())
+        scenario.rename(tmp_path / "sd_waymo_ID.pkl")
+    elif dataset.startswith("123D"):
+        from tests.formats import test_py123d  # skips without msgpack
+
+        test_py123d.write_map(tmp_path / "logs/SPLIT/LOG/map.arrow")
+        test_py123d.write_log(tmp_path / "logs/SPLIT/LOG")
     elif dataset == "SUMO simulation":
         simulated(tmp_path)
+    elif "D" in dataset:
+        published_levelx(tmp_path)
     else:
         shutil.copy(scex.example_path("roundabout"), tmp_path / "MAP.osm")
-    recorded = re.sub(r" --time \d+", "", text)  # the files of the test have less than a minute
-    command(recorded, tmp_path, "--children", "3", "--no-report")
+    if dataset != "SUMO simulation":
+        text = re.sub(r" --time \d+", "", text)  # the files of the test have less than a minute
+    command(text, tmp_path, "--children", "3", "--no-report")
     (out,) = (tmp_path / "out").iterdir()
     assert (out / "run.json").is_file()
 

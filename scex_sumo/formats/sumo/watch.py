@@ -33,6 +33,10 @@ class Watch:
 
     Attributes:
         time_s: time of the last recorded step, s.
+
+    Example:
+        >>> scex.Watch.extrapolate.__name__
+        'extrapolate'
     """
 
     def __init__(self, connection: Any, net: Path | None) -> None:

@@ -127,8 +127,8 @@ def validate(
         forecasts = gathered(found)
         rows = {
             "events": event_scores(forecasts),
-            "values": [*value_scores(forecasts, seed=seed), *encounter_scores(forecasts)],
             "pairs": pair_scores(forecasts),
+            "values": [*value_scores(forecasts, seed=seed), *encounter_scores(forecasts)],
             "positions": position_scores(forecasts),
         }
         tables = {name: pa.Table.from_pylist(part_rows) for name, part_rows in rows.items()}
