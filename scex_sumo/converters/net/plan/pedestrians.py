@@ -147,6 +147,8 @@ def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRt
         across = shapely.get_coordinates(part) - along(footway.centreline, np.array(at))
         ahead = along(footway.centreline, np.array(at) + 0.1) - along(footway.centreline, np.array(at) - 0.1)
         offset = (ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]) / np.hypot(*ahead.T)
+        if np.ptp(offset) > np.ptp(at):
+            continue  # a lane across, which begins or ends on the crosswalk
         if offset.mean() > 0:
             left = min(left, float(offset.min()) - PASS_M)
         else:
@@ -166,7 +168,7 @@ def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRt
 
 
 def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:
-    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    area, middle = _reach(footway, lines), shapely.LineString(footway.centreline)
     ids = list(driven)
     for k in np.sort(lines.query(area, predicate="intersects")).tolist():
         i, line = ids[k], lines.geometries[k]
@@ -178,6 +180,26 @@ def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) 
             ends = sorted(float(line.project(shapely.Point(part.coords[k]))) for k in (0, -1))
             s, half = float(middle.project(shapely.shortest_line(part, middle).centroid)), lane.width_m / 2
             yield _Crossed(lane=i, span=(ends[0], ends[1]), walked=(s - half, s + half))
+
+
+def _reach(footway: Lane, lines: shapely.STRtree) -> shapely.Geometry:
+    """Area of a footway; a crosswalk that ends before the middle of a lane is lengthened over that lane."""
+    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    if not _marked(footway):
+        return area
+    longer, size = _lengthened(footway.centreline), length_of(footway.centreline)
+    low, high = 0.0, size
+    clipped = [area.intersection(lines.geometries[k]) for k in lines.query(area, predicate="intersects")]
+    clipped = [part for part in clipped if part.length >= SHORTEST_M and not part.intersects(middle)]
+    for k in lines.query(longer, predicate="intersects") if clipped else ():
+        for met in shapely.points(shapely.get_coordinates(longer.intersection(lines.geometries[k]))):
+            if min(met.distance(part) for part in clipped) < OVER_M:
+                s = float(longer.project(met)) - OVER_M
+                low, high = min(low, s - PASS_M), max(high, s + PASS_M)
+    if (low, high) == (0.0, size):
+        return area
+    over = cut(shapely.get_coordinates(longer), max(low + OVER_M, 0.0), high + OVER_M)
+    return area.union(shapely.LineString(over).buffer(footway.width_m / 2, cap_style="flat"))
 
 
 def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
@@ -201,6 +223,7 @@ _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, i
 
 SPEED_MPS = 2.78  # SUMO's own for sidewalks
 TIP_M = 0.5  # of a footway, for its direction
+OVER_M = 3.0  # how far a crosswalk may end before the middle of a lane that it crosses
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
 STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
 
@@ -272,12 +295,24 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
     crossings: list[Crossing] = []
     sidewalks: list[_Sidewalk] = []
     corner: dict[int, list[FloatArray]] = {}
+    shapes = {way.name: _over_lanes(way.shape, across[way.name], layout) for way in crosswalks}
+    beyond = {
+        place: float(shapely.Point(way.shape[-k]).distance(shapely.Point(shapes[way.name][-k])))
+        for way in crosswalks
+        for k, place in enumerate(way.places)
+        if not shapely.LineString(way.shape).buffer(1e-6).contains(shapely.Point(shapes[way.name][-k]))
+    }
     for way in ways:
         start, end = way.places
         areas = (area.get(start, ""), area.get(end, ""))
         size = length_of(way.shape)
-        off = min(TRIM_M, size / 4)
-        shape = cut(way.shape, off * bool(areas[0]), size - off * bool(areas[1]))
+        first, last = (
+            min(TRIM_M + beyond.get(place, 0.0), size / 4) * bool(name)
+            for place, name in zip(way.places, areas, strict=True)
+        )
+        shape = shapes.get(way.name)
+        if shape is None:
+            shape = cut(way.shape, first, size - last)
         for place, last in ((start, False), (end, True)):
             corner.setdefault(place, []).append(corners(shape, way.width, end=last, reach=TIP_M))
         name = (
@@ -314,6 +349,32 @@ def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | No
             edges = dict.fromkeys(_nearer_edge(node.connections[k], way.shape) for k in links)
             return node.name, tuple(links), tuple(edges)
     return None
+
+
+def _over_lanes(crosswalk: FloatArray, across: _Across, layout: NetLayout) -> FloatArray:
+    """Return the line of a crossing: walking areas take the ends of a crosswalk, but nothing of the lanes.
+
+    SUMO's cars do not see people on a crossing whose line ends before the middle of their lane.
+    """
+    size = length_of(crosswalk)
+    low = off = min(TRIM_M, size / 4)
+    high = size - off
+    line = _lengthened(crosswalk)
+    connections = next(node.connections for node in layout.nodes if node.name == across[0])
+    for k in across[1]:
+        met = line.intersection(shapely.LineString(connections[k].internal.shape))
+        for point in shapely.get_coordinates(met):
+            s = float(line.project(shapely.Point(point))) - OVER_M
+            low, high = min(low, s - PASS_M), max(high, s + PASS_M)
+    return cut(shapely.get_coordinates(line), max(low + OVER_M, 0.0), min(high, size + OVER_M) + OVER_M)
+
+
+def _lengthened(crosswalk: FloatArray) -> shapely.LineString:
+    first, last = (
+        OVER_M * np.array([math.cos(angle), math.sin(angle)])
+        for angle in (heading(crosswalk, end=False), heading(crosswalk, end=True))
+    )
+    return shapely.LineString(np.vstack([crosswalk[0] - first, crosswalk, crosswalk[-1] + last]))
 
 
 def _nearer_edge(link: Connection, crosswalk: FloatArray) -> str:
