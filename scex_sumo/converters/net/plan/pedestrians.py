@@ -224,6 +224,9 @@ _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, i
 SPEED_MPS = 2.78  # SUMO's own for sidewalks
 TIP_M = 0.5  # of a footway, for its direction
 OVER_M = 3.0  # how far a crosswalk may end before the middle of a lane that it crosses
+MIN_SINE = 0.5  # 30 degrees
+ASIDE_M = 0.6  # along a slanted crossing, between people at its sides and those in its middle
+ISLAND_END_M = 0.25  # of the shortest walking area between two crosswalks
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
 STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
 
@@ -295,26 +298,31 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
     crossings: list[Crossing] = []
     sidewalks: list[_Sidewalk] = []
     corner: dict[int, list[FloatArray]] = {}
-    shapes = {way.name: _over_lanes(way.shape, across[way.name], layout) for way in crosswalks}
-    beyond = {
-        place: float(shapely.Point(way.shape[-k]).distance(shapely.Point(shapes[way.name][-k])))
+    met_twice = [place for way in crosswalks for place in way.places]
+    over = {
+        way.name: _over_lanes(way, across[way.name], layout, [met_twice.count(p) > 1 for p in way.places])
         for way in crosswalks
-        for k, place in enumerate(way.places)
-        if not shapely.LineString(way.shape).buffer(1e-6).contains(shapely.Point(shapes[way.name][-k]))
+    }
+    beyond = {
+        place: reach
+        for way in crosswalks
+        for place, reach in zip(way.places, over[way.name].beyond, strict=True)
     }
     for way in ways:
         start, end = way.places
         areas = (area.get(start, ""), area.get(end, ""))
-        size = length_of(way.shape)
-        first, last = (
-            min(TRIM_M + beyond.get(place, 0.0), size / 4) * bool(name)
-            for place, name in zip(way.places, areas, strict=True)
-        )
-        shape = shapes.get(way.name)
-        if shape is None:
+        if way.name in over:
+            shape, width = over[way.name].shape, over[way.name].width
+        else:
+            size, width = length_of(way.shape), way.width
+            first, last = (
+                min(TRIM_M + beyond.get(place, 0.0), size / 2 - TRIM_M / 2 if beyond.get(place) else size / 4)
+                * bool(name)
+                for place, name in zip(way.places, areas, strict=True)
+            )
             shape = cut(way.shape, first, size - last)
         for place, last in ((start, False), (end, True)):
-            corner.setdefault(place, []).append(corners(shape, way.width, end=last, reach=TIP_M))
+            corner.setdefault(place, []).append(corners(shape, width, end=last, reach=TIP_M))
         name = (
             f":{across[way.name][0]}_c{next(crossed[across[way.name][0]])}"
             if way.name in across
@@ -324,7 +332,7 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
             name=f"{name}_0",
             shape=shape,
             length=length_of(shape),
-            width=way.width,
+            width=width,
             speed=SPEED_MPS,
             starts=() if way.lanelet is None else ((way.lanelet, 0.0),),
             allow="pedestrian",
@@ -351,22 +359,48 @@ def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | No
     return None
 
 
-def _over_lanes(crosswalk: FloatArray, across: _Across, layout: NetLayout) -> FloatArray:
-    """Return the line of a crossing: walking areas take the ends of a crosswalk, but nothing of the lanes.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Over:
+    shape: FloatArray
+    width: float
+    beyond: tuple[float, float]  # by how much the crossing is longer than the crosswalk at each end, m
 
-    SUMO's cars do not see people on a crossing whose line ends before the middle of their lane.
+
+def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequence[bool]) -> _Over:
+    """Return the line and the width of a crossing.
+
+    Walking areas take the ends of a crosswalk, but nothing of the lanes, except where it is ``shared`` with
+    another crosswalk. SUMO's cars do not see people on a crossing whose line ends before the middle of their
+    lane, nor people aside on a wide crossing that is slanted to it.
     """
-    size = length_of(crosswalk)
-    low = off = min(TRIM_M, size / 4)
-    high = size - off
-    line = _lengthened(crosswalk)
+    size, width = length_of(way.shape), way.width
+    off = min(TRIM_M, size / 4)
+    low, high = off, size - off
+    least, most = (min(ISLAND_END_M, off) if both else -OVER_M for both in shared)
+    line = _lengthened(way.shape)
     connections = next(node.connections for node in layout.nodes if node.name == across[0])
     for k in across[1]:
-        met = line.intersection(shapely.LineString(connections[k].internal.shape))
-        for point in shapely.get_coordinates(met):
-            s = float(line.project(shapely.Point(point))) - OVER_M
-            low, high = min(low, s - PASS_M), max(high, s + PASS_M)
-    return cut(shapely.get_coordinates(line), max(low + OVER_M, 0.0), min(high, size + OVER_M) + OVER_M)
+        lane = connections[k].internal
+        met = line.intersection(shapely.LineString(lane.shape))
+        for point in shapely.points(shapely.get_coordinates(met)):
+            s = float(line.project(point)) - OVER_M
+            angle = _direction(lane.shape, point) - _direction(shapely.get_coordinates(line), point)
+            slant = max(abs(math.sin(angle)), MIN_SINE)
+            reach = max(lane.width / 2, PASS_M) / slant
+            low, high = min(low, s - reach), max(high, s + reach)
+            width = min(width, 2 * ASIDE_M * slant / max(abs(math.cos(angle)), 1e-6))
+    low, high = max(low, least), min(high, size - most)
+    return _Over(
+        shape=cut(shapely.get_coordinates(line), low + OVER_M, high + OVER_M),
+        width=min(max(width, TWO_ABREAST_M), way.width),
+        beyond=(max(-low, 0.0), max(high - size, 0.0)),
+    )
+
+
+def _direction(line: FloatArray, at: shapely.Point) -> float:
+    s = float(shapely.LineString(line).project(at))
+    x, y = along(line, s + TIP_M) - along(line, s - TIP_M)
+    return math.atan2(y, x)
 
 
 def _lengthened(crosswalk: FloatArray) -> shapely.LineString:
