@@ -14,7 +14,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, corners, hull
 from scex_sumo.converters.net.topology.graph import Groups, Topology, Zone
-from scex_sumo.geometry.polylines import along, cut, heading, length_of, nearest
+from scex_sumo.geometry.polylines import along, cut, heading, join, length_of, nearest, turn
 from scex_sumo.road import Lane
 
 MEET_M = 0.5  # between footways that meet
@@ -22,6 +22,8 @@ END_M = 2.0  # another footway this close to an end joins there
 KERB_M = 1.0  # between the edge of a lane and where people wait
 ISLAND_M = 4.0  # between lanes that are crossed at one go
 ALONG = 3.0  # a lane that runs over more than so many widths runs along the walkway
+REFUGE_M = 1.0  # between the lanes of two crosswalks: people can wait there
+MAX_BEND_RAD = math.radians(45.0)  # of one crossing
 PASS_M = 1.3  # half a car and some room
 TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
 OUTWARD_M = 0.7  # how far a crosswalk may be moved off a lane
@@ -35,12 +37,12 @@ class Footway:
     """Crosswalk (``marked``), or a stretch of a walkway between two places.
 
     Attributes:
-        lanelet: None if the map does not have it.
+        lanelets: under it; none if the map does not have it.
         crossed: vehicle lanes under it, with (start, end) arc length on them in m.
     """
 
     name: str
-    lanelet: int | None
+    lanelets: tuple[int, ...]
     shape: FloatArray
     width: float
     places: tuple[int, int]
@@ -80,7 +82,7 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
             under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
             way = Footway(
                 name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
-                lanelet=i,
+                lanelets=(i,),
                 shape=cut(lane.centreline, start, end),
                 width=lane.width_m,
                 places=ends,
@@ -88,7 +90,42 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
                 crossed=tuple((c.lane, c.span) for c in under),
             )
             found += [way] if ends[0] != ends[1] else []
-    return found
+    return _without_seams(found, driven)
+
+
+def _without_seams(ways: list[Footway], driven: Mapping[int, Lane]) -> list[Footway]:
+    """Join crosswalks that meet end to end where people cannot wait between the lanes."""
+    result = list(ways)
+    for place in sorted({place for way in ways for place in way.places}):
+        both = [way for way in result if place in way.places]
+        if len(both) != 2 or not all(way.marked and way.crossed for way in both):
+            continue
+        one, other = (w if (w.places[0] == place) == k else _turned(w) for k, w in enumerate(both))
+        if len({place, one.places[0], other.places[1]}) < 3:
+            continue
+        room = sum(
+            min(
+                shapely.LineString(driven[i].centreline).distance(shapely.Point(tip)) - driven[i].width_m / 2
+                for i, _ in way.crossed
+            )
+            for way, tip in ((one, one.shape[-1]), (other, other.shape[0]))
+        )
+        bent = abs(turn(heading(one.shape, end=True), heading(other.shape, end=False)))
+        if room < REFUGE_M and bent < MAX_BEND_RAD:
+            whole = replace(
+                one,
+                lanelets=one.lanelets + other.lanelets,
+                shape=join([one.shape, other.shape]),
+                width=min(one.width, other.width),
+                places=(one.places[0], other.places[1]),
+                crossed=one.crossed + other.crossed,
+            )
+            result = [whole if way is both[0] else way for way in result if way is not both[1]]
+    return result
+
+
+def _turned(way: Footway) -> Footway:
+    return replace(way, shape=way.shape[::-1], places=way.places[::-1])
 
 
 def crossed_zones(ways: list[Footway]) -> list[Zone]:
@@ -334,7 +371,7 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
             length=length_of(shape),
             width=width,
             speed=SPEED_MPS,
-            starts=() if way.lanelet is None else ((way.lanelet, 0.0),),
+            starts=tuple((lanelet, 0.0) for lanelet in way.lanelets),
             allow="pedestrian",
         )
         if way.name in across:
@@ -438,7 +475,7 @@ def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterat
                 outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
                 yield Footway(
                     name=f"{way.name}#{k}",
-                    lanelet=None,
+                    lanelets=(),
                     shape=np.array([outer, tip]),
                     width=way.width,
                     places=(next(fresh), place),
