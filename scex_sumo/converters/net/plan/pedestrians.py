@@ -24,6 +24,7 @@ ISLAND_M = 4.0  # between lanes that are crossed at one go
 ALONG = 3.0  # a lane that runs over more than so many widths runs along the walkway
 REFUGE_M = 1.0  # between the lanes of two crosswalks: people can wait there
 MAX_BEND_RAD = math.radians(45.0)  # of one crossing
+MIN_SINE = 0.4  # 24 degrees: a lane at a smaller angle runs along a crosswalk
 PASS_M = 1.3  # half a car and some room
 TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
 OUTWARD_M = 0.7  # how far a crosswalk may be moved off a lane
@@ -230,7 +231,8 @@ def _reach(footway: Lane, lines: shapely.STRtree) -> shapely.Geometry:
     clipped = [part for part in clipped if part.length >= SHORTEST_M and not part.intersects(middle)]
     for k in lines.query(longer, predicate="intersects") if clipped else ():
         for met in shapely.points(shapely.get_coordinates(longer.intersection(lines.geometries[k]))):
-            if min(met.distance(part) for part in clipped) < OVER_M:
+            near = min(met.distance(part) for part in clipped) < OVER_M
+            if near and _slant(longer, lines.geometries[k], met)[0] > MIN_SINE:
                 s = float(longer.project(met)) - OVER_M
                 low, high = min(low, s - PASS_M), max(high, s + PASS_M)
     if (low, high) == (0.0, size):
@@ -261,7 +263,6 @@ _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, i
 SPEED_MPS = 2.78  # SUMO's own for sidewalks
 TIP_M = 0.5  # of a footway, for its direction
 OVER_M = 3.0  # how far a crosswalk may end before the middle of a lane that it crosses
-MIN_SINE = 0.5  # 30 degrees
 ASIDE_M = 0.6  # along a slanted crossing, between people at its sides and those in its middle
 ISLAND_END_M = 0.25  # of the shortest walking area between two crosswalks
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
@@ -420,12 +421,12 @@ def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequen
         lane = connections[k].internal
         met = line.intersection(shapely.LineString(lane.shape))
         for point in shapely.points(shapely.get_coordinates(met)):
-            s = float(line.project(point)) - OVER_M
-            angle = _direction(lane.shape, point) - _direction(shapely.get_coordinates(line), point)
-            slant = max(abs(math.sin(angle)), MIN_SINE)
-            reach = max(lane.width / 2, PASS_M) / slant
+            sine, cosine = _slant(line, shapely.LineString(lane.shape), point)
+            if sine < MIN_SINE:
+                continue
+            s, reach = float(line.project(point)) - OVER_M, max(lane.width / 2, PASS_M) / sine
             low, high = min(low, s - reach), max(high, s + reach)
-            width = min(width, 2 * ASIDE_M * slant / max(abs(math.cos(angle)), 1e-6))
+            width = min(width, 2 * ASIDE_M * sine / max(cosine, 1e-6))
     low, high = max(low, least), min(high, size - most)
     return _Over(
         shape=cut(shapely.get_coordinates(line), low + OVER_M, high + OVER_M),
@@ -434,10 +435,15 @@ def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequen
     )
 
 
-def _direction(line: FloatArray, at: shapely.Point) -> float:
-    s = float(shapely.LineString(line).project(at))
-    x, y = along(line, s + TIP_M) - along(line, s - TIP_M)
-    return math.atan2(y, x)
+def _slant(one: shapely.LineString, other: shapely.LineString, at: shapely.Point) -> tuple[float, float]:
+    """Return sine and cosine of the angle at which two lines cross."""
+    ways = []
+    for line in (one, other):
+        s = float(line.project(at))
+        a, b = (line.interpolate(max(s + step, 0.0)) for step in (-TIP_M, TIP_M))
+        ways.append(math.atan2(b.y - a.y, b.x - a.x))
+    angle = ways[1] - ways[0]
+    return abs(math.sin(angle)), abs(math.cos(angle))
 
 
 def _lengthened(crosswalk: FloatArray) -> shapely.LineString:
