@@ -46,7 +46,7 @@ def with_lanes(road: Road, *more: Lane) -> Road:
 def contacts(
     net_path: Path, *, end_s: float = 300.0, cars_s: float = 2.0, people_s: float = 1.0
 ) -> list[str]:
-    """Pairs of a moving car and a person on a crossing that touch, with the crossing, place and first time."""
+    """Pairs of a moving car and a person on a crossing that touch, with the place and the first time."""
     net = read_net(net_path)
     root = ET.parse(net_path).getroot()
     demand, fcd = net_path.with_name("walk.rou.xml"), net_path.with_name("walk.fcd.xml")
