@@ -417,7 +417,7 @@ def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequen
     least, most = (min(ISLAND_END_M, off) if both else -OVER_M for both in shared)
     line = _lengthened(way.shape)
     connections = next(node.connections for node in layout.nodes if node.name == across[0])
-    for k in across[1]:
+    for k in across[1] if way.marked else ():
         lane = connections[k].internal
         met = line.intersection(shapely.LineString(lane.shape))
         for point in shapely.points(shapely.get_coordinates(met)):
