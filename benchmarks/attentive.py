@@ -12,9 +12,11 @@ Seed scenes of the part of the time split are driven for 3 s in a world without 
 - along: share of moving vehicles within 5-95 % along the road after 3 s;
 - starts: standing vehicles that move more than 1 m in 3 s, share within 5-95 %, and mean error, m;
 - stands: mean error of the vehicles that stay, m;
+- realism: score of the Waymo Sim Agents Challenge, of 3 s and without lights;
 - brake: share of vehicle-seconds with braking above 3 m/s² (over half a second), futures and recording, %.
 
-``--kept`` keeps the seed scenes and their recorded values in a file, which makes later runs faster.
+``--kept`` keeps the seed scenes and their recorded values in a file, which makes later runs faster. ``--raw``
+plans from recorded headings and speeds instead of estimated ones.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ import numpy as np
 from recorded_scenes import NGSIM_TEST
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.behaviors.models import likely_driver
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.converters.datasets.recordings import (
     find_recordings,
@@ -46,6 +49,7 @@ from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
+from scex_sumo.studies.validate.realism import realism, realism_score
 from scex_sumo.studies.validate.scores import brier, covered
 from scex_sumo.studies.validate.scoring import COLLISION, EVENTS, MIN_DEFINED
 from scex_sumo.world.plain import PlainWorld
@@ -56,7 +60,7 @@ STANDING_MPS, STARTED_M = 0.5, 1.0
 SETTINGS = RunSettings(children=1, preset="both")
 SITES = ("MONA-East", "MONA-Merge", "MONA-West", "k729", "k733", "Lanker", "Peach")
 COLUMNS = ("vehicles", "brier", "cv", "base", "cover", "least", "P(coll)", "error", "along", "starts", "n",
-           "bias", "stands", "brake", "rec")  # fmt: skip
+           "bias", "stands", "brake", "rec", "realism")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -225,7 +229,16 @@ def row_of(found: list[Figures]) -> dict[str, float]:
         "stands": float(np.mean(stands)) if stands else np.nan,
         "brake": 100 * float(np.concatenate(hard).mean()),
         "rec": 100 * float(np.concatenate(hard_real).mean()),
+        "realism": float(np.nanmean([_realism(f) for f in found])),
     }
+
+
+def _realism(f: Figures) -> float:
+    scene = f.case.scene
+    assert scene.future is not None and scene.future_valid is not None and scene.road is not None
+    whole = scene.future_valid[:, :STEPS].all(axis=1)
+    after = scene.future[:, :STEPS].repeat(1).swapaxes(1, 2)
+    return realism_score(realism(f.states, after, scene.length, scene.width, whole, scene.road))
 
 
 def positions(f: Figures) -> tuple[list[tuple[float, float, bool]], list[tuple[bool, float]], list[float]]:
@@ -286,8 +299,11 @@ def main() -> None:
     parser.add_argument("--children", type=int, default=32)
     parser.add_argument("--models", default="likely")
     parser.add_argument("--kept", type=Path)
+    parser.add_argument("--raw", action="store_true", help="drivers plan from recorded headings and speeds")
     parser.add_argument("--sites", default=",".join(SITES))
     arguments = parser.parse_args()
+    if arguments.raw:
+        likely_driver.estimated_history = lambda history, road: history  # type: ignore[assignment]
     if arguments.kept is not None and arguments.kept.is_file():
         found = pickle.loads(arguments.kept.read_bytes())
     else:

@@ -113,7 +113,9 @@ def starts_of(samples: Samples, weight: FloatArray) -> FloatArray:
 
 def choices_of(scenes: Iterable[SeedScene]) -> Iterator[tuple[FloatArray, FloatArray, int]]:
     """Log shares (k,), features (k, 4) and which path was taken, where vehicles show which."""
-    for scene in map(estimated_scene, scenes):
+    for recorded in scenes:
+        assert recorded.road is not None
+        scene = estimated_scene(recorded, recorded.road)
         assert scene.road is not None and scene.future is not None and scene.future_valid is not None
         if scene.future_valid.shape[1] < STEPS:
             continue

@@ -110,7 +110,8 @@ class Samples:
 
 def samples_of(scene: SeedScene) -> Samples | None:
     """Vehicles with 3 s of recorded future on one of their paths."""
-    scene = estimated_scene(scene)
+    assert scene.road is not None
+    scene = estimated_scene(scene, scene.road)
     assert scene.road is not None and scene.future is not None and scene.future_valid is not None
     if scene.future_valid.shape[1] < STEPS:
         return None

@@ -15,20 +15,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import sync_playwright
 
 from scex_sumo import example_path, open_run
-from scex_sumo.reports.page import contents
+from scex_sumo.reports.page import scene
 from scex_sumo.reports.page.html import asset
-from scex_sumo.reports.page.packing import second_differences, second_sums
 from scex_sumo.reports.page.report import REPORT, SCRIPTS, write_report
-from scex_sumo.reports.page.scene import UniqueTracks, unique_tracks
+from scex_sumo.reports.page.scene import Future, poses_of
 from scex_sumo.reports.run_table import summary_table
-from scex_sumo.results.run import Run
 
 REPEATS = 5
 FRAMES = """() => new Promise((done) => {
@@ -54,7 +52,7 @@ def main() -> None:
         print(f"scripts: {sum(len(asset(name)) for name in SCRIPTS) / 1000:.1f} kB")
         measure("as run", folder)
         measure_frames(folder / REPORT)
-        contents.unique_tracks = all_different
+        scene.poses_of = all_different
         measure("all different", folder)
         measure_frames(folder / REPORT)
 
@@ -87,16 +85,14 @@ def measure_frames(path: Path) -> None:
     print("  frames per second: {} at the encounter, {} of the scene, {} of all futures".format(*rates))
 
 
-def all_different(run: Run) -> UniqueTracks:
-    """The tracks of a run, every one with smooth accelerations and turns of its own."""
-    found = unique_tracks(run)
-    rng = np.random.default_rng(0)
-    rows = found.which.reshape(-1)
-    moved = second_sums(found.motion)[rows]
-    drift = rng.normal(0, 1, moved.shape) + rng.normal(0, 2, (len(rows), 1, moved.shape[2]))
-    different = moved + np.rint(np.cumsum(np.cumsum(drift, axis=1) * 0.1, axis=1)).astype(int)
-    which = np.arange(len(rows)).reshape(found.which.shape)
-    return replace(found, motion=second_differences(different), which=which)
+def all_different(futures: Sequence[Future]) -> np.ndarray:
+    """The poses of futures, every track with smooth accelerations and turns of its own."""
+    poses, rng = poses_of(futures), np.random.default_rng(0)
+    time_s = 0.1 * np.arange(poses.shape[2])[:, None]
+    rate = rng.normal(0, [0.05, 0.05, 0.005, 0.05], (*poses.shape[:2], 1, 4))
+    drift = rng.normal(0, [0.02, 0.02, 0.002, 0.02], poses.shape)
+    drift[:, :, 0] = 0
+    return poses + rate * time_s + np.cumsum(0.1 * np.cumsum(drift, axis=2), axis=2)
 
 
 if __name__ == "__main__":

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from scex_sumo.exporters.scene_graph import to_networkx as to_networkx
     from scex_sumo.exporters.scene_graph_picture import plot_scene_graph as plot_scene_graph
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
+    from scex_sumo.formats.sumo.watch import Watch as Watch
+    from scex_sumo.formats.sumo.watch import watch as watch
     from scex_sumo.metrics.pairs.scenes import Samples as Samples
     from scex_sumo.metrics.pairs.scenes import Scenes as Scenes
     from scex_sumo.metrics.registry import metric as metric
@@ -87,6 +89,7 @@ _HOMES = {
     "UnderTest": "scex_sumo.results.under_test",
     "Validation": "scex_sumo.studies.validate.validate",
     "VehicleIndex": "scex_sumo.scene",
+    "Watch": "scex_sumo.formats.sumo.watch",
     "behavior": "scex_sumo.behaviors.registry",
     "convert": "scex_sumo.converters.net.convert",
     "dataset_report": "scex_sumo.studies.dataset_report",
@@ -112,6 +115,7 @@ _HOMES = {
     "to_networkx": "scex_sumo.exporters.scene_graph",
     "track_rows": "scex_sumo.converters.tracks.rows",
     "validate": "scex_sumo.studies.validate.validate",
+    "watch": "scex_sumo.formats.sumo.watch",
 }
 
 if "IPython" in sys.modules:  # runs and seed scenes are shown as HTML in a notebook

@@ -45,3 +45,14 @@ def least_of(group: IntArray, *keys: FloatArray | IntArray) -> IntArray:
     first = np.full(count, group.size)
     np.minimum.at(first, group[index], index)
     return first[first < group.size]
+
+
+def between(values: FloatArray, position: FloatArray) -> FloatArray:
+    """Return values (n, T) at positions (T,) between columns (n, K), linear; the last column goes on.
+
+    The same bytes for a row in any batch, other than by a matrix product.
+    """
+    low = np.clip(position.astype(np.int64), 0, values.shape[1] - 2)
+    share = np.clip(position - low, 0.0, 1.0)
+    result: FloatArray = values[:, low] * (1 - share) + values[:, low + 1] * share
+    return result

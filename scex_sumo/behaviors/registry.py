@@ -52,7 +52,7 @@ DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake
 SUMO = "sumo"
 # Without learned models, so that new weights do not change default results.
 PAPER_MODELS = ",".join((DEFAULT_MODELS, *LEARNED))
-LIKELY_MODELS = "likely_driver:guard=true"
+LIKELY_MODELS = "likely_driver"
 SETS: Mapping[str, str] = {"likely": LIKELY_MODELS, "rules": DEFAULT_MODELS, "paper": PAPER_MODELS}
 
 T = TypeVar("T")

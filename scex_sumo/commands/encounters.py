@@ -22,7 +22,7 @@ def encounters_command(
     pair: Annotated[str | None, Option(metavar="A,B", help="Only these two vehicles, in full.")] = None,
     most: Annotated[int, Option(metavar="N", help="How many pairs are listed.")] = 20,
     weights: Annotated[
-        str | None, Option(metavar="MODEL=W,...", help="Exact P with other weights, without new futures.")
+        str | None, Option(metavar="MODEL=W,...", help="P with other weights, without new futures.")
     ] = None,
     region: InRegion = None,
     around: Around = None,
@@ -42,7 +42,7 @@ def encounters_command(
         part = parse_region(region, around)
         found = meetings(run, part)
         if weights is not None:
-            print_weights(run, parse_weights(weights), console)
+            print_weights(run, parse_weights(weights), console, most=most)
         elif pair is None:
             print_encounters(run, console, most=most, region=part)
         else:

@@ -42,7 +42,9 @@ def last_of_list(incomplete: str, names: Iterable[str]) -> list[str]:
 
 MapPath = Annotated[
     Path,
-    typer.Argument(metavar="MAP", help="Lanelet2 .osm, CommonRoad .xml, SUMO .net.xml, OpenDRIVE .xodr."),
+    typer.Argument(
+        metavar="MAP", help="Lanelet2, CommonRoad, SUMO, OpenDRIVE, Argoverse 2, ScenarioNet, ..."
+    ),
 ]
 Origin = Annotated[
     str | None,

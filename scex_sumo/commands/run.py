@@ -109,6 +109,10 @@ def run_command(
     ] = "sumo",
     cache: Cache = True,
     exact: Annotated[bool, Option(help="Run some more futures for exact probabilities.")] = True,
+    rare: Annotated[
+        int | None,
+        Option(metavar="N", help="Extra futures for rare human-like collisions; default: a fifth of all."),
+    ] = None,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     force: Force = False,
     overwrite: Overwrite = False,
@@ -117,9 +121,14 @@ def run_command(
     """Simulate futures of one moment of traffic, and measure how critical they become."""
     from scex_sumo.behaviors.registry import parse_models
     from scex_sumo.commands.answers import run_answer
-    from scex_sumo.extrapolation.engine import RunOptions, check_world, run_scene
+    from scex_sumo.extrapolation.engine import (
+        RunOptions,
+        add_reference,
+        check_world,
+        drop_reference,
+        run_scene,
+    )
     from scex_sumo.extrapolation.models import ModelSet
-    from scex_sumo.extrapolation.reference import add_reference, drop_reference
     from scex_sumo.extrapolation.settings import RunSettings
     from scex_sumo.extrapolation.workers import Workers, succeeded
     from scex_sumo.results.region import parse_region
@@ -150,7 +159,8 @@ def run_command(
         parse_models(reference)  # an error now, not after the run
     if out is not None and out.is_file():
         raise UsageError(f"-o {out}: is a file; name a folder")
-    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact)
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, rare=rare or 0)
+    own_rare = options.rare if reference == NO_REFERENCE else 0
     if gui or world != DEFAULT_WORLD:
         check_world(settings, ModelSet.of(settings), gui=gui)
     command = ["scex-sumo", *sys.argv[1:]]
@@ -175,7 +185,7 @@ def run_command(
                 out=folder,
                 workers=pool,
                 overwrite=overwrite,
-                options=dataclasses.replace(options, progress=tick, command=command),
+                options=dataclasses.replace(options, rare=own_rare, progress=tick, command=command),
             )
         views = pool.submit(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:
@@ -183,7 +193,7 @@ def run_command(
         else:
             with progress_bar("reference") as tick, resumable("futures", folder):
                 options = RunOptions(cache=cache, exact=exact, progress=tick, command=command)
-                add_reference(result, scene, reference, settings, workers=pool, options=options)
+                add_reference(result, scene, reference, settings, workers=pool, options=options, rare=rare)
         _tell(result, preset)
         print(f"result: {folder}")
         if plots:
@@ -222,7 +232,7 @@ def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
     if worst := worst_of(meetings(run), 1):
         row = worst[0].row
         return worst[0].run.folder, {"encounter": f"{row['track_id']},{row['other_id']}"}
-    defined = [column for column in ("ttc", "wttc") if len(run.samples(column))]
+    defined = [name for name in ("ttc", "wttc") if name in run.columns and len(run.samples(name))]
     return run.folder, {"critical": defined[0]} if defined else {"child": 0}
 
 

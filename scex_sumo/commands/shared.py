@@ -160,7 +160,7 @@ def _of_toml(ctx: Any, path: Path) -> dict[str, Any]:
         param, positive = known.get(key.replace("_", "-"), (None, True))
         if param is None:
             raise UsageError(f"--config {path}: unknown key {key!r}; nearest: {nearest(key, known)}")
-        found[param.name] = _value(param, value, f"--config {path}: {key}", positive=positive)
+        found[param.name] = _value(param, value, path, key, positive=positive)
     return found
 
 
@@ -177,17 +177,21 @@ def _keys(command: TyperCommand) -> dict[str, tuple[Any, bool]]:
     return keys
 
 
-def _value(param: Any, value: Any, where: str, *, positive: bool) -> Any:
-    """Return a TOML value as an option takes it: lists are joined by commas, tables become ``KEY=VALUE``."""
+def _value(param: Any, value: Any, path: Path, key: str, *, positive: bool) -> Any:
+    """Return a TOML value as an option takes it: lists are joined by commas, tables become ``KEY=VALUE``.
+
+    Paths are relative to the folder of the file.
+    """
     several = getattr(param, "multiple", False) or param.nargs == -1
     entries = [f"{k}={v}" for k, v in value.items()] if isinstance(value, dict) else value
     if getattr(param, "is_flag", False):
         if not isinstance(value, bool):
-            raise UsageError(f"{where} is {value!r}, needs true or false")
+            raise UsageError(f"--config {path}: {key} is {value!r}, needs true or false")
         return value is positive
-    if several:
-        return [str(entry) for entry in (entries if isinstance(entries, list) else [entries])]
-    return ",".join(map(str, entries)) if isinstance(entries, list) else str(entries)
+    each = [str(entry) for entry in (entries if isinstance(entries, list) else [entries])]
+    if param.type.name in ("path", "file", "directory"):
+        each = [str(path.parent / entry) for entry in each]
+    return each if several else ",".join(each)
 
 
 def _words(command: TyperCommand, ctx: Any) -> list[str]:

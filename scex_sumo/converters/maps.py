@@ -31,7 +31,9 @@ def read_map(
     """Read a map of any registered format.
 
     The format is a SUMO net (``.net.xml``), CommonRoad (other ``.xml``), Lanelet2 (``.osm``), OpenDRIVE
-    (``.xodr``), OpenStreetMap (an ``.osm`` without lanelets) or highD (``NN_recordingMeta.csv``).
+    (``.xodr``), OpenStreetMap (an ``.osm`` without lanelets), highD (``NN_recordingMeta.csv``), Argoverse 2
+    (``log_map_archive_*.json``), ScenarioNet (``sd_*.pkl``), 123D (``.arrow``) or openDD
+    (``map_rdbN.sqlite``).
 
     Args:
         origin: latitude and longitude in degrees; None looks in the map and beside it.

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.registry import Registry
@@ -31,6 +31,8 @@ DATASETS = Registry(
 )
 SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
 
+Window: TypeAlias = tuple[float | None, float | None]
+
 _Format = TypeVar("_Format", "MapFormat", "Dataset", "SignalFormat")
 
 
@@ -44,6 +46,7 @@ class Recording:
         dataset: e.g. ``interaction``, ``taf_bw``, ``commonroad``, ``levelx`` (inD, rounD, highD, exiD).
         map_path: the map; it need not exist, which `load_recording` then reports.
         track_paths: consecutive files that make one recording, in order of time.
+        window: first and last moment, s; None is where the recording begins or ends.
 
     Example:
         >>> (recording,) = scex.find_recordings([scex.example_path("roundabout")])
@@ -56,6 +59,7 @@ class Recording:
     dataset: str
     map_path: Path
     track_paths: tuple[Path, ...]
+    window: Window = (None, None)
 
 
 def recording_name(map_path: Path, track_paths: Sequence[Path]) -> str:
@@ -104,6 +108,10 @@ class Dataset:
         origin: latitude and longitude of the coordinates by tracks and map; None if there is none.
         siblings: other recordings by the same tracker at the same site.
         repair: repair of this dataset's own defects before `repair_tracks`.
+        simulated: whether positions and velocities are exact, and ``read`` takes ``window=(first, last)``, s,
+            to simulate only that.
+        from_car: whether a car recorded it, with a map in the same coordinates: nothing is aligned, and
+            vehicles off the lanes are treated by `within_map`.
     """
 
     is_mine: Callable[[Path], bool]
@@ -114,6 +122,8 @@ class Dataset:
     origin: Callable[[Path, Path], tuple[float, float] | None] = lambda tracks, map_path: None
     siblings: Callable[[Path], Iterable[Path]] = lambda path: ()
     repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
+    simulated: bool = False
+    from_car: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

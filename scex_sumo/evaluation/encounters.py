@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -22,6 +22,9 @@ from scex_sumo.road import Road
 from scex_sumo.roads.places import places_of
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
 
 ENCOUNTERS: Final = "encounters.parquet"
 QUESTIONS: Final = ("collision", "ttc", "pet", "drac", "critical")
@@ -63,6 +66,18 @@ SCHEMA: Final = pa.schema(
 )
 """One row a pair; ``met`` is the share of children in which the pair has an encounter, ``expected_mais3`` the
 mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all children."""
+
+OUTCOMES_SCHEMA: Final = pa.schema(
+    [
+        *((name, pa.int64()) for name in ("child", "track_a", "track_b")),
+        *((name, pa.float32()) for name in ("min_ttc_path", "max_drac", "min_pet")),
+    ]
+)
+"""One row a pair and child in which a gap closes on a path or the tracks cross, sorted by pair and child.
+
+``track_a`` is the lower id. Least TTC on the path of either in s, largest DRAC in m/s², least PET in s, NaN
+where undefined.
+"""
 
 _GAPS = (0.05, 0.5, 0.95)
 _WAYS = 2  # cut sets that a line tells
@@ -118,6 +133,32 @@ def encounters_table(
     rows = [{**row, "place": place} for row, place in zip(rows, places, strict=True)]
     rows.sort(key=criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
+
+
+def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
+    """Tabulate TTC, DRAC and PET by pair and child, with the columns of ``OUTCOMES_SCHEMA``."""
+    closes, crosses = np.isfinite(encounters.ttc), np.isfinite(encounters.pet)
+    a, b = np.sort(np.asarray(track_ids)[np.stack([encounters.first, encounters.second])], axis=0)
+    order = np.lexsort((encounters.child, b, a))
+    rows = order[(closes | crosses)[order]]
+    columns = {
+        "child": encounters.child,
+        "track_a": a,
+        "track_b": b,
+        "min_ttc_path": np.where(closes, encounters.ttc, np.nan),
+        "max_drac": np.where(closes, encounters.drac, np.nan),
+        "min_pet": np.where(crosses, encounters.pet, np.nan),
+    }
+    arrays = [
+        pa.array(values[rows].astype(kind.type.to_pandas_dtype()))
+        for values, kind in zip(columns.values(), OUTCOMES_SCHEMA, strict=True)
+    ]
+    return pa.table(arrays, schema=OUTCOMES_SCHEMA)
+
+
+def pair_outcomes(run: Run) -> pa.Table:
+    """Return TTC, DRAC and PET of a run's pairs by future, with the columns of ``OUTCOMES_SCHEMA``."""
+    return run.pair_outcomes
 
 
 def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int], float]:

@@ -15,18 +15,26 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
-MAX_VEHICLES: Final = 5
+MAX_VEHICLES: Final = 8
 """Vehicles of an influence set; events that more vehicles decide stay sampled."""
+
+MAX_LATER: Final = 5
+"""Vehicles of an event of a later rank that futures are run for."""
 
 MAX_LEAVES: Final = 256
 LEAF_ROWS: Final = 2
-"""Futures that agree in a leaf before it is believed."""
+"""Futures that agree in a leaf before it is believed; one less if `MIN_BACKING` drawn futures agree in it."""
+
+MIN_BACKING: Final = 8
 
 BASE_ROWS: Final = 64
 """Futures drawn first: they show where an event depends on more than was guessed."""
 
-ROUND_ROWS: Final = 24
+ROUND_ROWS: Final = 16
 """Futures of a round before it takes up later events: few rounds cost less than few futures."""
+
+PATIENCE: Final = 96
+"""Futures without a newly settled event after which a search ends: too many vehicles decide the rest."""
 
 MAX_GUESSED: Final = 1000
 """Drawn futures that guess the next vehicle of a search."""
@@ -51,6 +59,7 @@ class Node:
         children: by level of that vehicle.
         rows: futures seen in a leaf.
         certain: two futures that differ in this vehicle alone have different outcomes.
+        is_backed: enough drawn futures agree in it.
         search: open search for the next vehicle: a future without and one with the event, and the vehicles in
             question, most likely first.
     """
@@ -60,6 +69,7 @@ class Node:
     children: list[Node] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     certain: bool = False
+    is_backed: bool = False
     search: tuple[IntArray, IntArray, list[int]] | None = None
 
     def leaves(self) -> Iterator[Node]:
@@ -125,11 +135,12 @@ class Search:
         self.outcomes = np.empty((0, seen.shape[1]), dtype=np.bool_)
         self.trees = [Node(()) for _ in range(seen.shape[1])]
         self.failed: set[int] = set()
+        self._best = self._since = 0  # largest number of settled events, and of the rows when it was reached
         for event, tree in enumerate(self.trees):
             self._guess(event, tree, np.arange(len(drawn)), list(first[event]))
 
     def run(self, simulate: Simulate, *, most: int) -> None:
-        """Run futures until every tree is settled, or ``most`` futures have been run in all."""
+        """Run futures until every tree is settled, or none more is, or ``most`` have been run in all."""
         if not len(self.rows):
             events = [e for e in range(len(self.trees)) if len(self.influence(e)) <= MAX_VEHICLES]
             asked = [path for event in events for path in self._asked(event)]
@@ -137,10 +148,15 @@ class Search:
             more = self.random(max(min(BASE_ROWS, most) - len(rows), 0))
             self._add([], [*rows, *more], simulate)
         while (left := most - len(self.rows)) > 0:
+            if (now := self._settled()) > self._best:
+                self._best, self._since = now, len(self.rows)
             whole, drawn = self._wanted()
-            if not whole and not drawn:
+            if (not whole and not drawn) or len(self.rows) - self._since > PATIENCE:
                 break
             self._add(whole[:left], drawn[: max(left - len(whole), 0)], simulate)
+
+    def _settled(self) -> int:
+        return sum(map(self.is_settled, range(len(self.trees))))
 
     def _parts(self) -> Iterator[list[int]]:
         """Yield open events in the order in which they are settled: by rank, those of few vehicles first.
@@ -148,7 +164,8 @@ class Search:
         Events of too many vehicles come last, and only those of the first rank.
         """
         sizes = [min(len(self.influence(event)), MAX_VEHICLES + 1) for event in range(len(self.trees))]
-        few = [(part, size) for part in self._by_rank for size in range(MAX_VEHICLES + 1)]
+        most = [MAX_VEHICLES, *[MAX_LATER] * len(self._by_rank)]
+        few = [(part, size) for part, m in zip(self._by_rank, most, strict=False) for size in range(m + 1)]
         for part, size in [*few, *((part, MAX_VEHICLES + 1) for part in self._by_rank[:1])]:
             yield [event for event in part if sizes[event] == size and event not in self.failed]
 
@@ -184,12 +201,14 @@ class Search:
             other = self.rows[leaf.rows[0]]
             pair = (other, row) if happens else (row, other)
             leaf.search = leaf.search or (*pair, self._suspects(event, leaf, *pair))
+        self._best, self._since = self._settled(), len(self.rows)
 
     def _guess(self, event: int, node: Node, index: IntArray, first: list[int]) -> None:
         """Split a node as long as the drawn futures in it disagree, first by the likely vehicles."""
         happens = self.seen[index, event]
         used = {vehicle for vehicle, _ in node.path}
         if not len(index) or happens.all() or not happens.any() or len(used) >= MAX_VEHICLES:
+            node.is_backed = len(index) >= MIN_BACKING and bool(happens.all() or not happens.any())
             return
         gains = _gains(self.drawn[index], happens, self.levels)
         gains[list(used)] = -np.inf
@@ -211,7 +230,7 @@ class Search:
     def _add(self, whole: Sequence[IntArray], drawn: Sequence[IntArray], simulate: Simulate) -> None:
         """Run futures, and enter them into all trees."""
         start = len(self.rows)
-        rows = np.array([*whole, *drawn], dtype=np.int64)
+        rows = np.array([*whole, *drawn], dtype=np.int64).reshape(-1, len(self.levels))
         self.rows = np.concatenate([self.rows, rows])
         self._open = np.concatenate([self._open, np.arange(len(rows)) >= len(whole)])
         self.outcomes = np.concatenate([self.outcomes, simulate(rows)])
@@ -303,9 +322,12 @@ class Search:
         whole: dict[bytes, IntArray] = {}
         partial: list[Cube] = []
         filling: list[Cube] = []
+        first, is_first = {e for part in self._by_rank[:1] for e in part}, False
         for part in self._parts():
             is_full = len(whole) + len(partial) >= ROUND_ROWS
             for event in part:
+                # Later ranks do not spend what the first one still needs.
+                is_full |= is_first and event not in first and len(whole) + len(partial) >= ROUND_ROWS
                 asked = list(self._asked(event))
                 if is_full:
                     filling += asked
@@ -316,6 +338,7 @@ class Search:
                     rows = self._certificates(event)
                 whole |= {row.tobytes(): row for row in rows}
                 partial += asked
+                is_first |= event in first and bool(rows or asked)
         return list(whole.values()), self._merged(partial, filling)
 
     def _tests(self, event: int) -> list[IntArray]:
@@ -328,7 +351,7 @@ class Search:
         """Yield the partial assignments of an event that have been seen too rarely."""
         for leaf in self.trees[event].leaves():
             if leaf.search is None:
-                yield from [leaf.path] * (LEAF_ROWS - int(self._open[leaf.rows].sum()))
+                yield from [leaf.path] * (LEAF_ROWS - leaf.is_backed - int(self._open[leaf.rows].sum()))
 
     def _merged(self, partial: Sequence[Cube], filling: Sequence[Cube]) -> list[IntArray]:
         """Put partial assignments together into few whole ones; what is left open is drawn.

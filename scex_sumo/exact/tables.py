@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import combinations, product
+from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
@@ -66,14 +66,14 @@ class InfluenceTable:
         Args:
             weights: as of `shares_of`; None for the run's.
         """
-        return self._sum(shares_of(self, weights))
+        return self._sum(self.shares_of(weights))
 
     def leverage(self, weights: Weights | None = None) -> dict[int, dict[str, float]]:
         """Return the derivative of P with respect to each vehicle's share of each model.
 
         The vehicle's other models give way in proportion; 0 for the only model of a vehicle.
         """
-        shares = shares_of(self, weights)
+        shares = self.shares_of(weights)
         whole, found = self._sum(shares), dict[int, dict[str, float]]()
         for track in self.track_ids:
             found[track] = {}
@@ -82,6 +82,10 @@ class InfluenceTable:
                 only = {**shares, track: np.eye(len(self.models))[index]}
                 found[track][model] = (self._sum(only) - whole) / rest if rest > 1e-12 else 0.0
         return found
+
+    def shares_of(self, weights: Weights | None) -> dict[int, FloatArray]:
+        """Return the share of each model by vehicle, as `shares_of`."""
+        return shares_of(self.track_ids, self.models, self.shares, weights)
 
     def _sum(self, shares: Mapping[int, FloatArray]) -> float:
         value = self.outcomes.astype(np.float64)
@@ -94,13 +98,17 @@ class InfluenceTable:
         """Minimal partial assignments under which the event happens whatever the others do."""
         found: list[Cube] = []
         axes = range(len(self.track_ids))
+        always: dict[tuple[int, ...], BoolArray] = {}
         for size in range(len(self.track_ids) + 1):
             for kept in combinations(axes, size):
-                always = np.asarray(self.outcomes.all(axis=tuple(a for a in axes if a not in kept)))
-                for cell in product(range(len(self.models)), repeat=size):
-                    cube = frozenset((self.track_ids[a], level) for a, level in zip(kept, cell, strict=True))
-                    if always[cell] and not any(one <= cube for one in found):
-                        found.append(cube)
+                here = np.asarray(self.outcomes.all(axis=tuple(a for a in axes if a not in kept)))
+                always[kept], minimal = here, here.copy()
+                for at in range(size):
+                    minimal &= ~np.expand_dims(always[kept[:at] + kept[at + 1 :]], at)
+                found += [
+                    frozenset((self.track_ids[a], level) for a, level in zip(kept, cell, strict=True))
+                    for cell in np.argwhere(minimal).tolist()
+                ]
         return tuple(found)
 
     def in_words(self) -> list[str]:
@@ -150,10 +158,13 @@ def reduced(table: InfluenceTable) -> InfluenceTable:
     )
 
 
-def shares_of(table: InfluenceTable, weights: Weights | None) -> dict[int, FloatArray]:
-    """Return the share of each model by vehicle of a table.
+def shares_of(
+    track_ids: Sequence[int], models: Sequence[str], shares: FloatArray, weights: Weights | None
+) -> dict[int, FloatArray]:
+    """Return the share of each model by vehicle.
 
     Args:
+        shares: (M,) of the models in the run.
         weights: by model, for all vehicles; or by track id, then model. Models that are not named share what
             is left to 1, in proportion to the run's; they get none if the named ones sum to 1 or more.
 
@@ -163,11 +174,8 @@ def shares_of(table: InfluenceTable, weights: Weights | None) -> dict[int, Float
     given = dict(weights or {})
     each = {int(key): value for key, value in given.items() if isinstance(value, Mapping)}
     common = {str(key): float(value) for key, value in given.items() if not isinstance(value, Mapping)}
-    every = _normed(common, table.models, table.shares)
-    return {
-        track: _normed(each[track], table.models, table.shares) if track in each else every
-        for track in table.track_ids
-    }
+    every = _normed(common, models, shares)
+    return {track: _normed(each[track], models, shares) if track in each else every for track in track_ids}
 
 
 def _normed(weights: Mapping[str, float], models: Sequence[str], shares: FloatArray) -> FloatArray:
@@ -196,7 +204,7 @@ def union_probability(tables: Sequence[InfluenceTable], weights: Weights | None 
     """
     shares: dict[int, FloatArray] = {}
     for table in tables:
-        shares |= shares_of(table, weights)
+        shares |= table.shares_of(weights)
     cubes = frozenset(cube for table in tables for cube in table.cut_sets)
     splits = 0
 

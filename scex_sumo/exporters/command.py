@@ -38,12 +38,12 @@ def export_command(
         str,
         Option(
             metavar="FORMAT",
-            help="interaction, fcd, openscenario, commonroad, sumo, mp4, gif.",
+            help="interaction, fcd, openscenario, commonroad, scenarionet, sumo, ssm, collisions, mp4, gif.",
             autocompletion=_complete_formats,
         ),
     ] = "interaction",
     ego: Annotated[
-        int | None, Option(metavar="TRACK", help="Vehicle with the planning task, for commonroad.")
+        int | None, Option(metavar="TRACK", help="Vehicle with the planning task: commonroad, scenarionet.")
     ] = None,
     map_path: Annotated[
         Path | None, Option("--map", metavar="MAP", help="Map of the run; default: its path in run.json.")

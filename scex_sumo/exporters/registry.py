@@ -22,8 +22,11 @@ EXPORTERS: Final = Registry(
         "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
         "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
         "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
+        "ssm": "scex_sumo.exporters.conflicts:write_ssm",
+        "collisions": "scex_sumo.exporters.conflicts:write_collisions",
         "mp4": "scex_sumo.exporters.video:write_mp4",
         "gif": "scex_sumo.exporters.video:write_gif",
         "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
+        "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
     },
 )

@@ -75,6 +75,16 @@ class Request:
         """Return the name of a child's file without its ending."""
         return f"{self.name}_child{child:04d}"
 
+    def files(self, ending: str) -> list[Path]:
+        """Return the file of each child: ``out`` for one child, else files in the folder ``out``."""
+        if len(self.children) == 1:
+            path = self.out or Path(f"{self.file_stem(self.children[0])}{ending}")
+            if path.is_dir():
+                raise UsageError(f"-o {path}: is a folder; give a file{ending}")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            return [path]
+        return [self.folder / f"{self.file_stem(child)}{ending}" for child in self.children]
+
     def ego_index(self) -> int | None:
         """Return the index of the ego in the seed scene, None without an ego."""
         if self.ego is None:

@@ -47,12 +47,7 @@ def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
 
 def write_fcd_files(request: Request) -> list[Path]:
     """Write each child as SUMO's floating car data; several into a folder."""
-    if len(request.children) == 1:
-        child = request.children[0]
-        paths = [request.out or Path(f"{request.file_stem(child)}.fcd.xml")]
-    else:
-        paths = [request.folder / f"{request.file_stem(child)}.fcd.xml" for child in request.children]
+    paths = request.files(".fcd.xml")
     for child, path in zip(request.children, paths, strict=True):
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(path, write_child(request.run, child).with_suffix(".fcd.xml").read_bytes())
     return paths

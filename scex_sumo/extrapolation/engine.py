@@ -1,8 +1,9 @@
-"""Run of a seed scene, from checked settings to a finished result folder."""
+"""Run of a seed scene, from checked settings to a finished result folder; its human-like reference."""
 
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -18,12 +19,13 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.exact.tables import remainder_of
 from scex_sumo.extrapolation.exact_futures import find_exact, why_not_exact
-from scex_sumo.extrapolation.fallbacks import count_fallbacks
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
-from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.rare_futures import find_rare, likely_profile
+from scex_sumo.extrapolation.rollout import count_fallbacks
+from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import write_tables
 from scex_sumo.metrics.registry import thresholds_of
@@ -31,11 +33,20 @@ from scex_sumo.results.exact import EXACT, Exact, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.provenance import describe, digest, versions
-from scex_sumo.results.run import Run
+from scex_sumo.results.rare import RARE, write_rare
+from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.world.base import WORLDS
+
+MAX_RARE = 100_000
+RARE_PART = 5
+"""Of this many futures, one more is run for rare collisions."""
+REFERENCE_CHILDREN = 117
+"""A share then has a 95 % interval of at most +-9 %."""
+REFERENCE_STEPS = 30
+"""Up to so many steps, a reference has all `REFERENCE_CHILDREN`, however few the run has."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,6 +55,7 @@ class RunOptions:
 
     Attributes:
         compared: compare a checked world with SUMO's.
+        rare: number of extra futures for rare collisions of likely drivers.
         exact: find exact probabilities; they may end a run with ``until_band`` earlier.
     """
 
@@ -52,12 +64,15 @@ class RunOptions:
     cache: bool = True
     compared: bool = True
     exact: bool = True
+    rare: int = 0
     progress: Progress | None = None
     command: Sequence[str] | None = None
 
     def __post_init__(self) -> None:
         if self.batch is not None and self.batch < 1:
             raise UsageError(f"--batch: got {self.batch}, needs at least 1")
+        if not 0 <= self.rare <= MAX_RARE:
+            raise UsageError(f"--rare: got {self.rare}, needs 0 to {MAX_RARE:,}")
 
 
 DEFAULT_OPTIONS = RunOptions()
@@ -125,6 +140,8 @@ def run_scene(
     if exact is not None:
         write_exact(exact, job.folder / EXACT)
     watch.lap("exact")
+    _write_rare(job, part, options, workers)
+    watch.lap("rare")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     if vehicles is not None:
@@ -144,6 +161,15 @@ def _exact(job: Job, part: Part, *, options: RunOptions, workers: Workers) -> Ex
         return None
     assert part.encounters is not None
     return find_exact(job, part.encounters, workers)
+
+
+def _write_rare(job: Job, part: Part, options: RunOptions, workers: Workers) -> None:
+    """Write ``rare.json``, unless other models than likely drivers are drawn or collisions are frequent."""
+    (job.folder / RARE).unlink(missing_ok=True)
+    if options.rare and likely_profile(job.models) is not None:
+        assert part.encounters is not None
+        if found := find_rare(job, part.encounters, workers, options.rare):
+            write_rare(found, job.folder / RARE)
 
 
 def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
@@ -252,3 +278,54 @@ def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress |
     on_step(0)
     for _ in workers.run(job, batches, on_step=on_step):
         pass
+
+
+def add_reference(
+    run: Run,
+    scene: SeedScene,
+    models: Models,
+    settings: RunSettings,
+    *,
+    workers: Workers,
+    options: RunOptions = DEFAULT_OPTIONS,
+    rare: int | None = None,
+) -> Run:
+    """Run the reference of a run into its folder ``reference/``; a finished one is kept.
+
+    Args:
+        models: human-like ones, drawn for all vehicles.
+        settings: of the run.
+        rare: number of extra futures for rare collisions, see `Run.rare`; None: a fifth of all others.
+    """
+    children = reference_children(run.children, settings.steps)
+    extra = (run.children + children) // RARE_PART if rare is None else rare
+    wanted = RunSettings(
+        models=models,
+        children=children,
+        steps=settings.steps,
+        replan=settings.replan,
+        seed=settings.seed,
+        preset=settings.preset,
+        metrics=settings.metrics,
+        thresholds=settings.thresholds,
+        reflect=settings.reflect,
+        region=settings.region,
+        world="checked" if WORLDS.load(settings.world).has_sumo else "plain",
+    )
+    quiet = dataclasses.replace(options, batch=None, gui=False, rare=extra)
+    folder = run.folder / REFERENCE
+    return run_scene(scene, wanted, out=folder, workers=workers, overwrite=True, options=quiet)
+
+
+def reference_children(children: int, steps: int) -> int:
+    """Return the number of children of the reference of a run.
+
+    There are fewer than `REFERENCE_CHILDREN` if they would cost more than the run and than `REFERENCE_STEPS`
+    steps of all.
+    """
+    return min(REFERENCE_CHILDREN, max(children, REFERENCE_CHILDREN * REFERENCE_STEPS // steps))
+
+
+def drop_reference(run: Run) -> None:
+    """Remove the reference of an earlier run from a result folder."""
+    shutil.rmtree(run.folder / REFERENCE, ignore_errors=True)

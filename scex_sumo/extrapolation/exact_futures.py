@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.evaluation.encounters import answers_of
 from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.exact.search import MAX_VEHICLES, Search
@@ -37,10 +38,13 @@ MIN_CHECKED: Final = 60
 FRESH: Final = 96
 """Futures drawn anew to check tables that learned from a drawn future."""
 
+SECOND: Final = 150
+"""Futures left for tables that a drawn future contradicts: to learn from it, and for the new check."""
+
 FOLDER: Final = "exact"
 """Folder of the extra futures, in that of the run."""
 
-_PLAIN = ("sumo", "checked")  # worlds with the same result as arrays alone, if SUMO drives nobody
+PLAIN_WORLDS = ("sumo", "checked")  # worlds with the same result as arrays alone, if SUMO drives nobody
 _Key = tuple[int, int, str]
 
 
@@ -49,6 +53,8 @@ def why_not_exact(settings: RunSettings, models: ModelSet, children: int) -> str
     for name, model in zip(models.names, models.built, strict=True):
         if plan_inputs_of(model) is None:
             return f"{name} draws at random or is not known to be deterministic"
+        if isinstance(model, SumoDriver):
+            return f"{name} is driven by SUMO, and may draw at random"
     if settings.count is None:
         return "all assignments were run"
     if children < MIN_CHECKED:
@@ -119,7 +125,7 @@ class _Futures:
             metrics=("gap",),
             keep_plans=False,
             thresholds={},
-            world="plain" if job.settings.world in _PLAIN else job.settings.world,
+            world="plain" if job.settings.world in PLAIN_WORLDS else job.settings.world,
         )
         self._job = dataclasses.replace(job, settings=settings, folder=job.folder / FOLDER, gui=False)
         (self._job.folder / ".parts").mkdir(parents=True, exist_ok=True)
@@ -227,7 +233,7 @@ def _searched(
         rank=[int(key[2] != EVENTS[0]) for key in keys],
         rng=child_generator(space.seed, 0, EXACT_STREAM),
     )
-    search.run(lambda rows: futures.run(rows, keys), most=most)
+    search.run(lambda rows: futures.run(rows, keys), most=most - SECOND)
     return search
 
 
@@ -240,18 +246,23 @@ def _believed(
     most: int,
 ) -> tuple[dict[_Key, InfluenceTable], dict[_Key, str]]:
     """Return the tables that their check confirms, and why the others stay sampled."""
-    differs = [e for e in range(len(keys)) if search.is_settled(e) and _errors(search, e)]
-    checked = dict.fromkeys(range(len(keys)), len(space.levels))
-    if differs and len(search.rows) + 2 * FRESH <= most:
-        for event in differs:
-            search.reopen(event)
-        search.run(lambda rows: futures.run(rows, keys), most=most - FRESH)
+
+    def wrong(events: Iterable[int], levels: IntArray, truth: BoolArray) -> list[int]:
+        settled = [event for event in events if search.is_settled(event)]
+        return [e for e in settled if (search.predict(e, levels) != truth[:, e]).any()]
+
+    everything = range(len(keys))
+    learned = wrong(everything, search.drawn, search.seen)
+    for event in learned:
+        search.reopen(event)
+    search.run(lambda rows: futures.run(rows, keys), most=most - FRESH if learned else most)
+    if any(search.is_settled(event) for event in learned):
         fresh = search.random(FRESH)
-        truth = futures.run(fresh, keys)
-        for event in differs:
-            checked[event] = FRESH
-            if search.is_settled(event) and (search.predict(event, fresh) == truth[:, event]).all():
-                differs = [e for e in differs if e != event]
+        differs = wrong(learned, fresh, futures.run(fresh, keys))
+    else:  # nothing to check anew: the rest is for the others
+        search.run(lambda rows: futures.run(rows, keys), most=most)
+        differs = learned
+    differs = [*differs, *wrong(set(everything) - set(learned), search.drawn, search.seen)]
     tables: dict[_Key, InfluenceTable] = {}
     sampled: dict[_Key, str] = {}
     for event, key in enumerate(keys):
@@ -261,12 +272,8 @@ def _believed(
             many = len(search.influence(event)) > MAX_VEHICLES or event in search.failed
             sampled[key] = f"more than {MAX_VEHICLES} vehicles decide it" if many else "it needs more futures"
         else:
-            tables[key] = _table(space, search, event, checked[event])
+            tables[key] = _table(space, search, event, FRESH if event in learned else len(space.levels))
     return tables, sampled
-
-
-def _errors(search: Search, event: int) -> int:
-    return int((search.predict(event, search.drawn) != search.seen[:, event]).sum())
 
 
 def _table(space: _Space, search: Search, event: int, checked: int) -> InfluenceTable:

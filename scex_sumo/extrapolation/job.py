@@ -17,10 +17,9 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.evaluation.outcomes import collisions_table, encounter_rows
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
-from scex_sumo.extrapolation.fallbacks import fallbacks_table
 from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, worst_of
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
+from scex_sumo.extrapolation.rollout import Batch, Rollout, fallbacks_table, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.parts import Part, save_part
@@ -44,6 +43,7 @@ class Job:
         assignment: (C, V) index into ``models``, for all children.
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
         compared: compare a checked world with SUMO's.
+        route_draw: (C, V) as of `SceneHistory`, for all children; None: by seed and child.
     """
 
     scene: SeedScene
@@ -55,6 +55,7 @@ class Job:
     gui: bool = False
     counted: BoolArray | None = None
     compared: bool = True
+    route_draw: FloatArray | None = None
 
     @property
     def road(self) -> Road:
@@ -215,7 +216,9 @@ def _batch(job: Job, children: IntArray) -> Batch:
         models=built,
         names=job.models.names,
         overridden=np.array([not isinstance(model, SumoDriver) for model in built]),
-        route_draw=route_draws(children, job.scene.vehicles, seed=seed),
+        route_draw=route_draws(children, job.scene.vehicles, seed=seed)
+        if job.route_draw is None
+        else job.route_draw[children],
         generators=[child_generator(seed, int(c)) for c in children],
     )
 

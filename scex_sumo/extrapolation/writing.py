@@ -11,21 +11,21 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.converters.datasets.writer import write_tracks
-from scex_sumo.evaluation.encounters import ENCOUNTERS, encounters_table
+from scex_sumo.evaluation.encounters import ENCOUNTERS, encounters_table, outcomes_table
 from scex_sumo.evaluation.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.evaluation.plans import PLANS, plans_table
-from scex_sumo.extrapolation.fallbacks import FALLBACKS
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import Recorded
+from scex_sumo.extrapolation.rollout import FALLBACKS
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers, succeeded
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.densities import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined_parts
+from scex_sumo.results.run import PAIR_OUTCOMES
 from scex_sumo.results.under_test import UNDER_TEST
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
-from scex_sumo.statistics.intervals import DesignIntervals
 
 ROWS_AT_ONCE = 1 << 18  # of tracks, in a row group of Parquet
 
@@ -50,7 +50,19 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     folder.write_table("metrics.parquet", metrics.append_column(COLLISION, pa.array(hit)))
     folder.write_table("worst.parquet", part.worst)
     folder.write_table(COLLISIONS, part.collisions)
-    folder.write_table(ENCOUNTERS, _encounters(job, part, intervals))
+    met = encounters_of_rows(part.encounters)
+    folder.write_table(
+        ENCOUNTERS,
+        encounters_table(
+            met,
+            track_ids=job.scene.track_ids,
+            models=np.array(job.models.names)[job.assignment],
+            intervals=intervals,
+            collisions=part.collisions,
+            road=job.road,
+        ),
+    )
+    folder.write_table(PAIR_OUTCOMES, outcomes_table(met, job.scene.track_ids))
     if part.tested is not None:
         values, defined = part.tested
         folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.children))
@@ -65,19 +77,6 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     if written is not None and not succeeded(written):
         _write_tracks(*these)
     return part
-
-
-def _encounters(job: Job, part: Part, intervals: DesignIntervals) -> pa.Table:
-    assert part.encounters is not None and part.collisions is not None
-    models = np.array(job.models.names)[job.assignment]
-    return encounters_table(
-        encounters_of_rows(part.encounters),
-        track_ids=job.scene.track_ids,
-        models=models,
-        intervals=intervals,
-        collisions=part.collisions,
-        road=job.road,
-    )
 
 
 def _each(

@@ -69,11 +69,46 @@ def recorded_programme(
             controlled.append(c)
     if not controlled:
         return None, [f"no connection of the net belongs to a movement of {signals.name}: no lights"]
-    phases = _phases(controlled, groups, runs)
-    programme = Programme(
-        name="tl_recorded", connections=tuple(controlled), phases=phases, programme="recorded"
-    )
-    return programme, []
+    return _programme(controlled, groups, runs), []
+
+
+def lane_programme(
+    layout: NetLayout, states: dict[int, list[tuple[float, str]]], name: str
+) -> tuple[Programme | None, list[str]]:
+    """Return the traffic light that replays recorded states of lanes, and notes.
+
+    Args:
+        states: (time in s from 0, letter) of each lane, in order of time; an empty letter if unknown: the
+            last known state holds, before the first one that one.
+        name: of the recording, for notes.
+    """
+    known = {lane: [(time, letter) for time, letter in run if letter] for lane, run in states.items()}
+    runs = {lane: [(0.0, run[0][1]), *run] for lane, run in known.items() if run}
+    groups: dict[str, int] = {}
+    controlled: list[Connection] = []
+    for c in layout.connections:
+        first, *others = c.lanelets
+        # Some maps give the light to the lane across the junction, others to the one before.
+        lit = next((i for i in (*others, first) if i in runs), None)
+        if lit is not None and (lit != first or others):
+            groups[c.internal.name] = lit
+            controlled.append(c)
+    if not controlled:
+        return None, [f"no connection of the net belongs to a lane with known lights of {name}: no lights"]
+    end = max(run[-1][0] for run in states.values() if run)
+    unknown = len(states) - len(runs)
+    notes = [f"{unknown} lights of {name} are never seen: not replayed"] if unknown else []
+    runs = {
+        lane: [x for k, x in enumerate(run) if not k or run[k - 1][1] != x[1]] for lane, run in runs.items()
+    }
+    return _programme(controlled, groups, runs | {-1: [(end, "")]}), notes
+
+
+def _programme(
+    links: list[Connection], groups: dict[str, int], runs: dict[int, list[tuple[float, str]]]
+) -> Programme:
+    phases = _phases(links, groups, runs)
+    return Programme(name="tl_recorded", connections=tuple(links), phases=phases, programme="recorded")
 
 
 SPAT = SignalFormat(is_mine=lambda path: path.suffix == ".csv", read=recorded_programme)

@@ -72,10 +72,13 @@ def evaluate(
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
     for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
+        own = scenes if vehicles is None else scenes.of_vehicles(vehicles)
         for metric in chosen:
-            samples = _samples(metric, scenes, quick=vehicles is None)
-            wanted = samples if vehicles is None else _of_vehicles(samples, vehicles, scenes)
-            parts[metric.name].append(extrema(metric, wanted, scenes))
+            if vehicles is None or metric.quick is not None:
+                samples = _samples(metric, own, quick=True)
+            else:  # leaders and traffic quality depend on all vehicles
+                samples = _of_vehicles(_samples(metric, scenes, quick=False), vehicles, scenes)
+            parts[metric.name].append(extrema(metric, samples, scenes))
         if also is not None:
             also(start, scenes)
     scene = {name: SceneValues.join([p[0] for p in part]) for name, part in parts.items()}

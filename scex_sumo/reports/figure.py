@@ -18,7 +18,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of, side_of
 from scex_sumo.reports.drawing import STYLE
-from scex_sumo.reports.page.charts import value_range
+from scex_sumo.reports.page.charts import samples_of_both, value_range
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density
@@ -27,6 +27,7 @@ _CURVE, _CRITICAL, _RECORDED, _LIKELY = "#0072b2", "#c44e00", "#1b222b", "#9a4d8
 _COLUMN_IN = 85 / 25.4  # width of a column of a paper
 _ONE_IN, _PANEL_IN, _HEAD_IN = 55 / 25.4, 35 / 25.4, 12 / 25.4  # heights
 _ACROSS = 2
+_EDGE = 0.01  # room for a stem at the left end, in panel widths
 _LABEL_SHARE, _LABELS = 0.14, 4  # width of a label, in panel widths; labels of a panel
 _SMALL: dict[Any, Any] = {"font.size": 6, "axes.titlesize": 6.5, "axes.linewidth": 0.6}
 
@@ -94,7 +95,7 @@ def _draw_panel(run: Run, curve: str, column: str, axes: Axes) -> None:
     axes.set_xlabel(unit + part)
     axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.yaxis.set_major_locator(MaxNLocator(4))
-    (_density_panel if curve == "density" else _cumulative_panel)(run, column, axes)
+    _draw_curves(run, curve, column, axes)
     spec = axes.get_subplotspec()
     if spec is None or spec.is_first_col():
         axes.set_ylabel("density" if curve == "density" else "cumulative density")
@@ -115,24 +116,20 @@ def _explain_lines(run: Run, figure: Figure, *, headline: bool) -> None:
     figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), **style)
 
 
-def _density_panel(run: Run, column: str, axes: Axes) -> None:
-    curve = run.density(column)
-    curve.plot(axes, color=_CURVE)
+def _draw_curves(run: Run, curve: str, column: str, axes: Axes) -> None:
+    drawn, ends = run.density(column), [run.density(column).x]
+    drawn.plot(axes, curve=curve, color=_CURVE)
     if run.reference is not None and len(run.reference.samples(column)):
         likely = run.reference.density(column)
-        axes.plot(likely.x, likely.pdf, color=_LIKELY, linewidth=1.2)
-    axes.set_ylim(0, 1.05 * max((float(np.max(line.get_ydata())) for line in axes.lines), default=0) or 1)
-    _mark(run, column, axes, curve.x)
-    _draw_atoms(curve, axes)
-
-
-def _cumulative_panel(run: Run, column: str, axes: Axes) -> None:
-    curve = run.density(column)
-    curve.plot(axes, curve="cumulative", color=_CURVE)
-    if run.reference is not None and len(run.reference.samples(column)):
-        likely = run.reference.density(column)
-        axes.plot(likely.x, likely.cdf, color=_LIKELY, linewidth=1.2)
-    _mark(run, column, axes, curve.x)
+        y = likely.pdf if curve == "density" else likely.cdf
+        axes.plot(likely.x, y, color=_LIKELY, linewidth=1.2)
+        ends.append(likely.x)
+    if curve == "density":
+        most = max((float(np.max(line.get_ydata())) for line in axes.lines), default=0)
+        axes.set_ylim(0, 1.05 * most or 1)
+    _mark(run, column, axes, np.concatenate(ends))
+    if curve == "density":
+        _draw_atoms(drawn, axes)
 
 
 def _write(axes: Axes, height: float, words: str, color: str = "#666666") -> None:
@@ -148,13 +145,14 @@ def _draw_atoms(curve: Density, axes: Axes) -> None:
     transform = axes.get_xaxis_transform()  # heights in shares of the panel
     drawn = [np.asarray(line.get_xdata()) for line in axes.lines]
     labelled = [float(x[0]) for x in drawn if len(x) == 2]
-    lines = len(labelled)  # threshold and recorded value
+    lines = len(labelled)  # threshold and recorded value; a share of most futures is told also beside these
     inside = [atom for atom in curve.atoms if left <= atom.value <= right]
     for atom in sorted(inside, key=lambda atom: -atom.share):
         height = 0.85 * atom.share / most
         axes.plot([atom.value] * 2, [0, height], color=_CURVE, linewidth=2, transform=transform)
         apart = (abs(atom.value - x) / (right - left) for x in labelled)
-        if len(labelled) < lines + _LABELS and all(share > _LABEL_SHARE for share in apart):
+        is_free = all(share > _LABEL_SHARE for share in apart)
+        if len(labelled) < lines + _LABELS and (is_free or atom.share > 0.5):
             labelled.append(atom.value)
             style: dict[str, Any] = {"size": 5, "color": _CURVE, "ha": "center", "transform": transform}
             style |= {"path_effects": [withStroke(linewidth=1.2, foreground="white")], "zorder": 6}
@@ -166,8 +164,8 @@ def _draw_atoms(curve: Density, axes: Axes) -> None:
 def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
     """Draw threshold and recorded value as vertical lines; keep the view where most futures are."""
     recorded, threshold = run.recorded_value(column), run.thresholds.get(column)
-    samples, limits = run.samples(column), (float(x[0]), float(x[-1]))
-    left, right = value_range(samples, recorded, threshold, limits=limits)
+    samples, limits = run.samples(column), (float(x.min()), float(x.max()))
+    left, right = value_range(samples_of_both(run, column), recorded, threshold, limits=limits)
     if recorded is not None and left <= recorded <= right:
         axes.axvline(recorded, color=_RECORDED, linewidth=1.2, linestyle="--")
     elif recorded is not None:
@@ -184,4 +182,4 @@ def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
     beyond = float(np.mean(samples > right))
     if beyond > 0:
         _write(axes, 0.04, f"{max(beyond, 0.001):.1%} beyond →")
-    axes.set_xlim(left, right)
+    axes.set_xlim(left - _EDGE * (right - left), right)

@@ -18,15 +18,16 @@ from scex_sumo.converters.cleaning.heading import STANDING_MPS
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, recorded_throughout
 from scex_sumo.converters.datasets.recordings import LoadedRecording
 from scex_sumo.reports.page.html import BASE, Html, asset, element, joined, page_html
-from scex_sumo.reports.page.packing import quantized
-from scex_sumo.reports.page.scene import HEADING_RAD, POSITION_M, SPEED_MPS, road_paths
+from scex_sumo.reports.page.packing import UNITS, quantized
+from scex_sumo.reports.page.scene import road_paths
 from scex_sumo.road import Road
 from scex_sumo.views.road_lines import AREA, MARKING, RoadLine
 
 SCRIPTS = (*BASE, "state.js", "pairs.js", "map.js", "inspect.js")
 KINDS = ("moves, recorded from 1 s before to 3 s after", "moves, not recorded throughout", "stands")
 _MAX_MOMENTS = 400
-_AWAY_CM = 10**8  # place of a missing vehicle
+_AWAY = 10**8  # place of a missing vehicle
+_SIZE_M = 0.01
 _COLORS = ("drawn", "likely", "soft")  # of page.css, as in inspect.js
 
 
@@ -63,7 +64,7 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
 
 
 def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, IntArray]:
-    """Return (V, M, ...) arrays of vehicles by moment, by id: cm, mrad, 2 cm/s, 0.1 s.
+    """Return (V, M, ...) arrays of vehicles by moment, by id: sizes in cm, poses in `UNITS`, times in 0.1 s.
 
     The id of a missing vehicle is -1.
     """
@@ -78,14 +79,12 @@ def _arrays(loaded: LoadedRecording, moments: Sequence[Moment]) -> dict[str, Int
         "before": quantized(rows.timestamp_ms - rows.timestamp_ms[begin][rows.piece], 100.0),
         "after": quantized(rows.timestamp_ms[end][rows.piece] - rows.timestamp_ms, 100.0),
     }
-    sizes = np.stack([quantized(rows.length, POSITION_M), quantized(rows.width, POSITION_M)], axis=1)
-    places = ((rows.x, POSITION_M), (rows.y, POSITION_M))
-    units = (*places, (rows.psi_rad, HEADING_RAD), (rows.speed, SPEED_MPS))
-    poses = np.stack([quantized(values, unit) for values, unit in units], axis=1)
+    sizes = quantized(np.stack([rows.length, rows.width], axis=1), _SIZE_M)
+    poses = quantized(np.stack([rows.x, rows.y, rows.psi_rad, rows.speed], axis=1), np.array(UNITS))
     here = [_rows_of(loaded, moment) for moment in moments]
     shape = max(map(len, here)), len(moments)
     arrays = {name: np.full(shape, -1) for name in columns}
-    arrays |= {"sizes": np.zeros((*shape, 2), np.int64), "poses": np.full((*shape, 4), _AWAY_CM)}
+    arrays |= {"sizes": np.zeros((*shape, 2), np.int64), "poses": np.full((*shape, 4), _AWAY)}
     for m, chosen in enumerate(here):
         for name, values in (columns | {"sizes": sizes, "poses": poses}).items():
             arrays[name][: len(chosen), m] = values[chosen]
@@ -100,7 +99,7 @@ def _rows_of(loaded: LoadedRecording, moment: Moment) -> IntArray:
 
 
 def _box(poses: IntArray) -> list[float]:
-    places = poses[poses[:, :, 0] < _AWAY_CM][:, :2] * POSITION_M
+    places = poses[poses[:, :, 0] < _AWAY][:, :2] * UNITS[0]
     (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
     return [float(edge) for edge in (left, right, low, high)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from rich.cells import cell_len
@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.evaluation.encounters import ENCOUNTERS
-from scex_sumo.extrapolation.fallbacks import fallback_lines
+from scex_sumo.extrapolation.rollout import fallback_lines
 from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of, side_of
 from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
 from scex_sumo.results.design import is_critical
@@ -24,6 +24,13 @@ from scex_sumo.statistics.density import Interval
 SEVERITY: Final = "severe injuries [‰]"
 MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
+
+Head: TypeAlias = tuple[str, str, str]
+"""Title, format and hint of a column in the terminal and on a page.
+
+Formats: text, names and words (left-aligned), real, percent, seconds, metres.
+"""
+_FORMS = {"real": "{:.2f}", "percent": "{:.1%}", "seconds": "{:.1f} s", "metres": "{:.1f} m"}
 
 _WORST = 3  # encounters in words
 _ALWAYS = 0.95  # share from which a metric tells no futures apart
@@ -67,6 +74,8 @@ def answer_lines(run: Run) -> list[str]:
 
 def _sure(run: Run) -> str:
     share = run.p_collision
+    if share.rare is not None:
+        return f"; {mostly}" if (mostly := share.rare.mostly()) else ""
     return f"; {share.tables.told()}" if share.tables is not None and share.exact is not None else ""
 
 
@@ -125,6 +134,21 @@ def _always(run: Run) -> list[str]:
     return found
 
 
+def console_table(
+    title: str, heads: Sequence[Head], rows: Sequence[Sequence[Any]], *, caption: str | None = None
+) -> Table:
+    """Return a table for the terminal; None is a dash, and a column of words may fold."""
+    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
+    for name, form, _ in heads:
+        left, words = form in ("names", "words"), form == "words"
+        style: dict[str, Any] = {"overflow": "fold"} if words else {"no_wrap": True}
+        table.add_column(Text(name), justify="left" if left else "right", **style)
+    forms = [_FORMS.get(form, "{}") for _, form, _ in heads]
+    for row in rows:
+        table.add_row(*(Text("–" if c is None else f.format(c)) for f, c in zip(forms, row, strict=True)))
+    return table
+
+
 def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
     """Print a table; a narrow terminal gets no frame, and no cell is cut off.
 
@@ -166,7 +190,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     for name in ("recorded", "median", "critical if", *likely_head, possible, "95 %", "defined"):
         table.add_column(name, justify="right", no_wrap=True)
     if COLLISION in run.metrics.column_names:
-        human = () if likely is None else (f"{likely.p_collision.value:.1%}",)
+        human = () if likely is None else (_human_share(likely),)
         shares = _collision_shares(run.p_collision)
         table.add_row("collision", _recorded_overlaps(run), "–", "any", *human, *shares, "all")
     if (injuries := expected_injuries(run)) is not None:
@@ -227,6 +251,10 @@ def _defined(run: Run, column: str, likely: Run | None) -> str:
 def _shares(share: Interval) -> tuple[str, str]:
     exact = share.low == share.high
     return f"{share.value:.1%}", "–" if exact else f"{100 * share.low:.1f}–{100 * share.high:.1f}"
+
+
+def _human_share(likely: Run) -> str:
+    return f"{likely.p_collision.value:.1%}" if likely.rare is None else likely.rare.short
 
 
 def _collision_shares(share: CollisionShare) -> tuple[str, str]:

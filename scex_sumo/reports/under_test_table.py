@@ -4,20 +4,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from scex_sumo.evaluation.encounters import criticality, event_of, percent_of
 from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
-from scex_sumo.reports.run_table import MAIN, SEVERITY, counted, print_line, print_table, shown_columns
+from scex_sumo.reports.run_table import (
+    MAIN,
+    SEVERITY,
+    Head,
+    console_table,
+    counted,
+    print_line,
+    print_table,
+    shown_columns,
+)
 from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import Difference, UnderTest
-from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.paired import holm, signed_rank
 
+_BY_CHANCE = "Chance of so large a difference without an effect (corrected after Holm)"
+HEADS: Final[tuple[Head, ...]] = (
+    ("metric", "names", ""),
+    ("before", "real", "Median of the futures, as drawn"),
+    ("after", "real", "Median with the driver under test"),
+    ("worse : better", "text", "Futures that are more critical with the driver under test : less critical"),
+    ("p", "text", _BY_CHANCE),
+    ("P before", "percent", "Share of critical futures, as drawn"),
+    ("P after", "percent", "Share of critical futures with the driver under test"),
+    ("p", "text", _BY_CHANCE),
+)
 _CHANCE = 0.05  # p-value from which on a difference may be chance
 _MOST = 3  # encounters in words
 
@@ -104,43 +122,34 @@ def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
 
 
 def under_test_table(tested: UnderTest, columns: Sequence[str] | None = None) -> Table:
-    """Return medians, worse and better futures, critical shares and p-values by metric.
-
-    Args:
-        columns: of the metrics that are shown; None: all.
-    """
+    """Return medians, worse and better futures, critical shares and p-values by metric."""
     children = counted(tested.metrics.num_rows, "future")
-    table = Table(title=f"under test, {tested.label}: {children}", title_justify="left")
-    table.add_column("metric")
-    for name in ("before", "after", "worse : better", "p", "P before", "P after", "p"):
-        table.add_column(name, justify="right", no_wrap=True)
+    return console_table(f"under test, {tested.label}: {children}", HEADS, under_test_rows(tested, columns))
+
+
+def under_test_rows(tested: UnderTest, columns: Sequence[str] | None = None) -> list[list[Any]]:
+    """Return the rows of the table of `HEADS`; ``columns`` are those of the metrics shown, None: all."""
+    rows: list[list[Any]] = []
     for one, p_value, p_share in differences(tested):
         if columns is not None and one.column not in (COLLISION, *columns):
             continue
         is_share = one.column == COLLISION
-        table.add_row(
-            Text(metric_of(one.column).titled()),
-            *("–" if is_share or math.isnan(v) else f"{v:.2f}" for v in (one.baseline, one.under_test)),
-            f"{one.worse} : {one.better}" if one.children else "–",
-            chance_text(p_value) or "–",
-            _share(one.baseline_p_critical),
-            _share(one.p_critical),
-            chance_text(p_share) or "–",
+        rows.append(
+            [
+                metric_of(one.column).titled(),
+                *(None if is_share or math.isnan(v) else v for v in (one.baseline, one.under_test)),
+                f"{one.worse} : {one.better}" if one.children else None,
+                chance_text(p_value),
+                *(None if p is None else p.value for p in (one.baseline_p_critical, one.p_critical)),
+                chance_text(p_share),
+            ]
         )
         if is_share and tested.injuries is not None:
             before, after = tested.injuries["baseline"], tested.injuries["under_test"]
-            table.add_row(
-                Text(SEVERITY),
-                *(f"{1000 * side.mean():.2f}" for side in (before, after)),
-                f"{int((after > before).sum())} : {int((after < before).sum())}",
-                chance_text(signed_rank(after, before)) or "–",
-                *("–",) * 3,
-            )
-    return table
-
-
-def _share(share: Interval | None) -> str:
-    return "–" if share is None else f"{share.value:.1%}"
+            counts = f"{int((after > before).sum())} : {int((after < before).sum())}"
+            means = [1000 * float(side.mean()) for side in (before, after)]
+            rows.append([SEVERITY, *means, counts, chance_text(signed_rank(after, before)), *(None,) * 3])
+    return rows
 
 
 def chance_text(p_value: float) -> str | None:

@@ -9,8 +9,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.results.design import column_of
-from scex_sumo.statistics.atoms import mixed_density
-from scex_sumo.statistics.density import BANDWIDTH, Density, density
+from scex_sumo.statistics.density import BANDWIDTH, Density, density, mixed_density
 from scex_sumo.statistics.intervals import DesignIntervals
 
 DENSITIES = "densities.parquet"

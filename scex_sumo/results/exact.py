@@ -4,21 +4,81 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
+import pyarrow as pa
 
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic
-from scex_sumo.exact.tables import InfluenceTable, Weights, union_probability
+from scex_sumo.exact.tables import InfluenceTable, Weights, shares_of, union_probability
+from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
+from scex_sumo.metrics.registry import COLLISION
+from scex_sumo.results.rare import Rare
 from scex_sumo.statistics.density import Interval
 
 EXACT: Final = "exact.json"
 EVENTS: Final = ("collision", "ttc", "pet", "drac")
 """Events of a pair, as the columns of ``encounters.parquet``."""
+
+MIN_EFFECTIVE: Final = 20
+"""Effective drawn futures below which other weights have no sampled value."""
+
+_LIMITS = {
+    "ttc": ("min_ttc_path", CRITICAL_TTC_S, -1),
+    "pet": ("min_pet", CRITICAL_PET_S, -1),
+    "drac": ("max_drac", CRITICAL_DRAC, 1),
+}  # column of `Run.pair_outcomes`, threshold, 1 if critical above it
+
+
+class RunTables(Protocol):
+    """Parts of a finished run that its probabilities need."""
+
+    info: Any
+
+    @property
+    def children(self) -> int:
+        """Number of drawn futures."""
+        ...
+
+    @property
+    def exact(self) -> Exact | None:
+        """Exact tables; None without."""
+        ...
+
+    @property
+    def rare(self) -> Rare | None:
+        """Estimate by importance sampling; None without."""
+        ...
+
+    @property
+    def metrics(self) -> pa.Table:
+        """One row a future."""
+        ...
+
+    @property
+    def assignments(self) -> pa.Table:
+        """Model of each vehicle."""
+        ...
+
+    @property
+    def collisions(self) -> pa.Table:
+        """Collisions by future and pair."""
+        ...
+
+    @property
+    def pair_outcomes(self) -> pa.Table:
+        """TTC, DRAC and PET by future and pair."""
+        ...
+
+
+class TooFewFuturesError(UsageError):
+    """Too few of the drawn futures are driven as other weights ask."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,10 +145,20 @@ class CollisionShare(Interval):
     """Share of the futures with a collision, its interval, and the exact probability.
 
     Attributes:
-        tables: None where the run has no exact probabilities.
+        run: that it belongs to.
     """
 
-    tables: Exact | None = field(default=None, repr=False)
+    run: RunTables = field(repr=False, compare=False)
+
+    @property
+    def tables(self) -> Exact | None:
+        """Exact tables of the run; None where it has none."""
+        return self.run.exact
+
+    @property
+    def rare(self) -> Rare | None:
+        """Estimate of the run by importance sampling; None without one."""
+        return self.run.rare
 
     @cached_property
     def exact(self) -> float | None:
@@ -97,21 +167,27 @@ class CollisionShare(Interval):
 
     @property
     def percent(self) -> str:
-        """In words, e.g. ``12 % [9–16]``, or ``12.5 %`` if it is exact."""
+        """In words, e.g. ``12 % [9–16]``, ``12.5 %`` if it is exact, or that of the rare collisions."""
+        if self.rare is not None:
+            return self.rare.percent
         return super().percent if self.exact is None else f"{100 * self.exact:.4g} %"
 
     def __call__(self, weights: Weights | None = None) -> float:
-        """Return the exact probability of any collision, with other weights if they are given.
+        """Return the probability of any collision, exact where all pairs that collide have tables.
+
+        Args:
+            weights: other weights of the models; without tables they weight the drawn futures.
 
         Raises:
-            UsageError: other weights are given, and some pair that collides has no exact table.
+            TooFewFuturesError: hardly any drawn future is driven like this.
         """
         if weights is None:
             return self.value if self.exact is None else self.exact
         exact = None if self.tables is None else self.tables.p_collision(weights)
         if exact is not None:
             return exact
-        raise UsageError("p_collision: not every pair that collides has an exact table; run with --exact")
+        hit = np.asarray(self.run.metrics[COLLISION]).astype(np.bool_)
+        return weighted_share(hit, future_weights(self.run, weights), "any collision")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,17 +196,16 @@ class Encounter:
 
     Attributes:
         row: of ``encounters.parquet``.
-        exact: tables of the run; None without.
+        run: that it belongs to.
     """
 
     row: Mapping[str, Any]
-    exact: Exact | None
+    run: RunTables
 
     def table_of(self, event: str = "collision") -> InfluenceTable | None:
         """Return the influence table of an event; None where its sampled value stays."""
-        if self.exact is None:
-            return None
-        return self.exact.table(self.row["track_id"], self.row["other_id"], event)
+        exact = self.run.exact
+        return None if exact is None else exact.table(self.row["track_id"], self.row["other_id"], event)
 
     @property
     def table(self) -> InfluenceTable | None:
@@ -140,17 +215,77 @@ class Encounter:
     def probability(self, event: str = "collision", *, weights: Weights | None = None) -> float:
         """Return the probability of an event, or of any (``critical``): exact with a table, else sampled.
 
+        Without a table, other weights weight the drawn futures (importance sampling).
+
         Raises:
-            UsageError: an unknown event, or other weights for one without a table.
+            UsageError: an unknown event.
+            TooFewFuturesError: hardly any drawn future is driven like this.
         """
         tables = [self.table_of(name) for name in (EVENTS if event == "critical" else (event,))]
         known = [table for table in tables if table is not None]
         exact = union_probability(known, weights) if len(known) == len(tables) else None
         if exact is not None:
             return exact
-        if weights is not None:
-            raise UsageError(f"{event}: has no exact table, and no value for other weights")
-        return float(self.row[event])
+        if weights is None:
+            return float(self.row[event])
+        return weighted_share(self.happens(event), future_weights(self.run, weights), event)
+
+    def weighted(self, weights: Weights) -> dict[str, float | None]:
+        """Return the probability of each event with other weights; None for too few futures like these."""
+        found: dict[str, float | None] = {}
+        for event in EVENTS:
+            found[event] = None
+            with suppress(TooFewFuturesError):
+                found[event] = self.probability(event, weights=weights)
+        return found
+
+    def happens(self, event: str) -> BoolArray:
+        """Return (C,) whether an event, or any (``critical``), happens in each drawn future."""
+        pair = np.sort([self.row["track_id"], self.row["other_id"]])
+        hits, outcomes = self.run.collisions, self.run.pair_outcomes
+        struck = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0)
+        child = [np.asarray(hits["child"])[(pair == struck.T).all(axis=1)]]
+        own = (np.asarray(outcomes["track_a"]) == pair[0]) & (np.asarray(outcomes["track_b"]) == pair[1])
+        for name, (column, limit, side) in _LIMITS.items():
+            if event in (name, "critical"):
+                beyond = own & (side * np.asarray(outcomes[column]) > side * limit)
+                child.append(np.asarray(outcomes["child"])[beyond])
+        found: BoolArray = np.isin(np.arange(self.run.children), np.concatenate(child))
+        return found
+
+
+def future_weights(run: RunTables, weights: Weights) -> FloatArray:
+    """Return (C,) how much likelier each drawn future is with other weights of the models.
+
+    Args:
+        weights: as of `shares_of`.
+    """
+    drawn = {entry["model"]: float(entry["weight"]) for entry in run.info["models"] if entry["weight"] > 0}
+    names = list(drawn)
+    shares = np.array(list(drawn.values())) / sum(drawn.values())
+    before = np.full(len(names), 1 / len(names)) if run.info["design"] == "all" else shares
+    tracks, fixed = run.info["seed_scene"]["track_ids"], run.info["assign"]
+    models = np.array(run.assignments["model"].to_pylist()).reshape(run.children, len(tracks))
+    ratio = np.ones(run.children)
+    for column, (track, new) in enumerate(shares_of(tracks, names, shares, weights).items()):
+        if str(track) not in fixed:
+            ratio *= (new / before)[[names.index(model) for model in models[:, column].tolist()]]
+    return ratio
+
+
+def weighted_share(happens: BoolArray, ratio: FloatArray, what: str) -> float:
+    """Return the share of weighted futures (C,) in which an event happens.
+
+    Raises:
+        TooFewFuturesError: the weights rest on fewer than `MIN_EFFECTIVE` futures (Kish 1965).
+    """
+    effective = float(ratio.sum() ** 2 / max((ratio**2).sum(), 1e-300))
+    if effective < MIN_EFFECTIVE:
+        raise TooFewFuturesError(
+            f"{what}: has no exact table, and hardly any drawn future is driven like this ({effective:.1f} "
+            f"effective futures, at least {MIN_EFFECTIVE} needed); run again with these weights in --models"
+        )
+    return float(ratio @ happens / ratio.sum())
 
 
 def write_exact(found: Exact, file: Path) -> None:
@@ -166,7 +301,7 @@ def write_exact(found: Exact, file: Path) -> None:
                 "other_id": other,
                 "event": event,
                 "vehicles": list(table.track_ids),
-                "outcomes": "".join("01"[int(x)] for x in table.outcomes.reshape(-1)),
+                "cut_sets": [sorted(cube) for cube in table.cut_sets],
                 "checked": table.checked,
             }
             for (one, other, event), table in sorted(found.tables.items())
@@ -199,16 +334,19 @@ def read_exact(folder: Path) -> Exact | None:
         tables = {}
         for entry in content["events"]:
             vehicles = tuple(int(track) for track in entry["vehicles"])
-            flat = np.array([character == "1" for character in entry["outcomes"]], dtype=np.bool_)
+            outcomes = np.zeros((len(models),) * len(vehicles), dtype=np.bool_)
+            for cut_set in entry["cut_sets"]:
+                given = {int(track): int(level) for track, level in cut_set}
+                outcomes[tuple(given.get(track, slice(None)) for track in vehicles)] = True
             tables[entry["track_id"], entry["other_id"], entry["event"]] = InfluenceTable(
                 track_ids=vehicles,
                 models=models,
-                outcomes=flat.reshape((len(models),) * len(vehicles)),
+                outcomes=outcomes,
                 shares=shares,
                 checked=int(entry["checked"]),
             )
         sampled = {(e["track_id"], e["other_id"], e["event"]): e["why"] for e in content["sampled"]}
         checked, extra = int(content["checked"]), int(content["extra"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise ResultError(f"{file}: cannot be read ({str(error)[:80]}); run again") from None
     return Exact(models=models, shares=shares, tables=tables, sampled=sampled, checked=checked, extra=extra)

@@ -32,7 +32,7 @@ class ResultFolder(OutputFolder):
         for pattern in _PATTERNS:
             for file in self.path.glob(pattern):
                 file.unlink()
-        for name in (PARTS, "sumo", "baseline", "reference", "exact"):
+        for name in (PARTS, "sumo", "baseline", "reference", "exact", "rare"):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _prepare(self) -> None:
@@ -101,6 +101,7 @@ _PATTERNS = (
     "under_test.*",
     "fallbacks.*",
     "exact.json",
+    "rare.json",
     "evidence.html",
     "explain*",
     "sample_size*",
@@ -109,7 +110,7 @@ _TABLES = tuple(
     f"{name}.parquet"
     for name in (
         *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst"),
-        *("collisions", "encounters"),
+        *("collisions", "encounters", "pair_outcomes"),
     )
 )
 

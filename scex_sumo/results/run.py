@@ -19,6 +19,7 @@ from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical
 from scex_sumo.results.exact import CollisionShare, Encounter, Exact, read_exact
 from scex_sumo.results.info import read_info
+from scex_sumo.results.rare import Rare, read_rare
 from scex_sumo.results.tables import (
     StateBlocks,
     as_pandas,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
+PAIR_OUTCOMES: Final = "pair_outcomes.parquet"
 REFERENCE: Final = "reference"
 DRAWINGS: Final = Registry(group="scex_sumo.drawings", kind="drawing")
 """Functions that draw a run; the reports register theirs."""
@@ -131,6 +133,11 @@ class Run:
         return self.table("encounters.parquet")
 
     @cached_property
+    def pair_outcomes(self) -> pa.Table:
+        """Least TTC on the path, largest DRAC, least PET by ``child``, ``track_a`` and ``track_b``."""
+        return self.table(PAIR_OUTCOMES, columns=("child", "track_a", "track_b", "min_ttc_path"))
+
+    @cached_property
     def intervals(self) -> DesignIntervals:
         """Intervals for the children's design."""
         there = (self.folder / "assignments.parquet").is_file()
@@ -143,12 +150,17 @@ class Run:
         Called, it returns the exact probability, with other weights of the models if they are given.
         """
         share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
-        return CollisionShare(**vars(share), tables=self.exact)
+        return CollisionShare(**vars(share), run=self)
 
     @cached_property
     def exact(self) -> Exact | None:
         """Exact probabilities of the encounters; None if the run has none."""
         return read_exact(self.folder)
+
+    @cached_property
+    def rare(self) -> Rare | None:
+        """Rare collisions of human-like drivers, by importance sampling; None if the run has none."""
+        return read_rare(self.folder)
 
     def encounter(self, one: int, other: int) -> Encounter:
         """Return the encounter of two vehicles, with its influence table and cut sets.
@@ -158,7 +170,7 @@ class Run:
         """
         for row in self.encounters.to_pylist():
             if {row["track_id"], row["other_id"]} == {one, other}:
-                return Encounter(row=row, exact=self.exact)
+                return Encounter(row=row, run=self)
         raise UsageError(f"{one}, {other}: these two vehicles meet in no future of the run")
 
     @cached_property

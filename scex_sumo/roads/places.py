@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
+from collections.abc import Mapping
+
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import owner_cache
@@ -43,26 +44,29 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
 
 @owner_cache
 def _rings(road: Road) -> frozenset[int]:
-    lanes = list(road.vehicle_lanes.values())
-    number = {lane.lane_id: k for k, lane in enumerate(lanes)}
-    length = np.array([length_of(lane.centreline) for lane in lanes])
-    links = [(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number]
-    tail, head = np.array(links, dtype=np.int64).reshape(-1, 2).T
-    graph = csr_array((length[tail], (tail, head)), shape=(len(lanes), len(lanes)))
+    lanes = road.vehicle_lanes
+    length = {i: length_of(lane.centreline) for i, lane in lanes.items()}
     rings: set[int] = set()
-    for k in range(len(lanes)):
-        if k in rings:
-            continue
-        way, before = dijkstra(graph, indices=k, limit=MAX_RING_M, return_predecessors=True)
-        ends = tail[head == k]
-        if ends.size == 0 or (way + length)[ends].min() > MAX_RING_M:
-            continue
-        loop = [int(ends[np.argmin((way + length)[ends])])]
-        while loop[-1] != k:
-            loop.append(int(before[loop[-1]]))
-        if _is_round(np.vstack([lanes[i].centreline for i in reversed(loop)])):
+    for i in lanes:
+        loop = [] if i in rings else _way_round(road, length, i)
+        if loop and _is_round(np.vstack([lanes[j].centreline for j in loop])):
             rings.update(loop)
-    return frozenset(lanes[k].lane_id for k in rings)
+    return frozenset(rings)
+
+
+def _way_round(road: Road, length: Mapping[int, float], start: int) -> list[int]:
+    """Return the lanes of the shortest way from a lane back to itself; empty if it is over 400 m."""
+    queue: list[tuple[float, tuple[int, ...]]] = [(length[start], (start,))]
+    reached: set[int] = set()
+    while queue:
+        far, way = heapq.heappop(queue)
+        for after in road.lanes[way[-1]].successors:
+            if after == start:
+                return list(way)
+            if after in length and after not in reached and far + length[after] <= MAX_RING_M:
+                reached.add(after)
+                heapq.heappush(queue, (far + length[after], (*way, after)))
+    return []
 
 
 def _is_round(loop: FloatArray) -> bool:

@@ -62,7 +62,7 @@ def read_seed(
         map_path, tracks=track_path, case=case, time_s=time, road=road, align=align, force=force
     )
     warn_notes([*road.notes, *scene.notes])
-    return dataclasses.replace(scene, road=road)
+    return scene
 
 
 def synthetic_seed(

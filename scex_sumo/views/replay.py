@@ -5,6 +5,7 @@ Colours show the behaviour models, thin lines the paths from the seed scene on.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.colors import Rgb
 from scex_sumo.scene import STEP_S, SeedScene
-from scex_sumo.views.crop import crop_extras, crop_net
+from scex_sumo.views.crop import Box, crop_extras, crop_net
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.gui_drawings import (
     OTHER_RGB,
@@ -38,7 +39,8 @@ from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
-_GRID_MARGIN_M, _GRID_AROUND_M = 15.0, 25.0
+_GRID_MARGIN_M, _GRID_AROUND_M = 12.0, 15.0
+_GRID_ASPECT = 1.6  # width by height of all tiles, beside their legend
 
 
 class ReadNet(NamedTuple):
@@ -114,10 +116,23 @@ def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[P
     xs, ys = (np.concatenate([getattr(s, axis) for s in states], axis=None) for axis in ("x", "y"))
     around = _GRID_AROUND_M
     box = xs.min() - around, ys.min() - around, xs.max() + around, ys.max() + around
+    box = _filling(box, len(children))
     file = crop_net(net.path, box, stem.with_name(f"{stem.name}.cropped.net.xml"))
     if net.extras is None:
         return file, None
     return file, crop_extras(net.extras, box, stem.with_name(f"{stem.name}.cropped.add.xml"))
+
+
+def _filling(box: Box, count: int) -> Box:
+    """Return a box around a box, so that a grid of ``count`` of them fills the window."""
+    left, low, right, high = box
+    wide, tall = right - left + _GRID_MARGIN_M, high - low + _GRID_MARGIN_M
+    columns = min(
+        range(1, count + 1), key=lambda n: max(math.ceil(count / n) * tall, n * wide / _GRID_ASPECT)
+    )
+    aspect = _GRID_ASPECT * math.ceil(count / columns) / columns
+    x, y = max(aspect * tall - wide, 0.0) / 2, max(wide / aspect - tall, 0.0) / 2
+    return left - x, low - y, right + x, high + y
 
 
 def _choose_ids(

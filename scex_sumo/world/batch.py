@@ -18,6 +18,7 @@ from scex_sumo.world.tiles import tile_id
 
 # moveToXY's keepRoute: 1 = lane on the route, 2 = exact position, 4 = lane of any permission.
 ANY_LANE = 2 + 4
+CAR_LANE = 2
 _OWN_ROUTE = 2 + 1
 
 _MAX_GAIN_MPS = 1.0  # in one step

@@ -19,7 +19,8 @@ OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
 _LINE = 1.4  # line height, in letters
 _LETTER = 0.4  # width of a letter, in heights
 _LEGEND_COLUMNS = 3
-_WINDOW_ASPECTS = (1.5, 1.8, 2.1)  # usual widths by heights; the window opens with 1.9
+_WINDOW_ASPECTS = (1.85, 2.1)  # usual widths by heights
+_OPENED = 1.9  # of the window when it opens
 _LETTER_SHARE = 0.03  # of the window's height
 _AROUND_M = 25.0  # vehicles
 _RING_M, _RING_WIDTH_M, _RING_POINTS, _RING_RGB = 4.0, 0.3, 48, (214, 64, 58)
@@ -83,7 +84,7 @@ class TiledChild:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Visible frame: tiles, titles above them, legend below.
+    """Visible frame: tiles, titles above them, legend below or, where that shows more, beside.
 
     Attributes:
         net: smallest x, y and largest x, y of all tiles, m; ``view`` of the visible part.
@@ -99,12 +100,30 @@ class Frame:
     @property
     def viewport(self) -> tuple[float, float, float]:
         """Zoom of sumo-gui in percent, and centre."""
-        rows = math.ceil(len(self.entries) / _LEGEND_COLUMNS)
-        left, bottom, right, top = self.view
-        top, bottom = top + 2.0 * self.line_m, bottom - (rows * _LINE + 1.0) * self.line_m
-        view = left, bottom, right, top
+        left, bottom, right, top = view = self._with_legend(beside=self.beside)
         zoom = min(100.0 * _window_height(self.net, a) / _window_height(view, a) for a in _WINDOW_ASPECTS)
         return zoom, (left + right) / 2, (top + bottom) / 2
+
+    @property
+    def beside(self) -> bool:
+        """Whether the legend is beside the tiles."""
+        below, beside = (_window_height(self._with_legend(beside=side), _OPENED) for side in (False, True))
+        return beside < below
+
+    @property
+    def entry_m(self) -> float:
+        """Width of a legend entry, m."""
+        return (3.0 + max((len(name) for name, _ in self.entries), default=0) * _LETTER) * self.line_m
+
+    def _with_legend(self, *, beside: bool) -> Bounds:
+        left, bottom, right, top = self.view
+        top += 2.0 * self.line_m
+        if not self.entries:
+            return left, bottom, right, top
+        if beside:
+            return left, bottom, right + self.line_m + self.entry_m, top
+        rows = math.ceil(len(self.entries) / _LEGEND_COLUMNS)
+        return left, bottom - (rows * _LINE + 1.0) * self.line_m, right, top
 
     @property
     def exaggeration(self) -> float:
@@ -204,13 +223,12 @@ def draw_ids(names: Sequence[str], x: FloatArray, y: FloatArray, line_m: float) 
 
 
 def draw_legend(frame: Frame) -> str:
-    """Draw the legend below the tiles."""
-    lines, line_m = [], frame.line_m
-    widest = max((len(name) for name, _ in frame.entries), default=0)
+    """Draw the legend below the tiles or beside them."""
+    lines, line_m, (left, bottom, right, top) = [], frame.line_m, frame.view
     for n, (name, rgb) in enumerate(frame.entries):
-        row, column = divmod(n, _LEGEND_COLUMNS)
-        x = frame.view[0] + column * (3.0 + widest * _LETTER) * line_m
-        y = frame.view[1] - (row + 1) * _LINE * line_m
+        row, column = (n, 0) if frame.beside else divmod(n, _LEGEND_COLUMNS)
+        x = right + line_m if frame.beside else left + column * frame.entry_m
+        y = (top if frame.beside else bottom) - (row + 1) * _LINE * line_m
         corners = ((0.0, 0.0), (1.5, 0.0), (1.5, 0.8), (0.0, 0.8))
         square = " ".join(f"{x + cx * line_m:.2f},{y + (cy - 0.4) * line_m:.2f}" for cx, cy in corners)
         lines.append(_poly(f"legend.{n}", square, rgb))

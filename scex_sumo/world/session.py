@@ -72,7 +72,7 @@ def load_sumo(*, gui: bool = False) -> Any:
 
 
 @contextmanager
-def _silence() -> Iterator[Callable[[], list[str]]]:
+def silence() -> Iterator[Callable[[], list[str]]]:
     """Silence SUMO and traci; yields a function that returns SUMO's messages."""
     sys.stderr.flush()
     stream = os.dup(2)
@@ -185,7 +185,7 @@ class SumoSession:
             raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
         binary = program("sumo-gui") if self._gui else "sumo"
         self._errors = (module.TraCIException, module.FatalTraCIError)
-        with _silence() as messages:
+        with silence() as messages:
             try:
                 (module if self._gui else module.simulation).start([binary, *options, *_OPTIONS])
             except self._errors as error:

@@ -16,7 +16,7 @@ from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 from scex_sumo.world.base import BatchStart, SumoDriven, World, WorldRequest
-from scex_sumo.world.batch import ANY_LANE, RunningBatch, Selection, new_batch, vehicle_ids
+from scex_sumo.world.batch import ANY_LANE, CAR_LANE, RunningBatch, Selection, new_batch, vehicle_ids
 from scex_sumo.world.frame import from_sumo, to_sumo
 from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, tile_id
@@ -145,8 +145,11 @@ class SumoWorld:
                     if present[o]:
                         if key not in batch.obstacles:
                             self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.obstacle(o))
+                            # Vehicles on crossings and walking areas crash libsumo 1.28.
+                            self._sumo.vehicle.setVehicleClass(key, "passenger")
                             batch.obstacles.add(key)
-                        self._put(key, float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o]))
+                        x, y = float(front_x[o] + dx), float(front_y[o] + dy)
+                        self._put(key, x, y, float(angle[o]), lanes=CAR_LANE)
                     elif key in batch.obstacles:
                         self._sumo.vehicle.remove(key)
                         batch.obstacles.remove(key)
@@ -216,8 +219,8 @@ class SumoWorld:
             speeds, changes = (values.reshape(-1)[at].tolist() for values in (speed, acceleration))
             self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
 
-    def _put(self, key: str, x: float, y: float, angle: float) -> None:
-        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, ANY_LANE, _MATCH_M)
+    def _put(self, key: str, x: float, y: float, angle: float, *, lanes: int = ANY_LANE) -> None:
+        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, lanes, _MATCH_M)
 
     def _advance(self, batch: RunningBatch) -> None:
         """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles."""

@@ -21,7 +21,7 @@ TILE_SLOTS = 64
 """Number of tile slots; a child i with its own tile is in slot ``i % TILE_SLOTS``."""
 
 TILE_COLUMNS = 8
-WINDOW_ASPECT = 1.5  # width by height of sumo-gui's view
+WINDOW_ASPECT = 1.5  # least usual width by height of sumo-gui's view
 TILE_MARGIN_M = 1000.0  # 20 s at 50 m/s
 
 # Attributes with ids, per element.

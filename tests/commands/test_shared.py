@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,24 @@ def test_a_file_gives_options_and_the_command_line_wins(tmp_path: Path) -> None:
     assert scex("run", "--config", tmp_path / "one" / "run.json", "-o", tmp_path / "two").returncode == 0
     for name in ("tracks.parquet", "metrics.parquet", "assignments.parquet"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_paths_of_a_file_are_relative_to_its_folder(tmp_path: Path) -> None:
+    maps = tmp_path / "conf" / "maps"
+    maps.mkdir(parents=True)
+    for ending in (".osm", ".csv"):
+        shutil.copy(MAP.with_suffix(ending), maps)
+    text = f'map = "maps/{MAP.name}"\ntracks = "maps/{MAP.stem}.csv"\nout = "../result"\n'
+    (tmp_path / "conf" / "run.toml").write_text(
+        text + 'children = 2\nsteps = 2\nreport = false\nreference = "none"\n'
+    )
+    done = scex("run", "--config", tmp_path / "conf" / "run.toml")
+    assert done.returncode == 0, done.stderr
+    command = json.loads((tmp_path / "result" / "run.json").read_text())["command"]
+    assert command[-1] == str(maps / MAP.name)
+    (tmp_path / "conf" / "run.toml").write_text(f'map = "{MAP.name}"\n')
+    done = scex("run", "--config", tmp_path / "conf" / "run.toml")
+    assert str(tmp_path / "conf" / MAP.name) in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import IntArray
-from scex_sumo.evaluation.encounters import SCHEMA, encounters_table, in_words
+from scex_sumo.evaluation.encounters import (
+    OUTCOMES_SCHEMA,
+    SCHEMA,
+    encounters_table,
+    in_words,
+    outcomes_table,
+)
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.scene import States
@@ -60,6 +66,17 @@ def test_a_pair_is_a_row_and_those_that_never_meet_are_none() -> None:
     )
     assert row["met"] == 1.0 and row["kind"] == "rear-end"
     assert row["critical"] >= row["ttc"] >= row["collision"] == 0.25
+
+
+def test_outcomes_of_a_pair_have_rows_where_a_gap_closes() -> None:
+    tracks = children(LEVELS)
+    outcomes = outcomes_table(find_encounters(tracks, PlannedPaths.from_tracks(tracks)), TRACKS[[1, 0, 2]])
+    assert outcomes.schema == OUTCOMES_SCHEMA
+    rows = outcomes.to_pylist()[:1]
+    # Only where the follower keeps 15 m/s behind the braking leader.
+    assert [row["child"] for row in outcomes.to_pylist()] == list(range(1, 40, 4))
+    assert (rows[0]["track_a"], rows[0]["track_b"]) == (17, 23) and np.isnan(rows[0]["min_pet"])
+    assert rows[0]["min_ttc_path"] == 0.0 and rows[0]["max_drac"] == np.inf
 
 
 def test_models_say_who_makes_it_so() -> None:

@@ -81,7 +81,7 @@ def test_a_drawn_future_that_differs_widens_the_set() -> None:
     drawn[0, [3, 5, 17, 8]] = 1, 2, 0, 0
     blind = np.zeros((385, 1), dtype=bool)
     search = Search(SHARES, drawn, blind, [(3, 5)], rank=[0], rng=rng)
-    search.run(lambda rows: np.zeros((len(rows), 1), dtype=bool), most=64)
+    search.run(lambda rows: rare(rows)[:, None], most=64)
     assert search.influence(0) == []
     search.seen = rare(drawn)[:, None]
     search.reopen(0)

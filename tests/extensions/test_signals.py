@@ -44,4 +44,6 @@ def test_signals_of_another_packages_format_are_the_lights_of_the_net(
 def test_a_file_of_no_known_format_is_one_line(tmp_path: Path, command: list[object]) -> None:
     done = scex(tmp_path, *command)
     (line,) = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
-    assert line.endswith("red.phases: not a recording of signal phases; known formats: spat")
+    assert line.endswith(
+        "red.phases: not a recording of signal phases; known formats: py123d, scenarionet, spat"
+    )

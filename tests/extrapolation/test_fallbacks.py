@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.extrapolation.fallbacks import count_fallbacks, fallback_lines, fallbacks_table
-from scex_sumo.extrapolation.rollout import Replaced
+from scex_sumo.extrapolation.rollout import Replaced, count_fallbacks, fallback_lines, fallbacks_table
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import save_part
 from tests.results.test_folder import part_of

@@ -10,6 +10,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.evaluation.encounters import pair_outcomes
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
@@ -51,6 +52,43 @@ def test_other_weights_follow_from_the_tables(roundabout: Run) -> None:
     assert alone == 1 / 4
     with pytest.raises(UsageError, match="unknown event"):
         roundabout.encounter(16, 15).probability("hit")
+
+
+def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(roundabout: Run) -> None:
+    table = pair_outcomes(roundabout)
+    ids = np.stack([np.asarray(table["track_a"]), np.asarray(table["track_b"])])
+    assert (ids[0] < ids[1]).all()
+    critical = {"ttc": ("min_ttc_path", -1.5), "pet": ("min_pet", -1.0), "drac": ("max_drac", 3.4)}
+    hits = roundabout.collisions
+    for row in roundabout.encounters.to_pylist():
+        pair = np.sort([row["track_id"], row["other_id"]])
+        hit = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0) == pair[:, None]
+        collides = set(np.asarray(hits["child"])[hit.all(axis=0)].tolist())
+        mine = (ids == pair[:, None]).all(axis=0)
+        for event, (column, limit) in critical.items():
+            over = np.sign(limit) * np.asarray(table[column])[mine] > limit
+            children = collides | set(np.asarray(table["child"])[mine][over].tolist())
+            assert len(children) / roundabout.children == pytest.approx(row[event], abs=1e-12), (row, event)
+    assert (roundabout.folder / "pair_outcomes.parquet").stat().st_size < 200_000
+
+
+def test_other_weights_without_tables_weight_the_drawn_futures(tmp_path: Path) -> None:
+    """All 64 assignments of three vehicles: weighted, they give the exact value."""
+    scene = queues(3)
+    every = run_of(scene, tmp_path / "all", "all")
+    drawn = run_of(scene, tmp_path / "drawn", 100)
+    weights = {"emergency_brake": 0.5, "constant_velocity": 0.3}
+    for row in every.encounters.to_pylist():
+        pair = row["track_id"], row["other_id"]
+        for event, value in every.encounter(*pair).weighted(weights).items():
+            exact = drawn.encounter(*pair).probability(event, weights=weights)
+            assert value == pytest.approx(exact, abs=1e-12), (pair, event)
+    assert every.p_collision(weights) == pytest.approx(drawn.p_collision(weights), abs=1e-12)
+    # Two vehicles of one model are in 4 of the 64 assignments.
+    few = every.encounter(1, 2)
+    with pytest.raises(UsageError, match="hardly any drawn future"):
+        few.probability("ttc", weights={v: {"emergency_brake": 1.0} for v in (1, 2, 3)})
+    assert few.weighted({"emergency_brake": 1.0}) == dict.fromkeys(("collision", "ttc", "pet", "drac"))
 
 
 def test_the_terminal_says_the_same(roundabout: Run) -> None:
@@ -121,10 +159,14 @@ def test_a_damaged_table_is_one_error(tmp_path: Path, content: str) -> None:
         _ = scex_sumo.open_run(run.folder).exact
 
 
-def test_random_models_and_few_futures_keep_sampled_values(tmp_path: Path) -> None:
+def test_random_models_sumos_and_few_futures_keep_sampled_values(tmp_path: Path) -> None:
     scene = queues(2)
     assert run_of(scene, tmp_path / "likely", 100, models="likely").exact is None
+    by_sumo = scex_sumo.extrapolate(
+        scene, children=60, models="standard_driver,sumo:IDM", metrics=["gap"], out=tmp_path / "sumo"
+    )
+    assert by_sumo.exact is None
     few = run_of(scene, tmp_path / "few", 20)
     assert few.exact is None and few.p_collision() == few.p_collision.value
-    with pytest.raises(UsageError, match="exact table"):
+    with pytest.raises(UsageError, match=r"1\.\d effective futures"):
         few.p_collision(weights={"risky_driver": 1.0})

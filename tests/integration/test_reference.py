@@ -10,13 +10,14 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.extrapolation.reference import (
-    CHILDREN,
+from scex_sumo.extrapolation.engine import (
+    RARE_PART,
+    REFERENCE_CHILDREN,
     add_reference,
     drop_reference,
     reference_children,
 )
+from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.reports.run_table import print_summary, summary_table
@@ -32,10 +33,10 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
         settings = RunSettings(models="rules", children=4, steps=5)
         likely = add_reference(run, scene, "likely", settings, workers=workers)
     assert (tmp_path / "tracks.parquet").read_bytes() == before
-    assert likely.children == CHILDREN
+    assert likely.children == REFERENCE_CHILDREN
     assert json.loads((tmp_path / "reference" / "run.json").read_text())["models"]
     drivers = pq.read_table(tmp_path / "reference" / "assignments.parquet")["model"].to_pylist()
-    assert set(drivers) == {"likely_driver:guard=true"}
+    assert set(drivers) == {"likely_driver"}
     again = type(run)(tmp_path)
     headers = [str(column.header) for column in summary_table(again).columns]
     assert "human-like" in headers and "stress test" in headers
@@ -45,10 +46,14 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
     lines = terminal.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
     shares = (again.p_collision.percent, likely.p_collision.percent)
-    assert [
-        f"stress test: a collision in {shares[0]} of futures, driven as any of the models",
-        f"human-like: a collision in {shares[1]} of futures, driven as people were recorded",
-    ] == [" ".join(lines[i].split()) for i in range(len(lines)) if " a collision in " in lines[i]]
+    assert (
+        likely.rare is not None
+        and likely.rare.count == REFERENCE_CHILDREN + (4 + REFERENCE_CHILDREN) // RARE_PART
+    )
+    told = " ".join(" ".join(lines).split())
+    assert f"stress test: a collision in {shares[0]} of futures, driven as any of the models" in told
+    human = f"human-like: a collision in {shares[1]} of futures, driven as people were recorded"
+    assert human in told and likely.rare.mostly() in told
     drop_reference(again)
     assert type(run)(tmp_path).reference is None
 

@@ -118,8 +118,14 @@ def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path:
     assert configuration.name == "grid_3.sumocfg"
     seen = replay(configuration)
     assert len(seen) == 3 * 5
-    # Vehicles reach over 137.1 m and 115.1 m; with 25 m around them and 15 m between: 200 m, 180 m.
-    for slot, (dx, dy) in enumerate(((0, 0), (200, 0), (0, -180))):
+    starts = np.array([seen[f"t{slot}_3"][2][:2] for slot in range(3)])
+    own = np.array([(c.states.x[0, 1], c.states.y[0, 1]) for c in children])
+    (across, up), (right, under) = np.rint((starts - own) - (starts - own)[0])[1:].tolist()
+    assert (up, right) == (0, 0)
+    down = -under
+    # Vehicles reach over 137.1 m and 115.1 m: two columns as wide as the window is for both rows, 1.6 to 1.
+    assert across > 180 and down < 180
+    for slot, (dx, dy) in enumerate(((0, 0), (across, 0), (0, -down))):
         for v, key in enumerate(("3", "12", "7", "1")):
             states = children[slot].states[v]
             moved = States(x=states.x + dx, y=states.y + dy, heading=states.heading, speed=states.speed)

@@ -83,15 +83,19 @@ def test_a_grid_shows_children_that_differ_most_or_the_most_critical(run: Run) -
         write_grid(run, 1)
 
 
-def test_a_grid_is_cropped_to_its_vehicles(run: Run) -> None:
+def test_a_grid_is_cropped_to_its_vehicles_and_fills_the_window(run: Run) -> None:
     file = write_grid(run, 9)
     lanes = ElementTree.parse(file.with_suffix(".cropped.net.xml")).getroot().iter("lane")
     points = np.array([p.split(",")[:2] for lane in lanes for p in lane.get("shape", "").split()], float)
-    states = run.tracks
-    for axis, name in enumerate(("x", "y")):
-        where = np.asarray(states[name])
-        assert where.min() - 25.01 <= points[:, axis].min()
-        assert points[:, axis].max() <= where.max() + 25.01
+    where = np.stack([np.asarray(run.tracks[name]) for name in ("x", "y")], axis=1)
+    low, high = where.min(axis=0) - 15.01, where.max(axis=0) + 15.01
+    assert low[1] <= points[:, 1].min() and points[:, 1].max() <= high[1]
+    # 5 columns, 2 rows: tiles are wider than needed, so that the grid is 1.6 times as wide as high.
+    wide, tall = high - low + 12.0
+    more = 1.6 * 2 / 5 * tall - wide
+    assert more > 0
+    assert low[0] - more / 2 - 0.01 <= points[:, 0].min() < low[0]
+    assert points[:, 0].max() <= high[0] + more / 2 + 0.01
 
 
 def test_a_drawing_without_a_place_is_left_out(tmp_path: Path) -> None:

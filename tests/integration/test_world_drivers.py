@@ -7,14 +7,20 @@ the junction at x = 992, and goes on at y = 998.4 beyond it; the speed limit is 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from types import SimpleNamespace
 
+import libsumo
 import numpy as np
 import pytest
 
 from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.base.sumo_models import SUMO_MODELS
+from scex_sumo.extrapolation.extrapolate import extrapolate
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.world.batch import RunningBatch
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
 
 STRAIGHT = ("w_in", "e_out")
@@ -297,3 +303,18 @@ def test_a_route_that_the_net_does_not_hold_is_an_error(crossing: SimpleNamespac
     seed = mixed()
     with SumoWorld(crossing, seed, slots=[0]) as world, pytest.raises(SimulationError, match="nowhere"):
         drive(world, seed, [0], [driven(1, "IDM", ("w_in", "nowhere"))], 1)
+
+
+def test_pedestrians_are_on_no_walking_lane_of_sumo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Libsumo 1.28 crashes after some batches in which vehicles were on crossings and walking areas."""
+    lanes: list[str] = []
+    advance = SumoWorld._advance
+
+    def recorded(world: SumoWorld, batch: RunningBatch) -> None:
+        advance(world, batch)
+        lanes.extend(map(libsumo.vehicle.getLaneID, batch.obstacles))
+
+    monkeypatch.setattr(SumoWorld, "_advance", recorded)
+    seed = read_seed(example_path("urban_intersection"))
+    extrapolate(seed, models="sumo:EIDM", children=1, steps=10, exact=False, out=tmp_path / "run")
+    assert len(lanes) == 22 and not any("_w" in lane or "_c" in lane for lane in lanes)

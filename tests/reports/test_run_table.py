@@ -182,7 +182,7 @@ def test_a_collision_of_human_like_drivers_alone_is_told_with_its_reason(
     assert [one.pair for one in worst_of(found, 3)] == [(1, 2)] and worst_of(found, 3, without=[1]) == []
     table = encounter_table(run, [1, 2, 5, 6, 7, 8])
     assert [(row["cells"][1], row["child"]) for row in table["rows"]][:2] == [
-        ("human-like", -1),
+        ("human-like", 385),
         ("stress test", 0),
     ]
 

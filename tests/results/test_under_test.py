@@ -15,8 +15,8 @@ from scex_sumo.commands.run import parse_under_test
 from scex_sumo.evaluation.encounters import QUESTIONS, SCHEMA
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.reports.page.under_test import under_test_card, under_test_rows
-from scex_sumo.reports.under_test_table import own_encounters, under_test_table, verdict
+from scex_sumo.reports.page.report import under_test_card, under_test_curves
+from scex_sumo.reports.under_test_table import own_encounters, under_test_rows, under_test_table, verdict
 from scex_sumo.results.run import Run
 from tests.metrics.scenes import random_run
 
@@ -130,22 +130,26 @@ def test_table_and_report_show_every_metric(run: Run) -> None:
     table = under_test_table(run.under_test)
     assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 futures"
     assert table.row_count == 2 + 6
-    assert list(table.columns[3].cells) == ["1 : 0", "1 : 0", "2 : 1", "–", "–", "–", "–", "2 : 0"]
-    assert [list(table.columns[k].cells)[:3] for k in (5, 6)] == [
+    assert list(map(str, table.columns[3].cells)) == ["1 : 0", "1 : 0", "2 : 1", "–", "–", "–", "–", "2 : 0"]
+    assert [list(map(str, table.columns[k].cells))[:3] for k in (5, 6)] == [
         ["0.0%", "–", "40.0%"],
         ["20.0%", "–", "40.0%"],
     ]
     # Of five futures one has a collision of vehicle 17, with 0.12 severe injuries; others' do not count.
-    assert [list(table.columns[k].cells)[1] for k in (1, 2)] == ["0.00", "24.00"]
+    assert [str(list(table.columns[k].cells)[1]) for k in (1, 2)] == ["0.00", "24.00"]
     assert under_test_table(run.under_test, ["ttc"]).row_count == 3
-    text, shown = under_test_card(run), under_test_rows(run)
+    text, rows = under_test_card(run), under_test_rows(run.under_test)
     assert "vehicle 17: mypkg:MyDriver" in text
-    assert text.count("<figure>") == 6 and text.count("defined in no future") == 4
-    assert shown is not None
-    cells = [row["cells"] for row in shown["rows"]]
-    assert [row[3] for row in cells] == ["1 : 0", "2 : 1", None, None, None, None, "2 : 0"]
-    assert [row[5] for row in cells][:2] == [0.2, 0.4]
-    assert [share for row in cells for share in row[5:7]].count(0.4) == 3
+    curves = under_test_curves(run)
+    assert len(curves) == 6 and sum(not curve["sets"] for curve in curves) == 4
+    distance = curves[0]
+    assert [(s["kind"], s["values"]) for s in distance["sets"]] == [
+        (kind, run.under_test.samples("distance", driven).tolist())
+        for kind, driven in (("picked", "under_test"), ("drawn", "baseline"))
+    ]
+    assert [row[3] for row in rows] == ["1 : 0", "1 : 0", "2 : 1", None, None, None, None, "2 : 0"]
+    assert [row[6] for row in rows][:3] == [0.2, None, 0.4]
+    assert [share for row in rows for share in row[5:7]].count(0.4) == 3
 
 
 def test_the_verdict_says_whether_the_driver_is_better(tmp_path: Path) -> None:

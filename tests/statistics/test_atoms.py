@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import InputError
-from scex_sumo.statistics.atoms import mixed_density, split_atoms
+from scex_sumo.statistics.density import mixed_density, split_atoms
 
 
 def test_a_value_of_more_than_two_percent_is_an_atom() -> None:

@@ -46,6 +46,17 @@ def test_the_net_alone_fills_the_window_and_a_legend_takes_room_below_it() -> No
     assert full.viewport[2] < bare.viewport[2]  # looks farther down
 
 
+def test_beside_tall_tiles_a_legend_takes_no_height() -> None:
+    bare, full = (
+        frame_of((0.0, 0.0, 200.0, 300.0), [(0, 0)], entries) for entries in ([], [("a", RED), ("b", BLUE)])
+    )
+    assert full.viewport[0] == bare.viewport[0] and full.viewport[2] == bare.viewport[2]
+    assert full.viewport[1] > bare.viewport[1] == 100.0
+    drawn = elements(draw_legend(full))
+    assert all(float(drawn[name].get("x", "nan")) > 200.0 for name in ("a", "b"))
+    assert 0.0 < float(drawn["b"].get("y", "nan")) < float(drawn["a"].get("y", "nan")) < 300.0
+
+
 def test_tiles_are_all_in_view() -> None:
     frame = frame_of(MAP, [(0, 0), (320, 0), (0, -120)], [])
     assert frame.net == frame.view == (0.0, -120.0, 620.0, 100.0)

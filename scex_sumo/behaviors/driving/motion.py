@@ -65,8 +65,9 @@ def _present_bend(
     s: FloatArray,
     heading: FloatArray,
     v: FloatArray,
+    aside: FloatArray | None,
 ) -> FloatArray:
-    """Return (n,) curvatures of the vehicles' motion minus those of their paths, 1/m."""
+    """Return (n,) curvatures of the vehicles' motion minus those of their lines, 1/m."""
     steps = 1 if history.step > 0 else 5
     length = history.scene.length[who.vehicle]
     now = history.states[who.child, who.vehicle, -1]
@@ -77,7 +78,7 @@ def _present_bend(
     turned = wrap(now.heading - before.heading)
     way = chord * (1 + turned**2 / 24)  # arc over a chord
     then, _, _ = refine(paths, row, s - way, px, py, 2)
-    bend = turned / np.maximum(way, 0.02) - bend_at(paths, row, then + way / 2)
+    bend = turned / np.maximum(way, 0.02) - _bend_beside(bend_at(paths, row, then + way / 2), aside)
     # A padded history is straight in a curve; a standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
     return np.where(way > 0.02, clipped(bend, -most, most), 0.0)
@@ -93,12 +94,14 @@ def drive(
     start: States | None = None,
     steps: int = PLAN_STEPS,
     aside: FloatArray | None = None,
+    parallel: bool = False,
 ) -> Plan:
     """Drive vehicles along their paths.
 
     Args:
         accelerate: vehicles stop instead of reversing.
         aside: (n, H + 1) wanted offset now and after each step, m, left positive; None is 0.
+        parallel: steer with the curvature of the line at that offset instead of that of the path.
     """
     length = history.scene.length[who.vehicle]
     if paths.slow_in_curves:
@@ -111,9 +114,10 @@ def drive(
     v = np.maximum(begin.speed, 0.0)
     # The steering angle is known for the present state only.
     there = (begin.x == now.x) & (begin.y == now.y)
-    bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v), 0.0)
-    s0, out = s, np.empty((4, steps, len(who)))
     wanted = None if aside is None else np.ascontiguousarray(aside.T)
+    beside = wanted[0] if wanted is not None and parallel else None
+    bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v, beside), 0.0)
+    s0, out = s, np.empty((4, steps, len(who)))
     for step in range(steps):
         a = accelerate(step, v, s - s0, s)
         following = v + a * STEP_S
@@ -127,8 +131,9 @@ def drive(
         if wanted is not None:
             offset = offset - wanted[step]
             lead = _lead(wanted, step, moved)
+            beside = wanted[step] if parallel else None
         bend = _steer(bend, offset, heading - path_heading, v, moved, lead)
-        curvature = bend_at(paths, row, s + moved / 2)
+        curvature = _bend_beside(bend_at(paths, row, s + moved / 2), beside)
         turn = clipped(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
         bend = turn - curvature
         x, y, heading = _along_arc(x, y, heading, turn * moved, moved)
@@ -163,6 +168,11 @@ def _along_arc(
     chord = moved * (1 - z2 / 6 * (1 - z2 / 20))
     middle = heading + angle / 2
     return x + chord * np.cos(middle), y + chord * np.sin(middle), heading + angle
+
+
+def _bend_beside(bend: FloatArray, aside: FloatArray | None) -> FloatArray:
+    """Return (n,) curvatures of lines at constant offsets from paths with curvatures (n,), 1/m."""
+    return bend if aside is None else bend / np.maximum(1 - bend * aside, 0.5)
 
 
 def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:

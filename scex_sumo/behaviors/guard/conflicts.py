@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, between
 from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.guard.corridors import (
     SAMPLE_S,
@@ -29,6 +30,7 @@ AT_ONCE_M = 0.5
 SAFE_S, SAFE_STOP_S, SAFE_STEP_S = 1.5, 3.0, 0.25  # of others that go the same way, and of all others
 SAFE_M = 0.3  # margin between two boxes
 KEPT_SHARE = 0.8  # of a smaller present margin
+CONTACT_M = 0.1
 CROSSING_M = 0.5  # the crossing is where the offset is this near to the smallest one
 
 
@@ -76,15 +78,81 @@ class _View:
 def find_stop_lines(
     paths: PlannedWays, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile
 ) -> StopLines:
-    """Find all stop lines of n vehicles with planned ways."""
+    """Find all stop lines of n vehicles with planned ways.
+
+    With `GuardProfile.contact_time`, they include the places where planned and expected boxes first touch.
+    """
     view = _View(paths=paths, around=expected(history, road), history=history, who=who, profile=profile)
     i, j = _near_pairs(view)
     parts = [
         _stop_lines_of(view, i[k : k + MAX_PAIRS], j[k : k + MAX_PAIRS])
         for k in range(0, max(1, len(i)), MAX_PAIRS)
     ]
+    lines = _joined(parts)
+    if not profile.contact_time:
+        return lines
+    lines = _joined([lines, _contacts(view, i, j)])
+    order = np.argsort(lines.row, kind="stable")
+    return StopLines(**{f.name: getattr(lines, f.name)[order] for f in fields(StopLines)})
+
+
+def _joined(parts: Sequence[StopLines]) -> StopLines:
     return StopLines(
         **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(StopLines)}
+    )
+
+
+def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
+    """Return the places where pairs apart first touch, if the other is ahead then."""
+    paths, around, scene, steps = view.paths, view.around, view.history.scene, round(SAMPLE_S / STEP_S)
+    samples = int(view.profile.contact_time / SAMPLE_S) + 1
+    child, vehicle = view.who.child[i], view.who.vehicle[i]
+    sizes = (
+        (scene.length[vehicle], scene.width[vehicle]),
+        (around.others.length[j], around.others.width[j]),
+    )
+    reach = sum(np.hypot(*size) for size in sizes) / 2
+    own = slice(0, samples * steps, steps)
+    dx = around.x[child, j, :samples] - paths.x[i, own]
+    dy = around.y[child, j, :samples] - paths.y[i, own]
+    speed = paths.start_speed[i] + np.maximum(around.others.states.speed[child, j], 0.0)
+    near = np.flatnonzero((np.hypot(dx, dy) < (reach + speed * SAMPLE_S / 2)[:, None]).any(axis=1))
+    i, j, child = i[near], j[near], child[near]
+    own_size, size = ((length[near, None], width[near, None]) for length, width in sizes)
+    time = np.arange((samples - 1) * steps + 1)
+    one = States(
+        x=paths.x[i][:, time],
+        y=paths.y[i][:, time],
+        heading=paths.heading[i][:, time],
+        speed=np.zeros((len(i), len(time))),
+    )
+    x, y, heading = (
+        between(a[child, j, :samples], time / steps) for a in (around.x, around.y, around.heading)
+    )
+    other = States(x=x, y=y, heading=heading, speed=one.speed)
+    boxes = Rectangles.of(one, *own_size), Rectangles.of(other, *size)
+    distance = rectangle_distance(*boxes)
+    touches = distance <= np.minimum(CONTACT_M, distance[:, :1] / 2)
+    touches[:, 0] = False
+    first, k = touches.argmax(axis=1), np.arange(len(i))
+    cos, sin = np.cos(one.heading[k, first]), np.sin(one.heading[k, first])
+    ahead = cos * (x - one.x)[k, first] + sin * (y - one.y)[k, first] > 0
+    k = np.flatnonzero(touches.any(axis=1) & ahead & (distance[:, 0] > 0))
+    first, i, j, child = first[k], i[k], j[k], child[k]
+    along = np.cos(heading[k, first] - one.heading[k, first])
+    line = np.maximum(around.others.states.speed[child, j] * along, 0.0)
+    braking = np.where(line > 0, np.minimum(around.braking[child, j], view.profile.comfort_deceleration), 0.0)
+    none = np.zeros(len(k))
+    return StopLines(
+        row=i,
+        position=paths.arc[i, first] - line * STEP_S * first,
+        speed=line,
+        deceleration=braking,
+        stop_time=np.where(braking > 0, line / np.maximum(braking, 1e-9), np.inf),
+        enter=none,
+        until=none + np.inf,
+        firm=none == 0,
+        safe=none != 0,
     )
 
 

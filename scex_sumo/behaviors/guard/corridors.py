@@ -285,6 +285,7 @@ class GuardProfile:
         time_margin: to crossing vehicles, s.
         touching: pairs nearer than this in the seed scene are ignored, m, e.g. trailers.
         order_margin: of a crossing; closer cases go by number, m.
+        contact_time: for which planned boxes must not touch expected ones, s.
     """
 
     comfort_deceleration: float = 4.5
@@ -299,6 +300,7 @@ class GuardProfile:
     time_margin: float = 0.4
     touching: float = 0.0
     order_margin: float = 1.0
+    contact_time: float = 0.0
 
     def __post_init__(self) -> None:
         names = [field.name for field in fields(self)]

@@ -143,7 +143,7 @@ def _bounds(
 ) -> FloatArray:
     """Return the guard's `Bounds`."""
     t = step * STEP_S
-    position, leader = _lines(holds, t)
+    position, leader = line_motion(holds, t)
     gap = position - s
     safe = partial(safe_speed, deceleration=profile.comfort_deceleration, reaction_time=profile.reaction_time)
     bound = np.where(gap < 0, 0.0, safe(gap - profile.minimum_gap, leader))
@@ -175,7 +175,7 @@ def needed_braking(
         v: (P,) m/s.
         entry_gap_m: to a vehicle that enters later.
     """
-    position, leader = _lines(holds, t)
+    position, leader = line_motion(holds, t)
     room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)
     needed: FloatArray = np.maximum(v - leader, 0.0) ** 2 / room
     brakes = np.flatnonzero((holds.deceleration > 0) & (leader > 0))
@@ -191,7 +191,7 @@ def needed_braking(
     return needed
 
 
-def _lines(holds: StopLines, t: float) -> tuple[FloatArray, FloatArray]:
+def line_motion(holds: StopLines, t: float) -> tuple[FloatArray, FloatArray]:
     """Return positions (P,) m and speeds (P,) m/s of stop lines at a time."""
     gone = np.minimum(t, holds.stop_time)
     position: FloatArray = holds.position + holds.speed * gone - 0.5 * holds.deceleration * gone**2

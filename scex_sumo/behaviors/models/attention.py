@@ -19,11 +19,11 @@ from scex_sumo.behaviors.driving.beside import offsets_beside
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.guard.conflicts import StopLines
-from scex_sumo.behaviors.guard.corridors import GuardProfile
-from scex_sumo.behaviors.guard.guarded import needed_braking, retimed
+from scex_sumo.behaviors.guard.corridors import SAMPLE_S, GuardProfile, expected
+from scex_sumo.behaviors.guard.guarded import line_motion, needed_braking, retimed
 from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 # In everyday driving, drivers look at the road for about 80 % of the time (Morando, Victor, Dozza 2020).
 # Durations of glances are lognormal (Taoka 1990). Median and spread are our choice: 3 % last longer than
@@ -34,17 +34,19 @@ EVERY_S = 3.9  # one glance begins in each such interval: 20 % of the time are g
 REACTION_S, REACTION_SPREAD = 0.9, 0.3
 ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond; our choice
 # From the corner of the eye, drivers notice a leader that looms, but late (Lamble, Laakso, Summala 1999).
-LOOMING_MPS2 = 3.0
+LOOMING_MPS2, LOOMING_S = 3.0, 0.8
+LOOMING_FACTOR = 1.6  # then they brake harder than needed by this
 SAFE_ONSET = 2.0  # factor on the onset for vehicles that are missed with constant velocity and heading
 MORE_THAN_NEEDED = 1.2
 BESIDE_M = 0.3  # between boxes beside each other
+LOOKS = (0, 3, 6)  # of the samples of expected motion, for vehicles beside
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
 GENTLE_MPS2 = 2.0  # for vehicles beside that are missed with constant velocity and heading
 # A driver whose leader asks for more looks ahead (Tijerina et al. 2004); the figure is our choice.
 CALM_MPS2 = 0.3
 MIN_GAP_M = 0.5
-_GLANCE, _MANNER = 100_000, 99_999  # salts of draws, beyond those of all steps
+GLANCE, MANNER = 100_000, 90_000  # salts of draws, beyond those of all steps; glances may begin before 0 s
 PROFILE = GuardProfile(
     comfort_deceleration=4.0,
     reaction_time=0.5,
@@ -53,6 +55,7 @@ PROFILE = GuardProfile(
     alongside_margin=0.05,
     time_margin=0.3,
     touching=1e-3,
+    contact_time=2.4,
 )
 
 
@@ -76,7 +79,7 @@ def attention_of(
         spread: on the variation between drivers.
     """
     draw = history.route_draw[who.child, who.vehicle]
-    manner = ndtri(uniforms(draw, 2, _MANNER))
+    manner = ndtri(uniforms(draw, 2, MANNER))
     reaction = REACTION_S * np.exp(REACTION_SPREAD * spread * manner[:, 0])
     seen = STEP_S * np.arange(history.step, history.step + PLAN_STEPS) - reaction[:, None]
     aware = ~looks_away(draw, seen, factor) | (_closed_in(history, who, leaders) > CALM_MPS2)[:, None]
@@ -109,7 +112,7 @@ def looks_away(draw: FloatArray, time_s: FloatArray, factor: float = 1.0) -> Boo
         return away
     first, last = (int(np.floor(edge / EVERY_S)) for edge in (time_s.min(), time_s.max()))
     for number in range(first - 1, last + 1):
-        begin, length, there = uniforms(draw, 3, _GLANCE + number).T
+        begin, length, there = uniforms(draw, 3, GLANCE + number).T
         start = EVERY_S * (number + begin)
         lasts = GLANCE_S * max(factor, 1.0) * np.exp(GLANCE_SPREAD * ndtri(length))
         lasts = np.where(there < factor, lasts, 0.0)
@@ -130,9 +133,12 @@ def _bounds(
     needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
     most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
-    braking = np.minimum(MORE_THAN_NEEDED * needed, most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
     onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
+    position, leader = line_motion(holds, t)
+    looms = (position - s < LOOMING_S * (v - leader)) & (holds.enter <= t) & ~holds.safe
+    onset = np.where(looms, 0.0, onset)
+    braking = np.minimum(np.where(looms, LOOMING_FACTOR, MORE_THAN_NEEDED) * needed, most)
     acts = (needed > onset) & (holds.until > t)
     lowest: FloatArray = np.minimum.reduceat(np.where(acts, v - braking * STEP_S, np.inf), first)
     return lowest
@@ -141,15 +147,28 @@ def _bounds(
 def kept_clear(
     aside: FloatArray,
     history: SceneHistory,
+    road: Road,
     who: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
 ) -> FloatArray:
     """Return wanted offsets (n, H + 1) within the room to boxes beside."""
+    around = expected(history, road)
+    states = [
+        States(
+            x=around.x[..., k],
+            y=around.y[..., k],
+            heading=around.heading[..., k],
+            speed=around.others.states.speed,
+        )
+        for k in LOOKS
+    ]
     time = STEP_S * np.arange(aside.shape[1])
     way = np.maximum(history.now[who.child, who.vehicle].speed, 0.0)[:, None] * time
-    least, most = offsets_beside(history, who, paths, row, s, way, margin=BESIDE_M)
+    least, most = offsets_beside(
+        history, who, paths, row, s, way, margin=BESIDE_M, later=(SAMPLE_S * np.array(LOOKS), states)
+    )
     narrow = least > most
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2
     least, most = np.where(narrow, middle, least), np.where(narrow, middle, most)

@@ -65,12 +65,14 @@ RELIEF_MPS2 = 3.0  # a driver who must brake this hard has no additional acceler
 STRONGEST_MPS2 = 4.0
 HARDEST_MPS2 = -4.0
 BRAKING_MPS2 = (0.5, 8.0)  # bounds
-ROOM_SHARE = 0.8  # of the room to vehicles beside, the largest random offset
+ROOM_SHARE = 0.4  # of the room to vehicles beside, the largest motion towards them
+TURNING, MAX_TURNING_M = np.array([1.0, 3.0, 4.5]), 6.0  # weights of ``across`` off the mapped lanes
 MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
-_DRIVER, _PATH, _START = 0, 7, 10  # salts of draws; each plan has its own start
+WAVE_S, STARTING_S = 1.0, 4.0  # mean time from the leader's start, and time for which the rate counts
+DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +125,7 @@ class LikelyDriver:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
-        history = estimated_history(history)
+        history = estimated_history(history, road)
         paths, row = self._paths(history, road, who)
         drivers = self._drivers(history, road, who, paths, row)
         now = history.now[who.child, who.vehicle]
@@ -136,8 +138,8 @@ class LikelyDriver:
         accelerate = _acceleration(
             history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
         )
-        aside = kept_clear(drivers.aside, history, who, paths, row, s)
-        made = drive(history, who, paths, row, accelerate, aside=aside)
+        aside = kept_clear(drivers.aside, history, road, who, paths, row, s)
+        made = drive(history, who, paths, row, accelerate, aside=aside, parallel=True)
         return respond(made, history, road, who, attention)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
@@ -145,7 +147,7 @@ class LikelyDriver:
             return chosen_paths(history, road, who, self.profile.path)  # type: ignore[arg-type]
         paths, _ = chosen_paths(history, road, who, 0)
         edges = path_edges(history.scene, paths, self.population)
-        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, _PATH)[:, 0]
+        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, PATH)[:, 0]
         row = paths.first[who.vehicle]
         last = row + paths.count[who.vehicle] - 1
         for _ in range(int(paths.count.max(initial=1)) - 1):
@@ -155,7 +157,7 @@ class LikelyDriver:
     def _drivers(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> Drivers:
-        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, _DRIVER)
+        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, DRIVER)
         spread, people = self.profile.spread, self.population
         observed, speed = observations_of(history.scene, paths), last_second(history.scene).speed[who.vehicle]
         headway = np.exp(people.headway[0] + spread * people.headway[1] * ndtri(drawn[:, 5]))
@@ -200,8 +202,13 @@ class LikelyDriver:
         people, across = self.population, observations_of(scene, paths).across[row]
         wide = people.side_m * spread_of(side_shown(scene), people.side_noise, people.side_unsure)[vehicle, 0]
         right, left = (ROOM_SHARE * room_beside(scene)[vehicle]).T
-        keeps = across @ people.keeps_side + np.clip(wide * off, -right, left)
-        keeps = np.clip(keeps, -MAX_ASIDE_M, MAX_ASIDE_M)
+        most = np.maximum(MAX_ASIDE_M, np.abs(across[:, 0]))
+        keeps = np.clip(across @ people.keeps_side + wide * off, -most, most)
+        # Vehicles beside each other share the space between them.
+        keeps = across[:, 0] + np.clip(keeps - across[:, 0], -right, left)
+        # Off the mapped lanes there is no lane to return to: the turn goes on.
+        turning = np.clip(across @ TURNING, -MAX_TURNING_M, MAX_TURNING_M)
+        keeps = np.where(paths.on_road[vehicle], keeps, turning)
         share = change_shares(scene, road, paths, people)[row]
         to = change_to(across, lanes_beside(scene, road, paths)[row], people) + people.change_m * off[:, None]
         to = np.clip(to, -MAX_CHANGE_M, MAX_CHANGE_M)
@@ -214,14 +221,17 @@ class LikelyDriver:
         speed = history.states.speed[who.child, who.vehicle]
         before = speed[:, -2] if history.step else speed[:, -1]
         stands = (speed[:, -1] < STANDING_MPS) & (speed[:, -1] - before < STARTING_MPS)
-        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, _START + history.step)[:, 0]
+        route = history.route_draw[who.child, who.vehicle]
+        starts, draw = uniforms(route, 1, STARTS)[:, 0], uniforms(route, 1, START + history.step)[:, 0]
         if self.profile.spread == 0:
-            draw = np.full_like(draw, 0.5)
+            starts, draw = np.full_like(draw, 0.5), np.full_like(draw, 0.5)
         queue = queue_leaders(history.scene, paths)
         wave = behind_a_wave(history.now.speed, leaders, who.child, queue)
         rate = np.exp(start_features(speed[:, -1], leaders.gap, leaders.speed, wave) @ self.population.start)
+        # The fitted rate says how many start soon; those that do follow the wave.
         # Waiting has no memory: draws of successive plans give one exponential time in all.
-        return np.where(stands, -np.log(draw) / np.maximum(rate, 1e-9), 0.0)
+        wait = np.where(starts < 1 - np.exp(-rate * STARTING_S), -WAVE_S * np.log(draw), np.inf)
+        return np.where(stands, wait, 0.0)
 
 
 def _habit(
@@ -296,6 +306,7 @@ def _acceleration(
     towed = (leaders.index == drivers.leader) & (tow < TOWED_S * motion[0]) & (motion[0] > TOWED_MPS)
     towed &= np.abs(drivers.opening) < TOWED_OPENING_MPS
     pulled = _leader_acceleration(history, who, leaders)
+    begun = np.where(stood, np.maximum(pulled, 0.0), 0.0)  # starting in a queue, drivers expect this to go on
     pullers = _rows_of(history, who, leaders)
     follower = np.flatnonzero(towed & (pullers >= 0))
     puller = pullers[follower]
@@ -308,7 +319,7 @@ def _acceleration(
         limit = wished[at(s)]
         # The motion of a standing vehicle is no habit.
         desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *motion, time_s))
-        gap = away + leaders.speed * (step * STEP_S) - travelled
+        gap = away + (leaders.speed + begun * step * STEP_S / 2) * step * STEP_S - travelled
         gap_to_tow = there + (leaders.speed + pulled * step * STEP_S / 2) * step * STEP_S - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]
         demanded = demanded_acceleration(profile, v, desired, gap, leaders.speed, curve)

@@ -20,6 +20,7 @@ USUAL_M = 3.2  # lateral way of a change if no lane is mapped
 BESIDE_M = (1.5, 5.0)  # distance of the next lane's centreline from the path
 SOON_S = 2.0  # a vehicle that will be beside within this time occupies the lane
 APART_M = 1.0  # between bodies, along the way
+GAP_S = 0.3  # a smaller headway, ahead or behind, is no gap for a change
 FREE_M = 2.5  # beside a vehicle; one further away is on a third lane
 MIN_OCCUPIED = 0.2  # smallest probability of a change to an occupied lane
 NOISE = 8.0  # 1/(m/s²): at a scatter of accelerations of 1 / NOISE, lateral motion counts by 0.7
@@ -80,8 +81,12 @@ def _ahead(
 
 
 @owner_cache
-def lanes_taken(scene: SeedScene) -> BoolArray:
-    """Return (V, 2) whether a vehicle is, or soon will be, on the left, and on the right."""
+def lanes_taken(scene: SeedScene, headway_s: float = 0.0) -> BoolArray:
+    """Return (V, 2) whether a vehicle is, or soon will be, on the left, and on the right.
+
+    Args:
+        headway_s: of a vehicle behind that counts, too.
+    """
     now = scene.now
     cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
     dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
@@ -90,7 +95,8 @@ def lanes_taken(scene: SeedScene) -> BoolArray:
     soon = np.clip(-ahead / np.where(opening == 0, 1.0, opening), 0.0, SOON_S)  # when they are nearest
     apart = np.abs(ahead + soon * opening) - (scene.length[:, None] + scene.length) / 2
     room = np.abs(left) - (scene.width[:, None] + scene.width) / 2
-    near = (apart < APART_M) & (room > -APART_M) & (room < FREE_M)
+    behind = np.where(ahead + soon * opening < 0, now.speed, now.speed[:, None])
+    near = (apart < APART_M + headway_s * behind) & (room > -APART_M) & (room < FREE_M)
     np.fill_diagonal(near, False)
     return np.stack([(near & side).any(axis=1) for side in (left > 0, left < 0)], axis=1)
 
@@ -122,6 +128,7 @@ def change_shares(scene: SeedScene, road: Road, paths: SeedPaths, people: Popula
     odds = np.exp(np.minimum(features @ people.change, 30.0))
     shares: FloatArray = odds / (1 + odds.sum(axis=1, keepdims=True))
     slow = last_second(scene).speed[vehicle, None] < MIN_SPEED_MPS
+    taken |= lanes_taken(scene, GAP_S)[vehicle]
     return np.where(slow | taken & (shares < MIN_OCCUPIED), 0.0, shares)
 
 

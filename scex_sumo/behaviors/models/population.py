@@ -147,16 +147,17 @@ def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> Fl
     return np.asarray(begun + target[:, None] * (1 - shape[0]))
 
 
-def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:
+def uniforms(draw: FloatArray, count: int, salt: int = 0, *, first: int = 0) -> FloatArray:
     """(n, count) pseudo-random numbers in (0, 1) that follow from one number each.
 
     Args:
         draw: (n,) in [0, 1), one per vehicle of a child.
+        first: of the numbers of a salt.
 
     Source: the mixing function of SplitMix64, Steele, Lea, Flood 2014.
     """
     with np.errstate(over="ignore"):
-        step = np.arange(1, count + 1, dtype=np.uint64) + np.uint64(64 * (salt + 1))
+        step = np.arange(first + 1, first + count + 1, dtype=np.uint64) + np.uint64(64 * (salt + 1))
         z = np.ascontiguousarray(draw, dtype=np.float64).view(np.uint64)[:, None] + step * _WEYL
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.cleaning.align import MAX_OFFSET_M, Evidence, fitted, on_lanes
+from scex_sumo.converters.cleaning.align import Evidence, fitted, on_lanes
 from scex_sumo.geometry.polylines import along, arc_lengths, wrap
 from scex_sumo.road import Road
 
 MIN_SHARE_ON_LANES = 0.1  # a recording with less of its driving on lanes does not belong to its map
 FITTING_SHARE = 0.8  # with this much of the driving on lanes after a shift, the map is the right one
-MIN_GAIN = 0.1  # of the driving that a shift must bring onto lanes before the origin is doubted
+MIN_GAIN = 0.05  # of the driving that a shift must bring onto lanes before the origin is doubted
+MIN_SHIFT_M = 2.0  # of an origin in doubt
 EARTH_M = 111_320.0  # per degree of latitude
 MIN_TRACKS, MIN_COURSES = 3, 3
 CELL_M, COURSES, MAX_CELLS = 4.0, 8, 1500
@@ -39,10 +40,10 @@ def explain_mismatch(samples: Evidence, road: Road) -> str:
 
 
 def doubt_place(samples: Evidence, road: Road) -> str | None:
-    """Return a warning if tracks lie beside the lanes and a shift of over 3 m puts them onto lanes."""
+    """Return a warning if tracks lie beside the lanes and a shift of over 2 m puts more onto lanes."""
     share = on_lanes(samples, road)
-    shift = find_shift(samples, road) if share < FITTING_SHARE else None
-    if shift is None or shift[2] - share < MIN_GAIN or np.hypot(*shift[:2]) <= MAX_OFFSET_M:
+    shift = find_shift(samples, road) if share <= 1.0 - MIN_GAIN else None
+    if shift is None or shift[2] - share < MIN_GAIN or np.hypot(*shift[:2]) <= MIN_SHIFT_M:
         return None
     (dx, dy, after), (lat, lon) = shift, road.origin
     place = lat + dy / EARTH_M, lon + dx / EARTH_M / np.cos(np.deg2rad(lat))

@@ -29,23 +29,26 @@ MIN_SIZE_M = 0.1
 MAX_SPEED_MPS = 100.0  # 360 km/h
 
 
-def repair_tracks(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
+def repair_tracks(table: TrackTable, *, exact: bool = False) -> tuple[TrackTable, tuple[str, ...]]:
     """Repair a recording, or one case of a file of cases.
 
     In order: duplicates, tracker warm-up, jumps, velocities and noise, headings, implausible sizes or speeds.
+    Exact recordings, from a simulation, are only cut at jumps and cleared of what is implausible.
 
     Returns a phrase with counts for each kind of defect, too.
     """
-    vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS)
+    vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS, exact=exact)
     # Pedestrians and cyclists face where they go.
-    others, more = _repair(table.others, table, STANDING_MPS)
+    others, more = _repair(table.others, table, STANDING_MPS, exact=exact)
     if more:
         both = "repaired in the same way" if findings else "; ".join(more)
         findings.append(f"pedestrians and cyclists: {both}")
     return replace(table, vehicles=vehicles, others=others), tuple(findings)
 
 
-def _repair(rows: TrackRows, table: TrackTable, forward_mps: float) -> tuple[TrackRows, list[str]]:
+def _repair(
+    rows: TrackRows, table: TrackTable, forward_mps: float, *, exact: bool
+) -> tuple[TrackRows, list[str]]:
     findings: list[str] = []
     if not len(rows):
         return rows, findings
@@ -57,7 +60,7 @@ def _repair(rows: TrackRows, table: TrackTable, forward_mps: float) -> tuple[Tra
         lambda rows: repair_headings(rows, forward_mps),
         _drop_implausible,
     )
-    for step in steps:
+    for step in (_cut_jumps, _drop_implausible) if exact else steps:
         rows, found = step(rows)
         findings += found
         if not len(rows):

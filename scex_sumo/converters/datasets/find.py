@@ -40,8 +40,8 @@ def find_recordings(roots: Sequence[str | Path]) -> tuple[Recording, ...]:
         places = ", ".join(str(root) for root in roots) or "nothing given"
         raise TrackError(
             f"{places}: no recording found; looked for recorded_trackfiles/NAME/vehicle_tracks_*.csv, "
-            "train/NAME_train.csv, val/NAME_val.csv with maps/NAME.osm, CommonRoad *.xml and *_tracks.csv "
-            "with *_recordingMeta.csv"
+            "train/NAME_train.csv, val/NAME_val.csv with maps/NAME.osm, CommonRoad *.xml, *_tracks.csv with "
+            "*_recordingMeta.csv, and the files of the other data sets in docs/data.md"
         )
     return tuple(_with_unique_names(sorted(recordings, key=lambda one: (one.name, one.track_paths))))
 

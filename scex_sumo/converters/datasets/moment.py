@@ -8,6 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.converters.cleaning.heading import STANDING_MPS
+from scex_sumo.converters.registries import Window
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 
@@ -36,13 +37,23 @@ class Moment:
     complete: int
 
 
-def find_moments(table: TrackTable, *, every_s: float = STEP_S) -> list[Moment]:
-    """List all possible seed scenes in order of time, at least ``every_s`` apart; one for each case."""
+def find_moments(
+    table: TrackTable, *, every_s: float = STEP_S, window: Window = (None, None)
+) -> list[Moment]:
+    """List all possible seed scenes in order of time, at least ``every_s`` apart; one for each case.
+
+    Those before or after the window, s, are left out.
+    """
     rows = table.vehicles
     if not len(rows):
         return []
     complete = (rows.speed > STANDING_MPS) & recorded_throughout(table)
     chosen = rows.frame_id == CASE_FRAME if table.has_cases else np.full(len(rows), True)
+    for limit, sign in zip(window, (1, -1), strict=True):
+        if limit is not None:
+            chosen &= sign * (rows.timestamp_ms - 1000.0 * limit) > -STAMP_MS
+    if not chosen.any():
+        return []
     # one number per pair of case and stamp
     stamps, at = np.unique(rows.timestamp_ms[chosen], return_inverse=True)
     keys, number = np.unique(rows.case[chosen] * len(stamps) + at, return_inverse=True)

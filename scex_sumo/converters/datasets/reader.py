@@ -11,28 +11,37 @@ from pathlib import Path
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.cleaning.align import Evidence, align_tracks, evidence
 from scex_sumo.converters.cleaning.repair import repair_tracks
+from scex_sumo.converters.datasets.off_lanes import within_map
 from scex_sumo.converters.datasets.sample import resample_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
-from scex_sumo.converters.registries import dataset_of
+from scex_sumo.converters.registries import Dataset, Window, dataset_of
 from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.rows import TrackTable, other_rate
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S
 
 
-def read_recorded(paths: Sequence[Path], net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+def read_recorded(
+    paths: Sequence[Path], net: Path | None = None, window: Window = (None, None)
+) -> tuple[TrackTable, tuple[str, ...]]:
     """Read a recording, one file or consecutive chunks; nothing is repaired.
 
     Returns:
         The recording, and a phrase for each thing left out.
     """
-    table, notes = dataset_of(paths[0]).read(paths, net=net)
+    dataset = dataset_of(paths[0])
+    table, notes = dataset.read(paths, net=net, **({"window": window} if dataset.simulated else {}))
     check_values(table)
     return table, notes
 
 
 def read_clean(
-    paths: Sequence[Path], road: Road | None, *, repair: bool = True, align: bool = True
+    paths: Sequence[Path],
+    road: Road | None,
+    *,
+    repair: bool = True,
+    align: bool = True,
+    window: Window = (None, None),
 ) -> CleanRecording:
     """Read a recording, repair it, resample it to 10 Hz and align it to its map.
 
@@ -40,29 +49,34 @@ def read_clean(
         road: the map; without it nothing is aligned.
         repair: as `repair_tracks`. Cases of INTERACTION v1.2 are repaired when one is taken.
         align: as `align_tracks`, with the other recordings of the folder if the evidence is thin.
+        window: first and last time that is needed, s.
     """
-    table, findings = _repaired(paths, repair=repair, net=None if road is None else road.net)
-    if align and road is not None:
+    table, findings = read_recorded(paths, None if road is None else road.net, window)
+    if repair:
+        table, findings = repaired(table, findings, dataset_of(paths[0]))
+    from_car = dataset_of(paths[0]).from_car
+    if align and road is not None and not from_car:
         table, moved = align_tracks(table, road, siblings=_siblings(paths))
         findings = (*findings, moved) if moved else findings
+    if road is not None and from_car:
+        table, left = within_map(table, road)
+        findings = (*findings, *left)
     return CleanRecording(table=table, findings=findings, repair=repair)
 
 
-def _repaired(
-    paths: Sequence[Path], *, repair: bool = True, net: Path | None = None
+def repaired(
+    table: TrackTable, findings: tuple[str, ...], dataset: Dataset
 ) -> tuple[TrackTable, tuple[str, ...]]:
-    table, findings = read_recorded(paths, net)
-    if repair and not table.has_cases:
-        table, before = dataset_of(paths[0]).repair(table)
-        table, after = repair_tracks(table)
-        findings = (*findings, *before, *after)
-        if other_rate(table.step_s):
-            vehicles, others = resample_tracks(table.vehicles), resample_tracks(table.others)
-            recorded_s = table.step_s
-            table = replace(
-                table, vehicles=vehicles, others=others, step_s=STEP_S, recorded_step_s=recorded_s
-            )
-    return table, findings
+    """Repair a recording and resample it to 10 Hz; cases stay as they are."""
+    if table.has_cases:
+        return table, findings
+    table, before = dataset.repair(table)
+    table, after = repair_tracks(table, exact=dataset.simulated)
+    if other_rate(table.step_s):
+        vehicles, others = resample_tracks(table.vehicles), resample_tracks(table.others)
+        recorded_s = table.step_s
+        table = replace(table, vehicles=vehicles, others=others, step_s=STEP_S, recorded_step_s=recorded_s)
+    return table, (*findings, *before, *after)
 
 
 def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
@@ -76,4 +90,4 @@ def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
 
 @lru_cache(maxsize=128)
 def _evidence(path: Path, _changed_ns: int) -> Evidence:
-    return evidence(_repaired([path])[0].vehicles)
+    return evidence(repaired(*read_recorded([path]), dataset_of(path))[0].vehicles)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,14 +15,14 @@ from scex_sumo.converters.cleaning.mismatch import MIN_SHARE_ON_LANES, doubt_pla
 from scex_sumo.converters.datasets.find import find_recordings, find_tracks
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.reader import read_clean
-from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
+from scex_sumo.converters.datasets.scene import FUTURE_STEPS, CleanRecording, take_scene
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.maps import LANELET2, read_map
-from scex_sumo.converters.registries import Recording, dataset_of, map_format, place_name
+from scex_sumo.converters.registries import Recording, Window, dataset_of, map_format, place_name
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 
 __all__ = [
     "LoadedRecording",
@@ -77,14 +78,14 @@ def load_recording(recording: Recording, origin: tuple[float, float] | None = No
     if origin is None and map_format(map_path).read is LANELET2.read:
         origin = recorded_origin(map_path, tracks_path=track_path)
     road = _read_road(map_path, stamp, origin)
-    clean = read_clean(recording.track_paths, road)
+    clean = read_clean(recording.track_paths, road, window=_with_history(recording.window))
     _check(clean.table, road, map_path)
     return LoadedRecording(
         recording=recording,
         road=road,
         table=clean.table,
         findings=clean.findings,
-        notes=_doubts(evidence(clean.table.vehicles), road),
+        notes=_doubts(evidence(clean.table.vehicles), road, track_path),
     )
 
 
@@ -119,18 +120,20 @@ def seed_at(
         min_history=min_history,
     )
     scene = _warned(scene, off_road(loaded.road, scene), loaded.notes)
-    return dataclasses.replace(scene, road=loaded.road)
+    return loaded.table.complete(dataclasses.replace(scene, road=loaded.road))
 
 
 def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment]:
     """List all moments that can be seed scenes, at least ``every_s`` apart; one for each case.
+
+    Only those in the recording's window count.
 
     Example:
         >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
         >>> len(scex.recording_moments(loaded, every_s=1.0))
         19
     """
-    return find_moments(loaded.table, every_s=every_s)
+    return find_moments(loaded.table, every_s=every_s, window=loaded.recording.window)
 
 
 def recorded_scene(
@@ -164,7 +167,10 @@ def recorded_scene(
             vehicles, or with its vehicles beside the lanes.
     """
     recording = recording_of(Path(map_path), tracks)
-    clean = read_clean(recording.track_paths, road, repair=repair, align=align)
+    at = time_s if time_s is not None and math.isfinite(time_s) else None
+    clean = read_clean(
+        recording.track_paths, road, repair=repair, align=align, window=_with_history((at, at))
+    )
     scene = take_scene(
         clean,
         name=recording.name,
@@ -177,7 +183,8 @@ def recorded_scene(
         return scene
     samples, off = evidence(clean.table.vehicles), off_road(road, scene)
     _check_place(scene, off, samples, road, force=force)
-    return _warned(scene, off, _doubts(samples, road))
+    scene = _warned(scene, off, _doubts(samples, road, recording.track_paths[0]))
+    return clean.table.complete(dataclasses.replace(scene, road=road))
 
 
 def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
@@ -212,8 +219,17 @@ def _warned(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> SeedScen
     return dataclasses.replace(scene, notes=(*scene.notes, *notes, *doubts))
 
 
-def _doubts(samples: Evidence, road: Road) -> tuple[str, ...]:
-    doubt = doubt_place(samples, road)
+def _with_history(window: Window) -> Window:
+    """Return the part of a recording that seed scenes in a window need."""
+    first, last = window
+    return (
+        None if first is None else first - HISTORY_STEPS * STEP_S,
+        None if last is None else last + FUTURE_STEPS * STEP_S,
+    )
+
+
+def _doubts(samples: Evidence, road: Road, tracks: Path) -> tuple[str, ...]:
+    doubt = None if dataset_of(tracks).from_car else doubt_place(samples, road)
     return (doubt,) if doubt else ()
 
 

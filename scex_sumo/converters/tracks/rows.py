@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.scene import STEP_S
+from scex_sumo.scene import STEP_S, SeedScene
 
 MAX_GAP_S = 0.5
 """A longer gap splits a track into two segments: nothing is interpolated or smoothed across it."""
@@ -135,6 +135,7 @@ class TrackTable:
         others: tracks of all other road users.
         recorded_step_s: usual time between samples as recorded.
         notes: what the reader decided or left out, one phrase each.
+        complete: adds to a seed scene with its road what belongs to its moment, e.g. phases of lights.
 
     Example:
         >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
@@ -149,6 +150,7 @@ class TrackTable:
     step_s: float
     recorded_step_s: float | None = None
     notes: tuple[str, ...] = ()
+    complete: Callable[[SeedScene], SeedScene] = lambda scene: scene
 
     @property
     def rate(self) -> str:
@@ -205,6 +207,22 @@ def track_rows(
         types=tuple(str(types[k]) for k in used),
         frame_id=np.rint(stamps / (1000.0 * STEP_S)).astype(np.int64) if frame_id is None else frame_id,
         **columns,
+    )
+
+
+def joined_rows(*parts: TrackRows) -> TrackRows:
+    """Join the tracks of several parts of one recording, the parts one after the other."""
+    tracks = np.cumsum([0, *(part.tracks for part in parts)])
+    segments = np.cumsum([0, *(int(part.segment.max(initial=-1)) + 1 for part in parts)])
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_COLUMNS}
+    columns["segment"] = np.concatenate(
+        [part.segment + first for part, first in zip(parts, segments, strict=False)]
+    )
+    return TrackRows(
+        **columns,
+        track=np.concatenate([part.track + first for part, first in zip(parts, tracks, strict=False)]),
+        labels=tuple(label for part in parts for label in part.labels),
+        types=tuple(kind for part in parts for kind in part.types),
     )
 
 

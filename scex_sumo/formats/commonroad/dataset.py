@@ -14,7 +14,7 @@ import numpy as np
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, Recording, recording_name
-from scex_sumo.converters.tracks.rows import ROW_COLUMNS, TrackRows, TrackTable, segments_of
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows
 from scex_sumo.formats.commonroad.file import is_commonroad
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks, repair_commonroad
 
@@ -133,15 +133,13 @@ def _joined(parts: list[TrackRows], offsets_ms: list[float]) -> TrackRows:
     track = np.concatenate(
         [np.array([number[n] for n in part.labels], np.int64)[part.track] for part in parts]
     )
-    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_COLUMNS}
-    shift = np.repeat(offsets_ms, [len(part) for part in parts])
-    columns["timestamp_ms"] = columns["timestamp_ms"] + shift
+    columns = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in ("frame_id", *FLOAT_COLUMNS)
+    }
+    columns["timestamp_ms"] += np.repeat(offsets_ms, [len(part) for part in parts])
     order = np.lexsort((columns["timestamp_ms"], track))
     columns = {name: values[order] for name, values in columns.items()}
-    columns["segment"] = segments_of(track[order], columns["timestamp_ms"])
-    return TrackRows(
-        **columns, track=track[order], labels=tuple(labels), types=tuple(kinds[label] for label in labels)
-    )
+    return track_rows(track[order], labels, [kinds[label] for label in labels], **columns)
 
 
 COMMONROAD = Dataset(

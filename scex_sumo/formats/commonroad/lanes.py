@@ -26,7 +26,6 @@ from scex_sumo.formats.commonroad.rules import (
 from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
 from scex_sumo.road import Area, Lane, Marking, Regulation
 
-GAP_M = 1.0  # a successor that begins farther away than this gets a note
 JOINT_M = 0.1  # two lanes follow each other if both bounds meet within this distance
 
 Signs: TypeAlias = Mapping[int, tuple[Sign, ...]]
@@ -89,69 +88,15 @@ def _speed(file: CommonRoadFile, i: int, lanelet: Lanelet, signs: Signs) -> floa
         return None
 
 
-def connected(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> dict[int, Lane]:
-    """Add successors, predecessors and neighbours to lanes, each known to both sides."""
-    pairs = _successors(file, lanelets, lanes)
-    left_of = _left_neighbours(file, lanelets, lanes)
-    right_of = {j: i for i, j in left_of.items()}
-    result = {}
-    for i, lane in lanes.items():
-        left, right = left_of.get(i), right_of.get(i)
-        result[i] = replace(
-            lane,
-            successors=tuple(sorted(b for a, b in pairs if a == i)),
-            predecessors=tuple(sorted(a for a, b in pairs if b == i)),
-            adjacent_left=left,
-            adjacent_right=right,
-            left=left if left and _may_change(lanelets[left], lanelets[i], leftwards=True) else None,
-            right=right if right and _may_change(lanelets[i], lanelets[right], leftwards=False) else None,
-        )
-    return result
-
-
 def driven_both_ways(lanelets: Lanelets, lanes: Mapping[int, Lane]) -> list[int]:
     """Vehicle lanes that cars may use in both directions."""
     return [i for i, lane in lanes.items() if lane.kind == "vehicle" and lanelets[i].both_ways & CARS]
 
 
-def _successors(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> set[tuple[int, int]]:
-    driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
-    ahead = {(i, j) for i in driven for j in lanelets[i].successors & driven}
-    behind = {(j, i) for i in driven for j in lanelets[i].predecessors & driven}
-    for i, j in ahead ^ behind:
-        file.note("successors that only one of the two lanelets knows, kept", f"{i}-{j}")
-    for i, j in ahead | behind:
-        if np.hypot(*(lanes[i].centreline[-1] - lanes[j].centreline[0])) > GAP_M:
-            file.note(f"successors that begin more than {GAP_M:g} m from the end", f"{i}-{j}")
-    return ahead | behind
-
-
-def _left_neighbours(file: CommonRoadFile, lanelets: Lanelets, lanes: Mapping[int, Lane]) -> dict[int, int]:
-    driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
-    named = {(i, lanelets[i].left_neighbour) for i in driven}
-    beside = {(i, j) for i, j in named if j is not None and j in driven}
-    backed = {(lanelets[j].right_neighbour, j) for j in driven}
-    other = {(i, j) for i, j in backed if i is not None and i in driven}
-    for i, j in beside ^ other:
-        file.note("neighbours that only one of the two lanelets knows, left out", f"{i}-{j}")
-    left_of = dict(sorted(beside & other))
-    for i in [i for i in left_of if _in_ring(left_of, i)]:
-        file.note("neighbours in a ring, left out", i)
-        del left_of[i]
-    return left_of
-
-
-def _in_ring(left_of: Mapping[int, int], start: int) -> bool:
-    lane: int | None = left_of.get(start)
-    for _ in left_of:
-        if lane is None or lane == start:
-            break
-        lane = left_of.get(lane)
-    return lane == start
-
-
-def _may_change(left: Lanelet, right: Lanelet, *, leftwards: bool) -> bool:
-    return all(may_cross(line, leftwards=leftwards) for line in (left.right_marking, right.left_marking))
+def may_change(lanelets: Lanelets, left: int, right: int, leftwards: bool) -> bool:
+    """Return whether the markings between two lanelets allow a lane change."""
+    lines = (lanelets[left].right_marking, lanelets[right].left_marking)
+    return all(may_cross(line, leftwards=leftwards) for line in lines)
 
 
 def rules_of(

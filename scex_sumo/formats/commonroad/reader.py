@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 from xml.etree import ElementTree
@@ -15,15 +16,16 @@ from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.commonroad.file import CommonRoadFile, is_commonroad, open_commonroad
 from scex_sumo.formats.commonroad.lanelets import read_lanelets
 from scex_sumo.formats.commonroad.lanes import (
-    connected,
     drawn_areas,
     drawn_markings,
     driven_both_ways,
     lanes_of,
+    may_change,
     rules_of,
     with_reverse,
 )
 from scex_sumo.formats.commonroad.rules import Sign
+from scex_sumo.formats.lane_map import Links, connected
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import overlapping
 
@@ -49,7 +51,13 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
         )
     with _quiet():
         signs = _signs(file, name_of_sign)
-    lanes = connected(file, lanelets, lanes_of(file, lanelets, signs))
+    links = Links(
+        after={i: one.successors for i, one in lanelets.items()},
+        before={i: one.predecessors for i, one in lanelets.items()},
+        left={i: one.left_neighbour for i, one in lanelets.items()},
+        right={i: one.right_neighbour for i, one in lanelets.items()},
+    )
+    lanes = connected(file, links, lanes_of(file, lanelets, signs), partial(may_change, lanelets))
     lanes = with_reverse(lanes, driven_both_ways(lanelets, lanes))
     lanes = overlapping(lanes, {i: lanelets[lane.reverse_of or i].centre for i, lane in lanes.items()})
     return Road(

@@ -10,6 +10,7 @@ import shutil
 import stat
 import subprocess
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -69,21 +70,27 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     made_of = (
         repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items()))).encode() + content
     )
-    place = _private_folder() / hashlib.sha256(made_of).hexdigest()[:32]
-    net, digest = place / f"{map_name(path)}.net.xml", place / "sha256"
-    if not _is_whole(net, digest):
-        made = _netconvert(path, kind, content, options)
-        place.mkdir(mode=0o700, exist_ok=True)
-        write_atomic(net, made)
-        write_atomic(digest, hashlib.sha256(made).hexdigest().encode())
-        for old in sorted(place.parent.iterdir(), key=lambda old: old.stat().st_mtime)[:-MAX_NETS]:
-            shutil.rmtree(old, ignore_errors=True)
+    net = kept_net(path, made_of, lambda: _netconvert(path, kind, content, options))
     try:
         road = read_sumo_road(net)
     except MapError as error:
         raise MapError(f"{path}: netconvert cannot convert it to a usable net ({error})") from None
     note = f"{path.name}: read by way of netconvert, as {net}"
     return replace(road, notes=(note, *road.notes))
+
+
+def kept_net(path: Path, made_of: bytes, make: Callable[[], bytes]) -> Path:
+    """Return the net that ``make`` makes of a file, kept in the user's cache by what it is made of."""
+    place = _private_folder() / hashlib.sha256(made_of).hexdigest()[:32]
+    net, digest = place / f"{map_name(path)}.net.xml", place / "sha256"
+    if not _is_whole(net, digest):
+        made = make()
+        place.mkdir(mode=0o700, exist_ok=True)
+        write_atomic(net, made)
+        write_atomic(digest, hashlib.sha256(made).hexdigest().encode())
+        for old in sorted(place.parent.iterdir(), key=lambda old: old.stat().st_mtime)[:-MAX_NETS]:
+            shutil.rmtree(old, ignore_errors=True)
+    return net
 
 
 def _private_folder() -> Path:

@@ -71,7 +71,7 @@ def _road(path: Path) -> Road:
     sumo_lanes = {numbers[name]: net.getLane(name) for name in numbers}
     following = {i: _following(lane, numbers) for i, lane in sumo_lanes.items()}
     lanes = {i: _lane(i, lane, following[i]) for i, lane in sumo_lanes.items()}
-    lanes = _beside(lanes, sumo_lanes, numbers, forbidden)
+    lanes = _beside(lanes, sumo_lanes, numbers, forbidden, lefthand=root.get("lefthand") in ("true", "1"))
     lines = {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}
     within = {i for i, lane in lanes.items() if lane.subtype.startswith(":")}
     if named:
@@ -259,7 +259,10 @@ def _beside(
     sumo_lanes: Mapping[int, Any],
     numbers: Mapping[str, int],
     forbidden: set[tuple[str, int]],
+    *,
+    lefthand: bool,
 ) -> dict[int, Lane]:
+    left = -1 if lefthand else 1  # lane 0 is next to the kerb
     result = {}
     for i, lane in lanes.items():
         sumo_lane = sumo_lanes[i]
@@ -277,7 +280,7 @@ def _beside(
             for side in near
         }
         result[i] = replace(
-            lane, left=free[1], right=free[-1], adjacent_left=near[1], adjacent_right=near[-1]
+            lane, left=free[left], right=free[-left], adjacent_left=near[left], adjacent_right=near[-left]
         )
     return result
 

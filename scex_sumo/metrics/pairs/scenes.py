@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, TypeAlias, TypeVar
@@ -228,6 +228,13 @@ class Scenes:
             self._derived[preset.name] = other
         made: Scenes = self._derived[preset.name]
         return made
+
+    def of_vehicles(self, vehicles: Collection[int]) -> Scenes:
+        """Return the same scenes with those pairs only that one of these vehicles (indices) is in."""
+        own = np.isin(self.pairs, list(vehicles)).any(axis=0)
+        shared = None if self.shared is None else replace(self.shared, row=self.shared.row[own])
+        first, second = self.pairs
+        return replace(self, chosen=(first[own], second[own]), shared=shared, _derived={})
 
     def once(self, make: Callable[[Scenes], T]) -> T:
         """Return ``make(self)``, computed once for all metrics."""

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from string import Template
 from typing import Any
 
-from scex_sumo.reports.page.charts import line_sample
 from scex_sumo.reports.page.html import Html, asset, element, joined
 from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import STEP_S
@@ -30,12 +28,8 @@ def run_body(info: Mapping[str, Any], *cards: Html) -> str:
         name=element("span", info["name"]),
         about=joined(" · ".join(part for part in about if part)),
         warnings=_note_card("Warnings", warnings),
-        verdict=joined(_collision_card(info), _share_card(info), _encounter_card(info)),
-        charts=joined(*(_chart(info, number) for number in range(len(info["metrics"])))),
-        legend=_legend(info),
+        verdict=joined(_collision_card(info), _encounter_card(info), _share_card(info)),
         recorded="" if info["has_recorded"] else " hidden",
-        focus=_focus_options(info),
-        copies=_copies(info),
         notes=joined(*cards, _note_card("Notes", [n for n in notes if not n.startswith(_WARNING)])),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
@@ -51,38 +45,36 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     if share is None:
         words = element("p.soft", "not in this result; run it again")
         return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
-    parts = [
-        element("h2", "P(collision)"),
-        *_big(share, "stress test: driven as any of the models", "p-collision"),
-    ]
+    parts = [_big(share, "stress test", "driven as any of the models", "p-collision", "drawn")]
     if likely is not None:
-        parts += _big(likely, "human-like: driven as people were recorded", "likely-collision")
-    return element("div.card", *parts)
+        parts.append(
+            _big(likely, "human-like", "driven as people were recorded", "likely-collision", "likely")
+        )
+    return element("div.card", element("h2", "P(collision)"), element("div.sets", *parts))
 
 
-def _big(share: Mapping[str, Any], what: str, name: str) -> tuple[Html, Html]:
+def _big(share: Mapping[str, Any], what: str, how: str, name: str, kind: str) -> Html:
     exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
     value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
-    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
     seen = f"{share['count']} of {counted(share['children'], 'future')}"
     words = f"{seen}; 95 %: {interval}" if exact is None else f"exact; sampled: {seen}, {interval}"
+    if rare := share["rare"]:
+        value, words = rare["short"], f"{rare['words']}; drawn plainly: {seen}"
+    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
     hurt = share["injuries"]
     severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
     counts = element("span", words, id=f"{name}-words", title=words)
-    return number, element("p.soft", f"{what}; ", counts, *severe)
+    return element(
+        "div", number, element("p.soft", element(f"b.{kind}", what), f", {how}: ", counts, *severe)
+    )
 
 
 def _share_card(info: Mapping[str, Any]) -> Html:
-    bar = element("div.bar", *(element(f"i.{kind}") for kind in ("drawn", "range", "likely")))
-    lines = [
-        element("div.share", element("span"), bar, element("b"), data_metric=number, hidden=True)
-        for number in range(len(info["metrics"]))
-    ]
     about = element("p.soft", _recorded_words(info["metrics"]))
     whoever = f"Always so in this traffic: {', '.join(info['always'])}."
     always = [element("p", whoever)] if info["always"] else []
     always += [element("p", f"{info['above'][:1].upper()}{info['above'][1:]}.")] if info["above"] else []
-    return element("div.card", element("h2", "P(critical)"), *lines, about, *always)
+    return element("div.card", element("h2", "P(critical)"), element("div", id="shares"), about, *always)
 
 
 def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
@@ -99,75 +91,15 @@ def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def _chart(info: Mapping[str, Any], number: int) -> Html:
-    metric = info["metrics"][number]
-    name = metric["name"] + (f" [{metric['unit']}]" if metric["unit"] else "")
-    limit = element("input", type="number", step="any", title="Threshold", aria_label=f"Threshold of {name}")
-    recorded = (
-        [] if metric["recorded"] is None else [f"recorded {metric['recorded']:.2f} {metric['unit']}".rstrip()]
-    )
-    rare = metric["defined"] < info["children"]
-    defined = [f"defined in {metric['defined']} of {info['children']} futures"] if rare else []
-    return element(
-        "div.chart",
-        element("header", element("span", name), element("span", element("b"), f" {metric['sign']} ", limit)),
-        element("canvas", aria_label=f"Distribution of {name}", hidden=not metric["ticks"]),
-        element("p.soft", ", ".join([*recorded, *defined])),
-        data_metric=number,
-        hidden=metric["mean"],
-    )
-
-
 def _encounter_card(info: Mapping[str, Any]) -> Html:
-    buttons = [
-        element("li", element("button", row["words"], data_encounter=number))
-        for number, row in enumerate(info["encounters"]["rows"])
-        if row["worst"]
-    ]
-    about = "A vehicle hits or follows → another (how, where, after what time). Shares of all futures."
+    is_critical = any(row["worst"] for row in info["encounters"]["rows"])
+    about = "A vehicle hits or follows → another; how, where, when; share of all futures; drivers."
     parts = [
-        element("p.soft", about if buttons else "No pair of vehicles has a critical encounter."),
-        element("ol", *buttons),
+        element("p.soft", about if is_critical else "No pair of vehicles has a critical encounter."),
+        element("ol", id="worst-encounters"),
     ]
     parts += [element("p", info["tested"])] if info["tested"] else []
     return element("div.card", element("h2", "Worst encounters"), *parts)
-
-
-def _legend(info: Mapping[str, Any]) -> Html:
-    """Return the page's only legend: bodies by model, lines by what they show."""
-    models = [
-        element("div", element("svg", element("rect", width="14", height="8", rx="2", fill=color)), model)
-        for model, color in zip(info["models"], info["colors"], strict=True)
-    ]
-    recorded = [("recorded.dashed", "recorded")] if info["has_recorded"] else []
-    likely = [("likely.dashed", "human-like")] if info["likely_collisions"] is not None else []
-    lines = [
-        ("drawn", "stress test"),
-        *likely,
-        ("picked", "shown, selected"),
-        *recorded,
-        ("critical", "critical"),
-    ]
-    sure = element("div", element("i.sure"), "95 % confidence interval")
-    return joined(*models, *(element("div", line_sample(kind), words) for kind, words in lines), sure)
-
-
-def _focus_options(info: Mapping[str, Any]) -> Html:
-    names = ["collision", *(m["name"] + (" (mean)" if m["mean"] else "") for m in info["metrics"])]
-    with_event = {row["metric"] for row in info["events"]["rows"]}
-    return joined(*(element("option", name, value=m) for m, name in enumerate(names, -1) if m in with_event))
-
-
-def _copies(info: Mapping[str, Any]) -> Html:
-    folder = shlex.quote(info["folder"])
-    commands = {
-        "open in sumo-gui": f"scex-sumo view {folder} --child CHILD",
-        "export future": f"scex-sumo export {folder} --child CHILD --to fcd",
-        "run again": info["command"],
-    }
-    return joined(
-        *(element("button", f"copy: {name}", data_copy=text) for name, text in commands.items() if text)
-    )
 
 
 def _note_card(title: str, notes: Sequence[str]) -> Html:

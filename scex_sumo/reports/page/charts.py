@@ -11,6 +11,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.page.html import Html, element, joined
+from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH, Density
 
 _ROUND = (1, 2, 5, 10)
@@ -144,22 +145,10 @@ def value_range(
     return low, high
 
 
-def cumulative_plot(
-    column: str, curves: Curves, x: tuple[float, float], *, threshold: float | None = None
-) -> Html:
-    """Return cumulative curves of a metric with their bands; values beyond the threshold are critical."""
-    plane = Plane(x=x)
-    defined = [(kind, curve) for kind, curve in curves if curve is not None]
-    parts = [] if defined else [_undefined(plane)]
-    if defined and threshold is not None:
-        far = plane.x[0] if metric_of(column).side == "left" else plane.x[1]
-        line = plane.line(np.full(2, threshold), np.array(plane.y), "critical")
-        parts = [plane.box((threshold, far), plane.y, "critical"), line]
-    for kind, curve in defined:
-        at = np.append(curve.x[(curve.x >= x[0]) & (curve.x < x[1])], x[1])  # up to the right end
-        low, high, share = (np.interp(at, curve.x, y) for y in (*curve.band, curve.cdf))
-        parts += [plane.area(at, low, high, kind), plane.line(at, share, kind)]
-    return plane.figure(metric_title(column), *parts)
+def samples_of_both(run: Run, column: str) -> FloatArray:
+    """Return the values (n,) of a metric in the stress test and in the human-like futures."""
+    both = (run,) if run.reference is None else (run, run.reference)
+    return np.concatenate([one.samples(column) for one in both])
 
 
 def density_plot(column: str, curves: Curves, x: tuple[float, float]) -> Html:

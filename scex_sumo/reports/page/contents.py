@@ -6,6 +6,7 @@ import shlex
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
@@ -13,23 +14,23 @@ from scex_sumo.base.colors import model_colors
 from scex_sumo.base.errors import ScexError
 from scex_sumo.reports.page.charts import ticks
 from scex_sumo.reports.page.metrics import (
-    curve_arrays,
-    curve_words,
-    densities_of,
     effective_numbers,
     metric_words,
+    reflects,
 )
-from scex_sumo.reports.page.packing import quantized
-from scex_sumo.reports.page.scene import POSITION_M, recorded_tracks, road_paths, unique_tracks
+from scex_sumo.reports.page.packing import UNITS, quantized
+from scex_sumo.reports.page.scene import Future, packed_tracks, recorded_tracks, road_paths
 from scex_sumo.reports.page.tables import (
     collision_places,
     collision_share,
     encounter_table,
     event_table,
     metric_values,
+    pair_events,
 )
 from scex_sumo.reports.run_table import always_critical, human_above
 from scex_sumo.reports.under_test_table import verdict
+from scex_sumo.results.densities import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH
@@ -46,31 +47,37 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     """
     scene = scene or run.scene
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
-    levels, models = _assignment(run, len(track_ids))
+    both = [run] if run.reference is None else [run, run.reference]
+    levels, models = _assignments(both, len(track_ids))
     metrics = [metric_words(run, column) for column in run.columns]
-    curves = densities_of(run, run.columns)
+    bands = half_widths(run.metrics, run.columns, run.intervals)
     numbers = effective_numbers(run, [metric["side"] for metric in metrics])
-    likely = None if run.reference is None else densities_of(run.reference, run.columns)
     for metric, number in zip(metrics, numbers, strict=True):
-        metric |= {"numbers": number, **curve_words(curves, likely, metric["column"])}
-    views = {metric["column"]: metric["view"] for metric in metrics}
-    tracks = unique_tracks(run)
+        metric |= {"numbers": number, "band": bands[metric["column"]]}
+    info = _words(run, scene, track_ids, models, metrics)
+    tracks = packed_tracks(_futures(both, info))
     arrays: dict[str, Any] = {
         "start": tracks.start,
         "motion": tracks.motion,
+        "owner": tracks.owner,
         "which": tracks.which,
         "levels": levels,
-        "values": metric_values(run.metrics, run.columns),
-        **curve_arrays(curves, "curve", views),
+        "values": np.concatenate([metric_values(one.metrics, run.columns) for one in both], axis=1),
+        "events": pair_events(both, info["encounters"]["pairs"], track_ids),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
     }
-    if run.reference is not None and likely is not None:
-        arrays["likely"] = metric_values(run.reference.metrics, run.columns)
-        arrays |= curve_arrays(likely, "likely", views)
     left, right, low, high = tracks.box
     around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)
     place = {"box": tracks.box, "road": road_paths(road_lines(_net(run), around))}
-    return _words(run, scene, track_ids, models, metrics) | place, arrays
+    return info | place | {"packed": tracks.futures.tolist()}, arrays
+
+
+def _futures(both: list[Run], info: dict[str, Any]) -> list[Future]:
+    """Return the futures, those of table rows first; human-like ones only if a row shows them."""
+    rows = [row["child"] for row in info["encounters"]["rows"]] + [e["child"] for e in info["events"]["rows"]]
+    numbers = dict.fromkeys([*rows, *range(both[0].children)])
+    known = [(run, child) for run in both for child in range(run.children)]
+    return [(*known[number], number) for number in numbers]
 
 
 def _words(
@@ -83,6 +90,7 @@ def _words(
         "location": scene_info.get("location", ""),
         "time_s": scene_info.get("time_s"),
         "children": run.children,
+        "human": 0 if run.reference is None else run.reference.children,
         "steps": int(run.info["steps"]),
         "folder": str(run.folder),
         "command": shlex.join([str(word) for word in command]),
@@ -103,8 +111,9 @@ def _words(
         "metrics": metrics,
         "ticks": [(value, f"{words} s") for value, words in ticks(0, int(run.info["steps"]) * STEP_S)],
         "bandwidth": BANDWIDTH,
+        "reflect": reflects(run),
         "collision": collision_share(run),
-        "collisions": collision_places(run, track_ids),
+        "collisions": collision_places([run] if run.reference is None else [run, run.reference], track_ids),
         "encounters": encounter_table(run, track_ids),
         "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
@@ -115,8 +124,10 @@ def _words(
     }
 
 
-def _assignment(run: Run, vehicles: int) -> tuple[IntArray, list[str]]:
-    coded = run.assignments["model"].combine_chunks().dictionary_encode()
+def _assignments(both: list[Run], vehicles: int) -> tuple[IntArray, list[str]]:
+    """Return the index of each vehicle's model (C, V) in the futures of both sets, and the models."""
+    coded = pa.concat_tables([run.assignments.select(["model"]) for run in both])["model"]
+    coded = coded.combine_chunks().dictionary_encode()
     return np.asarray(coded.indices, dtype=np.int64).reshape(-1, vehicles), coded.dictionary.to_pylist()
 
 
@@ -125,13 +136,14 @@ def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str,
     if scene.future is not None and scene.future.shape[1]:
         valid = scene.future_valid
         there = np.ones(scene.future.shape, dtype=bool) if valid is None else valid
-        arrays["recorded"] = recorded_tracks(scene.future.map(lambda v: _steps(v, there, 0, steps)), start)
+        future = scene.future.map(lambda v: _steps(v, there, 0, steps))
+        arrays["recorded"] = recorded_tracks(future, start)
     others = scene.obstacles
     arrays["others"] = np.zeros((0, steps + 1, 2), dtype=np.int64)
     if others is not None:
         first, stop = HISTORY_STEPS, HISTORY_STEPS + steps + 1
         places = [_steps(v, others.present, first, stop) for v in (others.states.x, others.states.y)]
-        arrays["others"] = quantized(np.stack(places, axis=-1), POSITION_M)
+        arrays["others"] = quantized(np.stack(places, axis=-1), UNITS[0])
     return arrays
 
 

@@ -62,7 +62,7 @@ def _moment(run: Run) -> dict[str, str]:
     return {
         "scenario (6.4)": f"{scene['location']}{time}: {counted(scene['vehicles'], 'vehicle')}, "
         f"{counted(run.children, 'future')} of {run.info['steps'] * STEP_S:g} s",
-        "recording": ", ".join(str(source[key]) for key in ("tracks", "fcd", "state") if source.get(key))
+        "recording": ", ".join(str(source[key]) for key in ("tracks", "simulation") if source.get(key))
         or "none: a synthetic or stored scene",
         "exposure (6.4)": _exposure(run),
     }
@@ -97,7 +97,9 @@ def _probability(run: Run) -> dict[str, str]:
         "stress test": f"{share.percent}{sure}; drawn as {models}",
         "human-like": "not run"
         if human is None
-        else f"{human.p_collision.percent} of {counted(human.children, 'future')}, 95 % interval",
+        else f"{human.p_collision.percent} of {counted(human.children, 'future')}, 95 % interval"
+        if human.rare is None
+        else f"{human.rare.short}; {human.rare.words()}",
         "validity of the latter": "forecasts of this mix were scored on recordings of other sites, see "
         "docs/validity.md; of this site only if scex-sumo validate was run on it",
     }

@@ -13,8 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.scene import STEP_S
 
-_LEVEL = 6
+UNITS = (0.02, 0.02, 0.002, 0.02)
+"""Of x and y in m, heading in rad, speed in m/s; as in ``assets/data.js``."""
+_LEVEL = 7
+_SHIFT = 128  # values from -128 to 127 have equal upper bytes then
 _EXACT = (int, str)  # the most frequent types, which JSON writes as they are
 
 
@@ -29,6 +33,7 @@ def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
         small = smallest(values)
         heads.append({"name": name, "type": small.dtype.str[1:], "shape": small.shape})
         # Bytes of equal significance side by side compress well: the upper ones hardly vary.
+        small = small + small.dtype.type(_SHIFT) if small.dtype.kind == "i" and small.itemsize > 1 else small
         planes.append(small.reshape(-1, 1).view(np.uint8).T.tobytes() if small.size else b"")
     content = {"info": info, "arrays": heads}
     try:
@@ -65,17 +70,47 @@ def smallest(values: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(values, dtype=kind)
 
 
-def quantized(values: FloatArray, unit: float) -> IntArray:
+def quantized(values: FloatArray, unit: float | FloatArray) -> IntArray:
     """Return values as multiples of a unit."""
     return np.rint(np.asarray(values) / unit).astype(np.int64)
 
 
-def second_differences(values: IntArray) -> IntArray:
-    """Return second differences along axis 1, after two zeros; small where motion is steady."""
-    before = np.zeros((values.shape[0], 2, *values.shape[2:]), dtype=values.dtype)
-    return np.diff(np.concatenate([before, values], axis=1), n=2, axis=1)
+def coded_motion(start: IntArray, poses: FloatArray) -> IntArray:
+    """Return what a track differs from steady motion by, small integers in `UNITS`.
+
+    Args:
+        start: (U, 4) x, y, heading, speed at the seed moment, in `UNITS`.
+        poses: (U, T, 4) of the steps after it, m, rad, m/s; headings without jumps.
+
+    Returns:
+        (4, U, T): places off those that the mean velocity of a step leads to; second differences of heading
+        and speed.
+    """
+    changes = quantized(poses[..., 2:], np.array(UNITS[2:])) - start[:, None, 2:]
+    before = np.zeros((len(poses), 2, 2), dtype=np.int64)
+    codes = np.empty((len(poses), poses.shape[1], 4), dtype=np.int64)
+    codes[..., 2:] = np.diff(np.concatenate([before, changes], axis=1), n=2, axis=1)
+    place, ahead = start[:, :2] * UNITS[:2], _ahead(start, changes)
+    for step in range(poses.shape[1]):
+        place = place + ahead[:, step]
+        codes[:, step, :2] = quantized(poses[:, step, :2] - place, UNITS[0])
+        place = place + codes[:, step, :2] * UNITS[0]
+    return codes.transpose(2, 0, 1)
 
 
-def second_sums(differences: IntArray) -> IntArray:
-    """Return the inverse of `second_differences`."""
-    return np.asarray(np.asarray(differences, dtype=np.int64).cumsum(axis=1).cumsum(axis=1))
+def decoded_motion(start: IntArray, motion: IntArray) -> FloatArray:
+    """Return (U, T, 4) poses of `coded_motion`, as ``data.js`` does."""
+    codes = np.asarray(motion, dtype=np.int64).transpose(1, 2, 0)
+    changes = codes[..., 2:].cumsum(axis=1).cumsum(axis=1)
+    moved = (_ahead(start, changes) + codes[..., :2] * UNITS[0]).cumsum(axis=1)
+    places = start[:, None, :2] * UNITS[:2] + moved
+    return np.concatenate([places, (start[:, None, 2:] + changes) * UNITS[2:]], axis=2)
+
+
+def _ahead(start: IntArray, changes: IntArray) -> FloatArray:
+    """Return (U, T, 2) the way of each step at the mean of the velocities at its ends, m."""
+    heading, speed = np.moveaxis(start[:, None, 2:] + np.pad(changes, ((0, 0), (1, 0), (0, 0))), 2, 0)
+    turned, speeds = heading * UNITS[2], speed * UNITS[3]
+    velocity = np.stack([speeds * np.cos(turned), speeds * np.sin(turned)], axis=2)
+    ways: FloatArray = STEP_S / 2 * (velocity[:, :-1] + velocity[:, 1:])
+    return ways

@@ -2,93 +2,118 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.packing import quantized, second_differences, second_sums
+from scex_sumo.reports.page.packing import UNITS, coded_motion, decoded_motion, quantized, smallest
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, States
 from scex_sumo.views.road_lines import AREA, SURFACE, RoadLine
 
-POSITION_M, HEADING_RAD, SPEED_MPS = 0.01, 0.001, 0.02
 _ROAD_UNIT_M = 0.05
 _MARGIN_M = 12.0
 _MIN_ASPECT = 0.55  # of the picture's sides, either way
+_BUDGET = 280_000  # bytes of packed tracks; a page takes a third more, because it is text
+_SAMPLED = 400  # tracks whose packed size stands for all
+_MAX_FUTURES = 1000
+
+Future: TypeAlias = tuple[Run, int, int]
+"""A run, its child, and the number of this future on the page."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class UniqueTracks:
-    """Different trajectories of a run, each stored once.
+class PackedTracks:
+    """Tracks of the futures that a page can show, each stored once.
 
     Attributes:
-        start: (V, 4) x and y in cm, heading in mrad, speed in 2 cm/s, at the seed moment.
-        motion: (U, T, 4) second differences of the change since then, ordered by vehicle.
-        which: (C, V) rows of ``motion``.
-        box: least and largest x, least and largest y after that moment, m.
+        futures: (P,) numbers, ascending.
+        which: (P, V) column of ``motion``, counted from the vehicle's first one.
+        start: (V, 4) x, y, heading, speed at the seed moment, in `UNITS`.
+        motion: (4, U, T) as of `coded_motion`, ordered by vehicle and first future.
+        owner: (U,) vehicles.
+        box: least and largest x, least and largest y, m.
     """
 
+    futures: IntArray
+    which: IntArray
     start: IntArray
     motion: IntArray
-    which: IntArray
+    owner: IntArray
     box: tuple[float, float, float, float]
 
 
-def unique_tracks(run: Run) -> UniqueTracks:
-    """Return the trajectories of a run from its seed moment on."""
-    vehicles = len(run.info["seed_scene"]["track_ids"])
-    start = np.empty((0, 4), dtype=np.int64)
-    # By vehicle: the different motions of each block, and their index for each child.
-    motions: list[list[IntArray]] = [[] for _ in range(vehicles)]
-    places: list[list[IntArray]] = [[] for _ in range(vehicles)]
-    for states in run.state_blocks():
-        poses = _poses(states)[:, :, LOGGED_HISTORY - 1 :]
-        start = start if len(start) else poses[0, :, 0]
-        moved = np.ascontiguousarray((poses[:, :, 1:] - start[:, None]).astype(np.int32).swapaxes(0, 1))
-        for vehicle, rows in enumerate(moved):
-            unique, place = _unique_rows(rows)
-            places[vehicle].append(place + sum(map(len, motions[vehicle])))
-            motions[vehicle].append(unique)
-    which = np.empty((run.children, vehicles), dtype=np.int64)
-    parts: list[IntArray] = []
-    for vehicle in range(vehicles):
-        unique, place = _unique_rows(np.concatenate(motions[vehicle]))
-        which[:, vehicle] = place[np.concatenate(places[vehicle])] + sum(map(len, parts))
-        parts.append(unique)
-    lows, highs = (np.stack([end(part, axis=(0, 1)) for part in parts]) + start for end in (np.min, np.max))
-    (left, low), (right, high) = lows[:, :2].min(axis=0).tolist(), highs[:, :2].max(axis=0).tolist()
-    box = (left * POSITION_M, right * POSITION_M, low * POSITION_M, high * POSITION_M)
-    motion = second_differences(np.concatenate(parts))
-    return UniqueTracks(start=start, motion=motion, which=which, box=box)
+def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedTracks:
+    """Return the tracks of the first futures of a list that take no more than ``budget`` bytes, at least one.
+
+    Futures without a noise of their own share most tracks; of those with noise a page holds a sample.
+    """
+    wanted = wanted[:_MAX_FUTURES]
+    poses = poses_of(wanted)
+    start = quantized(poses[0, :, 0], np.array(UNITS))
+    which, number, owner = _different(quantized(poses, np.array(UNITS)).astype(np.int32))
+    some = slice(None, None, max(1, len(owner) // _SAMPLED))
+    codes = _coded(start, poses, number[some], owner[some])
+    packed = len(zlib.compress(smallest(codes).tobytes())) / codes.shape[1]
+    kept = np.maximum.accumulate(which.max(axis=1)) < max(budget / packed, which[0].max() + 1)
+    futures = np.array([at for _, _, at in wanted])[kept]
+    by_number = np.argsort(futures)
+    used, since = np.unique(which[kept][by_number], return_index=True)
+    order = used[np.lexsort((since, owner[used]))]
+    place = np.empty(len(owner), dtype=np.int64)
+    place[order] = np.arange(len(order)) - np.searchsorted(owner[order], owner[order])
+    seen = poses[kept][..., :2]
+    (left, low), (right, high) = seen.min(axis=(0, 1, 2)).tolist(), seen.max(axis=(0, 1, 2)).tolist()
+    return PackedTracks(
+        futures=futures[by_number],
+        which=place[which[kept][by_number]],
+        start=start,
+        motion=_coded(start, poses, number[order], owner[order]),
+        owner=owner[order],
+        box=(left, right, low, high),
+    )
 
 
-def _unique_rows(rows: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the different rows (U, T, 4), and the index of each row among them."""
-    rows = np.ascontiguousarray(rows)
-    keys = rows.reshape(len(rows), -1).view(np.dtype((np.void, rows[0].nbytes))).reshape(-1)
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    return rows[first], inverse.reshape(-1)
+def _different(poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return (P, V) the track of each vehicle, and of each different track (U,) its future and vehicle."""
+    known: dict[bytes, int] = {}
+    first: list[tuple[int, int]] = []
+    which = np.empty(poses.shape[:2], dtype=np.int64)
+    for number, future in enumerate(poses):
+        for vehicle, track in enumerate(future):
+            place = known.setdefault(vehicle.to_bytes(4, "little") + track.tobytes(), len(known))
+            which[number, vehicle] = place
+            if place == len(first):
+                first.append((number, vehicle))
+    numbers, owner = np.array(first).T
+    return which, numbers, owner
+
+
+def poses_of(futures: Sequence[Future]) -> FloatArray:
+    """Return (P, V, 1 + T, 4) x, y, heading, speed from the seed moment on."""
+    poses: dict[int, FloatArray] = {}
+    for run, child, number in sorted(futures, key=lambda one: one[2]):
+        poses[number] = _poses(run.states(child)[:, LOGGED_HISTORY - 1 :])
+    return np.stack([poses[number] for _, _, number in futures])
+
+
+def _coded(start: IntArray, poses: FloatArray, future: IntArray, vehicle: IntArray) -> IntArray:
+    return coded_motion(start[vehicle], poses[future, vehicle, 1:])
+
+
+def _poses(states: States) -> FloatArray:
+    return np.stack([states.x, states.y, np.unwrap(states.heading), states.speed], axis=-1)
 
 
 def recorded_tracks(states: States, start: IntArray) -> IntArray:
-    """Return recorded (V, F) states as second differences (V, F, 4) of the change since the start."""
-    return second_differences(_poses(states) - start[:, None])
-
-
-def _poses(states: States) -> IntArray:
-    heading = np.unwrap(states.heading)
-    parts = (
-        (states.x, POSITION_M),
-        (states.y, POSITION_M),
-        (heading, HEADING_RAD),
-        (states.speed, SPEED_MPS),
-    )
-    return np.stack([quantized(values, unit) for values, unit in parts], axis=-1)
+    """Return recorded (V, F) states as `coded_motion`."""
+    return coded_motion(start, _poses(states))
 
 
 def road_paths(lines: Iterable[RoadLine]) -> list[dict[str, Any]]:
@@ -137,20 +162,22 @@ def _road_svg(group: Mapping[str, Any]) -> Html:
 
 
 def _paths_svg(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[Html]:
-    which, levels = arrays["which"], arrays["levels"]
-    rows, first = np.unique(which, return_index=True)
-    moved = second_sums(arrays["motion"])[rows][:, ::3, :2] * POSITION_M
-    starts = arrays["start"][first % which.shape[1], :2] * POSITION_M
+    owner, start = arrays["owner"], arrays["start"]
+    driven = np.zeros(len(owner), dtype=np.int64)
+    rows = arrays["which"] + np.searchsorted(owner, np.arange(len(start)))
+    driven[rows] = arrays["levels"][info["packed"]]
     paths = []
-    for line, start, model in zip(moved, starts, levels.reshape(-1)[first], strict=True):
-        points = np.concatenate([start[None], start + line])
+    for line, vehicle, model in zip(
+        decoded_motion(start[owner], arrays["motion"]), owner, driven, strict=True
+    ):
+        points = np.concatenate([start[vehicle, None, :2] * UNITS[:2], line[::3, :2]])
         d = "M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         paths.append(element("path.way", d=d, stroke=info["colors"][model]))
     return paths
 
 
 def _vehicle_svg(pose: NDArray[Any], size: tuple[float, float]) -> Html:
-    (x, y), (length, width) = pose[:2] * POSITION_M, size
-    turn = f"translate({x:.2f} {y:.2f}) rotate({np.degrees(pose[2] * HEADING_RAD):.1f})"
+    (x, y, heading, _), (length, width) = pose * UNITS, size
+    turn = f"translate({x:.2f} {y:.2f}) rotate({np.degrees(heading):.1f})"
     box = {"x": f"{-length / 2:.2f}", "y": f"{-width / 2:.2f}", "width": f"{length:.2f}"}
     return element("rect.vehicle", height=f"{width:.2f}", transform=turn, **box)

@@ -9,6 +9,7 @@ from typing import Any
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.reports.page.html import BASE, Html, element, joined, page_html
+from scex_sumo.reports.run_table import Head
 
 Table = Mapping[str, Any]
 """``columns`` and ``rows`` of a table, as ``assets/table.js`` shows them."""
@@ -43,18 +44,15 @@ def plots(*figures: Html) -> Html:
     return element("div.plots", *figures)
 
 
-def table(heads: Sequence[tuple[str, str, str]], rows: Sequence[Sequence[Any]]) -> Table:
-    """Return a sortable table; None is an empty cell.
-
-    ``heads`` hold title, format (text, real, percent, seconds, metres, words) and hint.
-    """
+def table(heads: Sequence[Head], rows: Sequence[Sequence[Any]]) -> Table:
+    """Return a sortable table; None is an empty cell."""
     columns = [_column(*head, [row[i] for row in rows]) for i, head in enumerate(heads)]
     return {"columns": columns, "rows": [{"cells": list(row)} for row in rows]}
 
 
 def _column(title: str, form: str, hint: str, cells: Sequence[Any]) -> dict[str, Any]:
     column: dict[str, Any] = {"title": title} | ({"hint": hint} if hint else {})
-    if form == "words":
-        return column | {"kind": "words"}
+    if form in ("names", "words"):
+        return column | {"kind": form}
     names = form == "text" and any(isinstance(cell, str) and cell[:1].isalpha() for cell in cells)
-    return column | {"as": form, "down": form != "text"} | ({"kind": "names"} if names else {})
+    return column | {"as": form, "down": form in ("real", "percent")} | ({"kind": "names"} if names else {})

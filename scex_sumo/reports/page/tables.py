@@ -8,18 +8,25 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.evaluation.encounters import event_of
 from scex_sumo.evaluation.outcomes import COLLISIONS
+from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
-from scex_sumo.reports.encounter_rows import HUMAN_LIKE, STRESS_TEST, Meeting, meetings, worst_of
-from scex_sumo.reports.encounter_table import QUESTIONS
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, Meeting, meetings, worst_of
+from scex_sumo.reports.encounter_table import HEADS, encounter_cells
+from scex_sumo.reports.page.study import table
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.exact import Encounter
-from scex_sumo.results.run import Run
+from scex_sumo.results.run import PAIR_OUTCOMES, Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 _WORST = 3
-_SETS = "Stress test, or human-like where the pair is critical in these"
+_SELECTED = {"collides": "collision", "95 %": "range", "TTC": "ttc", "PET": "pet", "DRAC": "drac"}
+_SELECTED |= {"gap": "gap", "after": "after"}
+"""Columns of encounters that follow a selection, by their names in ``selection.js``."""
+
+_WAYS = 2  # cut sets of a worst encounter that are told
 _NAMED = 4  # children of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
@@ -74,12 +81,44 @@ def _event(
     }
 
 
-def collision_places(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return ``children``, ``places`` (m) and ``pairs`` by index of collisions."""
-    rows, where = _rows(run, COLLISIONS), {int(track): index for index, track in enumerate(track_ids)}
-    pairs = [(where[row["track_id"]], where[row["other_id"]]) for row in rows]
-    places = [(round(row["x"], 2), round(row["y"], 2)) for row in rows]
-    return {"children": [row["child"] for row in rows], "places": places, "pairs": pairs}
+def collision_places(both: Sequence[Run], track_ids: Sequence[int]) -> dict[str, Any]:
+    """Return ``children``, ``places`` (m) and ``pairs`` by index of collisions, by set of futures."""
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    found: dict[str, Any] = {"children": [], "places": [], "pairs": []}
+    first = 0
+    for run in both:
+        for row in _rows(run, COLLISIONS):
+            found["children"].append(first + row["child"])
+            found["places"].append((round(row["x"], 2), round(row["y"], 2)))
+            found["pairs"].append((where[row["track_id"]], where[row["other_id"]]))
+        first += run.children
+    return found
+
+
+def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids: Sequence[int]) -> IntArray:
+    """Return (P, C) what happens to pairs of vehicles in the futures of all sets.
+
+    Bits: 1 for a collision, 2, 4, 8 for a critical TTC on the path, PET, DRAC, which a collision has, too.
+    """
+    number = np.full((len(track_ids), len(track_ids)), -1)
+    for index, (one, other) in enumerate(pairs):
+        number[[one, other], [other, one]] = index
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    parts = [np.zeros((len(pairs), run.children), dtype=np.int64) for run in both]
+    for run, found in zip(both, parts, strict=True):
+        if not len(pairs):
+            continue
+        hits = run.collisions
+        tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, 15))]
+        if (run.folder / PAIR_OUTCOMES).is_file():
+            met = run.pair_outcomes
+            ttc, pet, drac = (np.asarray(met[name]) for name in ("min_ttc_path", "min_pet", "max_drac"))
+            bits = 2 * (ttc < CRITICAL_TTC_S) + 4 * (pet < CRITICAL_PET_S) + 8 * (drac > CRITICAL_DRAC)
+            tables.append((met, ("track_a", "track_b"), bits))
+        for rows, names, values in tables:
+            at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]
+            found[at[at >= 0], np.asarray(rows["child"])[at >= 0]] |= values[at >= 0]
+    return np.concatenate(parts, axis=1)
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:
@@ -88,66 +127,71 @@ def collision_share(run: Run) -> dict[str, Any] | None:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
-    return {"count": count, "children": run.children, "injuries": expected_injuries(run), **interval}
+    rare = share.rare and {"short": share.rare.short, "words": share.rare.words()}
+    known = {"count": count, "children": run.children, "injuries": expected_injuries(run), "rare": rare}
+    return {**known, **interval}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     """Return the encounters of both sets with ``words``, ``pair`` by index, ``child``, ``step``, ``worst``.
 
-    ``selected`` tells what a column shows of selected futures: of a pair only collisions are known by future.
-    The child of a human-like row is -1, because the page holds the futures of the stress test alone.
+    Human-like futures follow those of the stress test: ``child`` counts both. ``pairs`` are all pairs by
+    index, ``event`` of a row is its place among them. ``selected`` names what a column shows of selected
+    futures.
     """
     found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
-    of = "Share of the futures; a click on a row shows the typical one. A dash: not known of selected futures"
-    columns = [
-        {"title": "pair"},
-        {"title": "futures", "hint": f"{_SETS}: a click shows all futures of the stress test"},
-        {"title": "P(collision)", "as": "percent", "down": True, "hint": of, "selected": "share"},
-        {"title": "95 %", "selected": "range"},
-        *(
-            {"title": f"P({q.upper()})", "as": "percent", "down": True, "hint": f"{QUESTIONS[q]}. {of}"}
-            | {"selected": "unknown"}
-            for q in ("ttc", "pet", "drac")
-        ),
-        {"title": "gap", "as": "metres", "hint": "Least gap in the typical future; up to 10 m"},
-        {"title": "after", "as": "seconds"},
-    ]
-    rows = [
-        {
-            "cells": _cells(one),
-            "words": one.words(),
-            "share": row["collision"],
-            "critical": row["critical"] > 0,
-            "pair": [where[row["track_id"]], where[row["other_id"]]],
-            "child": row["child"] if one.futures == STRESS_TEST else -1,
-            "step": round(row["time_s"] / STEP_S),
-        }
-        for one in found
-        for row in [one.row]
-    ]
+    both = any(one.futures == HUMAN_LIKE for one in found)
+    shown = [name for name in ("pair", "futures", *_SELECTED) if both or name != "futures"]
+    places = [[head[0] for head in HEADS].index(name) for name in shown]
+    cells = [[encounter_cells(one)[place] for place in places] for one in found]
+    columns = table([HEADS[place] for place in places], cells)["columns"]
+    for name, column in zip(shown, columns, strict=True):
+        column |= {"selected": _SELECTED[name]} if name in _SELECTED else {}
+    pairs: dict[tuple[int, int], int] = {}
+    rows = []
     worst = worst_of(found, _WORST)
-    for one, row in zip(found, rows, strict=True):
-        row["worst"] = one in worst
-    if not any(row["cells"][1] == HUMAN_LIKE for row in rows):
-        columns.pop(1)
-        for row in rows:
-            row["cells"].pop(1)
-    return {"columns": columns, "rows": rows}
+    for one, mine in zip(found, cells, strict=True):
+        row, is_human = one.row, one.futures == HUMAN_LIKE
+        pair = where[row["track_id"]], where[row["other_id"]]
+        rows.append(
+            {
+                "cells": [_short(cell) if isinstance(cell, float) else cell for cell in mine],
+                "words": one.words(),
+                "share": row["collision"],
+                "critical": row["critical"] > 0,
+                "pair": pair,
+                "event": pairs.setdefault((min(pair), max(pair)), len(pairs)),
+                "human": is_human,
+                "child": row["child"] + (run.children if is_human else 0),
+                "step": round(row["time_s"] / STEP_S),
+                "worst": one in worst,
+                **(_story(one) if one in worst else {}),
+            }
+        )
+    known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
+    return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
 
 
-def _cells(one: Meeting) -> list[Any]:
-    """Return the cells of a row; probabilities are exact where there is a table."""
-    row, found = one.row, Encounter(row=one.row, exact=one.run.exact)
-    interval = f"{100 * row['collision_low']:.0f} – {100 * row['collision_high']:.0f} %"
-    return [
-        f"{row['track_id']} → {row['other_id']}",
-        one.futures,
-        _short(found.probability()),
-        interval if found.table is None else "exact",
-        *(_short(found.probability(name)) for name in ("ttc", "pet", "drac")),
-        _short(row["gap"]),
-        round(row["time_s"], 1),
+def _story(one: Meeting) -> dict[str, Any]:
+    """Return what happens in a worst encounter: question, words, kind and place, drivers, exact share."""
+    question, happens = event_of(one.row)
+    found = Encounter(row=one.row, run=one.run)
+    table = found.table if question == "collision" else None
+    tracks = [one.row["track_id"], one.row["other_id"]]
+    drivers = [
+        f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
     ]
+    ways = [] if table is None else table.in_words()
+    more = f"; or in {len(ways) - _WAYS} more ways" if len(ways) > _WAYS else ""
+    return {
+        "question": question,
+        "happens": happens,
+        "about": ", ".join(part for part in (one.row["kind"], one.row["place"]) if part),
+        "why": f"exactly if {'; or '.join(ways[:_WAYS])}{more}"
+        if ways
+        else f"typically {', '.join(drivers)}",
+        "exact": "" if table is None else f"{100 * table.probability():.4g} %",
+    }
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:

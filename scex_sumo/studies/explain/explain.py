@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.metrics.registry import COLLISION, column_named, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
@@ -67,25 +68,27 @@ class Explanation:
 
 
 def explain(
-    run: Run, metrics: Sequence[str], *, worst: int = 5, progress: Callable[[int, int], None] | None = None
+    run: Run, metrics: Sequence[str], *, worst: int = 5, progress: Progress | bool | None = None
 ) -> list[Explanation]:
     """Explain metrics of a finished run.
 
     Args:
         metrics: metric columns, ``collision``, or two track ids ``A,B``: whether these two collide.
         worst: how many of the most critical children are named.
-        progress: called with (steps done, steps in all).
+        progress: True for a bar on a terminal or in a notebook; or called with (steps done, steps in all).
     """
     names = [m if pair_of(m) else column_named(m, [*run.outcomes, *run.columns]) for m in metrics]
     values, (levels, _) = [metric_values(run, name) for name in names], assignment_of(run)
-    tick, count, pairs = progress or (lambda done, total: None), len(names), meeting(run)
-    found = effects(
-        levels, np.stack(values, axis=1), pairs=pairs, progress=lambda done, _: tick(done, 2 * count)
-    )
-    cells, explanations = all_cells(levels, pairs), []
-    for name, one, parts in zip(names, values, found, strict=True):
-        explanations.append(_explain(run, name, one, cells, parts, worst))
-        tick(count + len(explanations), 2 * count)
+    count, pairs = len(names), meeting(run)
+    with progress_of(progress, "explain") as shown:
+        tick = shown or (lambda done, total: None)
+        found = effects(
+            levels, np.stack(values, axis=1), pairs=pairs, progress=lambda done, _: tick(done, 2 * count)
+        )
+        cells, explanations = all_cells(levels, pairs), []
+        for name, one, parts in zip(names, values, found, strict=True):
+            explanations.append(_explain(run, name, one, cells, parts, worst))
+            tick(count + len(explanations), 2 * count)
     return explanations
 
 

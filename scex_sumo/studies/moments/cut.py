@@ -50,6 +50,9 @@ def moment_tasks(
         try:
             loaded = load_recording(recording)
             road = pack_road(loaded.road)
+            if loaded.road.net is not None:  # studies have no drivers that see the phases of its lights
+                netless = dataclasses.replace(loaded.road, net=None)
+                loaded = dataclasses.replace(loaded, road=netless)
             if listing is None:
                 moments = choose(loaded) if choose else recording_moments(loaded, every_s=settings.every)
                 listing = list_moments(recording, moments, min_vehicles=settings.min_vehicles)

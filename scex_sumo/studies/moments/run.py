@@ -113,7 +113,8 @@ class StudySettings:
 def _described(recording: Recording) -> dict[str, Any]:
     files = (recording.map_path, *recording.track_paths)
     sizes = [file.stat().st_size if file.exists() else None for file in files]
-    return {"name": recording.name, "site": recording.site, "bytes": sizes}
+    window = {"window_s": list(recording.window)} if recording.window != (None, None) else {}
+    return {"name": recording.name, "site": recording.site, "bytes": sizes} | window
 
 
 def written(models: Models) -> tuple[str, ...]:

@@ -36,6 +36,8 @@ EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
 def rank_command(
     roots: Roots,
     every: Every = 1.0,
+    first_s: Annotated[float | None, Option("--from", metavar="S", help="First moment, s.")] = None,
+    last_s: Annotated[float | None, Option("--to", metavar="S", help="Last moment, s.")] = None,
     children: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
     first: Annotated[int, Option(help="Futures of every seed scene; close ranks get more.")] = 32,
     min_vehicles: MinVehicles = 2,
@@ -63,6 +65,7 @@ def rank_command(
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.studies.rank.rank import rank
 
+    options["window"] = options.pop("first_s"), options.pop("last_s")
     options["thresholds"] = parse_thresholds(options.pop("threshold"))
     options["models"] = DEFAULT_MODELS if models is None else models
     options["metrics"] = None if metrics is None else [name.strip() for name in metrics.split(",")]

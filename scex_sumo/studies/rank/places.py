@@ -86,12 +86,13 @@ def place(
     return Places(score=score, rank=rank, low=np.minimum(low, rank), high=np.maximum(high, rank))
 
 
-def mean_score(values: FloatArray, intervals: DesignIntervals) -> tuple[float, float]:
+def mean_score(values: FloatArray, intervals: DesignIntervals, unit: float = 1.0) -> tuple[float, float]:
     """Return the mean of the scores (C,) of children, and its standard error under their design.
 
-    Half a child of another score is added: equal children do not prove that the next one is equal.
+    Half a child with another score, by ``unit``, is added: equal children do not prove that the next one is
+    equal.
     """
-    variance = float(intervals.variance(values[:, None])[0]) + (0.5 / (len(values) + 1)) ** 2
+    variance = float(intervals.variance(values[:, None])[0]) + (0.5 * unit / (len(values) + 1)) ** 2
     return float(values.mean()), float(np.sqrt(variance))
 
 

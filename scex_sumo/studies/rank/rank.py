@@ -5,16 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.recordings import find_recordings
+from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.provenance import versions
 from scex_sumo.studies.moments.workers import moment_workers
@@ -51,6 +53,7 @@ def rank(
     workers: int = 1,
     cluster: str | None = None,
     every: float = 1.0,
+    window: Window = (None, None),
     min_vehicles: int = 2,
     first: int = 32,
     children: int = 96,
@@ -72,6 +75,7 @@ def rank(
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
         every: as of `scex_sumo.studies.rank.scores.RankSettings`, like the next eight.
+        window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
         progress: True for a bar; or called with (children done, children expected).
@@ -99,7 +103,10 @@ def rank(
         exact=exact,
         cache=cache,
     )
-    recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)
+    if window[0] is not None and window[1] is not None and window[0] > window[1]:
+        raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
+    found = find_recordings([roots] if isinstance(roots, str | Path) else roots)
+    recordings = tuple(replace(recording, window=window) for recording in found)
     identity = settings.to_json(recordings)
     with (
         closing(moment_workers(run_moment, workers, cluster)) as pool,

@@ -18,7 +18,7 @@ from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.rank.children import MAX_KEPT, RankFolder, RankTask
 from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.places import Tally, mean_score, rounds, undecided
-from scex_sumo.studies.rank.scores import RankSettings, pairs_of, score_of
+from scex_sumo.studies.rank.scores import INJURIES, RankSettings, pairs_of, score_of
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
 
@@ -180,7 +180,8 @@ class RankingRun:
         scores, mean = score_of(self._pairs(ref), self.settings.by), 0.0
         if exact is not None:
             scores, mean = scores - exact.predicted[: len(scores)], exact.mean
-        score, error = mean_score(scores, self.settings.intervals(models))
+        unit = INJURIES if self.settings.by == "severity" else 1.0
+        score, error = mean_score(scores, self.settings.intervals(models), unit)
         count = 0 if children is None else len(children)
         tallies.append(Tally(children=count, score=mean + score, error=error, kept=kept, exact=exact))
 

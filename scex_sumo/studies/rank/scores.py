@@ -72,6 +72,8 @@ class RankSettings(StudySettings):
 CRITICAL_WEIGHT = 0.1
 """Of a critical encounter beside a collision in the score of a moment."""
 MICRO = 10**6
+INJURIES = 0.1
+"""Expected severe injuries of a hard collision: both cars change their speed by 11 m/s."""
 PAIR_NUMBERS = 5  # of a critical encounter
 HARD_MPS = 10.0
 """Relative speed at impact that makes a collision count twice."""

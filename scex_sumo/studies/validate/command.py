@@ -88,30 +88,25 @@ def _print_scores(done: Validation) -> None:
     )
     print_line(told, console)
     about = "skill: 1 perfect, 0 as good as the base rate, the seed moment, constant velocity"
-    table = Table(title="events", title_justify="left", caption=about, caption_justify="left")
-    skills = ("skill_base_rate", "skill_seed_moment", "skill_constant_velocity")
-    for name in (
-        "event",
-        "happened",
-        "forecast",
-        "Brier",
-        "Brier: const. vel.",
-        "skill: base rate",
-        "seed moment",
-        "const. vel.",
-    ):
-        table.add_column(name, justify="left" if name == "event" else "right")
-    for row in done.tables["events"].to_pylist():
-        shares = [f"{row[name]:.0%}" for name in ("happened", "forecast")]
-        gains = ["–" if row[name] != row[name] else f"{row[name]:.2f}" for name in skills]
-        table.add_row(
-            row["event"], *shares, f"{row['brier']:.3f}", f"{row['brier_constant_velocity']:.3f}", *gains
-        )
+    events = Table(title="events", title_justify="left", caption=about, caption_justify="left")
+    pairs = Table(title="pairs of vehicles", title_justify="left")
+    for table, name, seed_moment in ((events, "events", ("skill_seed_moment",)), (pairs, "pairs", ())):
+        skills = ("skill_base_rate", *seed_moment, "skill_constant_velocity")
+        heads = ("skill: base rate", *("seed moment" for _ in seed_moment), "const. vel.")
+        for head in ("event", "happened", "forecast", "Brier", "Brier: const. vel.", *heads):
+            table.add_column(head, justify="left" if head == "event" else "right")
+        for row in done.tables[name].to_pylist():
+            shares = [f"{row[key]:.{0 if table is events else 2}%}" for key in ("happened", "forecast")]
+            scores = [
+                f"{row[key]:.{3 if table is events else 4}f}" for key in ("brier", "brier_constant_velocity")
+            ]
+            gains = ["–" if row[key] != row[key] else f"{row[key]:.2f}" for key in skills]
+            table.add_row(row["event"], *shares, *scores, *gains)
     values = Table(title="values", title_justify="left")
     for name in ("value", "cases", "CRPS skill", "within 5-95 %"):
         values.add_column(name, justify="left" if name == "value" else "right")
     for row in done.tables["values"].to_pylist():
         name, share = escape(printed_name(row["column"])), f"{row['coverage']:.0%}"
         values.add_row(name, str(row["count"]), f"{row['crps_skill']:.2f}", share)
-    for each in (table, values):
+    for each in (events, pairs, values):
         print_table(each, console, breaks=(" base rate", " moment", " vel."))

@@ -19,7 +19,7 @@ class ForecastFolder(StudyFolder):
     """Folder of the forecasts of moments: ``moments/NAME/children.parquet`` and four more tables."""
 
     info, what, another, kept = "validate.json", "validation", "another validation", (_MOMENTS,)
-    evidence = ("events.parquet", "values.parquet", "positions.parquet", _MOMENTS)
+    evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", _MOMENTS)
 
     def __init__(
         self,

@@ -19,6 +19,7 @@ from scex_sumo.scene import SeedScene, States
 STEPS = 30 + PLAN_STEPS  # after the seed scene: as far as a plan of the last second reaches
 SMOOTHED_M = 0.3  # white noise that smoothing takes for granted: a time of 0.8 s
 MOVING_MPS = 0.5  # who is slower stands: its box creeps, or is held
+REPLAN = 5  # steps
 APART_ROWS = 20  # between the beginnings of two pieces of a track
 MIN_PIECES, MAX_PIECES = 10, 200
 
@@ -76,9 +77,10 @@ def _errors(rows: TrackRows) -> FloatArray:
 
 
 def as_recorded(scene: SeedScene, driven: Rollout, noise: BoxNoise, rng: np.random.Generator) -> Rollout:
-    """Add errors of boxes to the states and plans of children, starting from none at the seed scene.
+    """Return children as a recording would show them: with errors of boxes, their tracks as planned paths.
 
-    Each vehicle of each child gets a random piece of ``noise``, of vehicles that move or stand as it does.
+    Errors start from none at the seed scene. Each vehicle of each child gets a random piece of ``noise``, of
+    vehicles that move or stand as it does. Tracks go on along the last plan.
     """
     count, steps, vehicles = driven.states.shape
     piece = np.zeros((count, vehicles, STEPS + 1, 4))
@@ -87,24 +89,34 @@ def as_recorded(scene: SeedScene, driven: Rollout, noise: BoxNoise, rng: np.rand
         if len(pieces):
             piece[:, kind] = pieces[rng.integers(0, len(pieces), (count, int(kind.sum())))]
     piece -= piece[:, :, :1]
-    along, across, turned, faster = piece[:, :, 1:].transpose(3, 0, 2, 1)  # each (C, T, V)
-    states, soon = driven.states, slice(0, steps)
-    dx, dy = _turned(states.heading, along[:, soon], across[:, soon])
-    shown = np.maximum(states.speed + faster[:, soon], 0.0)
+    states, made = driven.states, driven.replan * (driven.plan_x.shape[1] - 1)
+    x, y = (
+        np.concatenate([track, plan[:, -1, :, steps - made :].swapaxes(1, 2)], axis=1)
+        for track, plan in ((states.x, driven.plan_x), (states.y, driven.plan_y))
+    )
+    along, across, turned, faster = piece[:, :, 1 : 1 + x.shape[1]].transpose(3, 0, 2, 1)  # each (C, T', V)
+    heading = states.heading[:, np.minimum(np.arange(x.shape[1]), steps - 1)]
+    cos, sin = np.cos(heading), np.sin(heading)
+    x, y = x + cos * along - sin * across, y + sin * along + cos * across
+    shown = np.maximum(states.speed + faster[:, :steps], 0.0)
     seen = States(
-        x=states.x + dx,
-        y=states.y + dy,
-        heading=states.heading + turned[:, soon],
+        x=x[:, :steps],
+        y=y[:, :steps],
+        heading=states.heading + turned[:, :steps],
         speed=np.where(states.speed > MOVING_MPS, shown, states.speed),
     )
-    _, rounds, _, reach = driven.plan_x.shape
-    at = np.arange(rounds)[:, None] * driven.replan + np.arange(reach)  # (R, H)
-    heading = states.heading[:, np.minimum(at, steps - 1)]
-    offset = (np.moveaxis(d, 3, 2) for d in _turned(heading, along[:, at], across[:, at]))
-    plan_x, plan_y = (plan + d for plan, d in zip((driven.plan_x, driven.plan_y), offset, strict=True))
-    return Rollout(children=driven.children, states=seen, plan_x=plan_x, plan_y=plan_y, replan=driven.replan)
+    return along_tracks(seen, x[:, steps:], y[:, steps:], replan=driven.replan)
 
 
-def _turned(heading: FloatArray, along: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray]:
-    cos, sin = np.cos(heading), np.sin(heading)
-    return cos * along - sin * across, sin * along + cos * across
+def along_tracks(
+    states: States, further_x: FloatArray, further_y: FloatArray, *, replan: int = REPLAN
+) -> Rollout:
+    """Return a rollout with the driven tracks (C, T, V) and their continuation as planned paths."""
+    at = np.arange(0, states.shape[1], replan)[:, None] + np.arange(PLAN_STEPS)  # (R, H)
+    plan_x, plan_y = (
+        np.concatenate(parts, axis=1)[:, at].swapaxes(2, 3)
+        for parts in ((states.x, further_x), (states.y, further_y))
+    )
+    return Rollout(
+        children=np.arange(len(states.x)), states=states, plan_x=plan_x, plan_y=plan_y, replan=replan
+    )

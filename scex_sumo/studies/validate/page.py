@@ -62,7 +62,13 @@ _POSITION_HEADS = (
     ("across_coverage_driven", "across, within 5 – 95 %", "percent", "The same across the way"),
     ("across_coverage", "as recorded", "percent", _AS_RECORDED),
 )
-_HEADS = {"events": _EVENT_HEADS, "values": _VALUE_HEADS, "positions": _POSITION_HEADS}
+_NO_PAIR = ("brier_seen", "skill_seed_moment")
+_PAIR_HEADS = (
+    ("event", "event of a pair", "text", ""),
+    ("pairs", "pairs", "text", ""),
+    *(head for head in _EVENT_HEADS[1:] if head[0] not in _NO_PAIR),
+)
+_HEADS = {"events": _EVENT_HEADS, "pairs": _PAIR_HEADS, "values": _VALUE_HEADS, "positions": _POSITION_HEADS}
 
 
 def write_validation_page(
@@ -72,13 +78,20 @@ def write_validation_page(
 
     Args:
         info: content of ``validate.json``.
-        rows: events, values and positions, see `scex_sumo.studies.validate.scoring`.
+        rows: events, pairs, values and positions, see `scex_sumo.studies.validate.scoring`.
     """
     events, values = rows["events"], rows["values"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
     found = [
         _summary(info),
         card("Events", "Probability that the futures gave to recorded events.", table_place("events")),
+        card(
+            "Pairs",
+            "Pairs of vehicles within 10 m of each other in some future. Recording and futures are compared "
+            "along the driven tracks; a collision counts as each event. Pairs whose recorded boxes touch are "
+            "left out.",
+            table_place("pairs"),
+        ),
         card(
             "Do probabilities hold?",
             "Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its area is the "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -27,6 +27,7 @@ from scex_sumo.studies.validate.scores import (
     roc_area,
     skill,
 )
+from scex_sumo.studies.validate.vehicles import PAIR_EVENTS
 
 COLLISION: Final = "collision"
 
@@ -170,43 +171,75 @@ def event_scores(found: Forecasts) -> list[dict[str, Any]]:
     for event in EVENTS:
         column = found.of(event.column)
         p, seen, o = probability(found, event)
-        parts, base = brier_parts(p, o), float(o.mean())
-        straight = brier(event.happened(found.straight[:, column]).astype(np.float64), o)
-        now = brier(event.happened(found.now[:, column]).astype(np.float64), o)
-        low, high = group_bootstrap(_brier_of(p, o), found.group)
-        diagram = reliability(p, o)
-        rows.append(
-            {
-                "event": event.name,
-                "paper": event.paper,
-                "seeds": len(p),
-                "happened": base,
-                "forecast": float(p.mean()),
-                "brier": parts.score,
-                "brier_seen": brier(seen, o),
-                "brier_low": low,
-                "brier_high": high,
-                "reliability": parts.reliability,
-                "resolution": parts.resolution,
-                "uncertainty": parts.uncertainty,
-                "brier_constant_velocity": straight,
-                "within_bins": parts.within,
-                "skill_base_rate": skill(parts.score, parts.uncertainty),
-                "skill_seed_moment": skill(parts.score, now),
-                "skill_constant_velocity": skill(parts.score, straight),
-                "calibration_error": calibration_error(p, o),
-                "roc_area": roc_area(p, o),
-                "precision_area": precision_area(p, o),
-                "diagram_forecast": diagram.forecast.tolist(),
-                "diagram_observed": diagram.observed.tolist(),
-                "diagram_count": diagram.count.tolist(),
-            }
-        )
+        now, straight = (event.happened(values[:, column]) for values in (found.now, found.straight))
+        row = {
+            "event": event.name,
+            "paper": event.paper,
+            "seeds": len(p),
+            **_scores(p, o, straight, found.group),
+        }
+        row |= {
+            "brier_seen": brier(seen, o),
+            "skill_seed_moment": skill(row["brier"], brier(now.astype(np.float64), o)),
+        }
+        rows.append(row)
     return rows
 
 
-def _brier_of(p: FloatArray, o: BoolArray) -> Callable[[IntArray], float]:
-    return lambda index: brier(p[index], o[index])
+def pair_scores(found: Forecasts) -> list[dict[str, Any]]:
+    """Return one row for each of `PAIR_EVENTS`; empty without pairs within 10 m in some child.
+
+    Pairs whose recorded boxes touch are left out: these boxes are inexact.
+    """
+    table = found.encounters
+    if len(table):
+        table = table.filter(pc.greater(table["recorded_m"], 0.0))
+    if not len(table):
+        return []
+
+    def column(name: str) -> Any:
+        return np.array(table[name].to_pylist())
+
+    return [
+        {
+            "event": title,
+            "pairs": len(table),
+            **_scores(
+                column(f"{name}_forecast"),
+                column(f"{name}_happened"),
+                column(f"{name}_straight"),
+                column("group"),
+            ),
+        }
+        for name, title in PAIR_EVENTS.items()
+    ]
+
+
+def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -> dict[str, Any]:
+    """Return the scores of forecasts (N,) of an event, with those of constant velocity."""
+    parts, diagram = brier_parts(p, o), reliability(p, o)
+    plain = brier(straight.astype(np.float64), o)
+    low, high = group_bootstrap(lambda index: brier(p[index], o[index]), group)
+    return {
+        "happened": float(o.mean()),
+        "forecast": float(p.mean()),
+        "brier": parts.score,
+        "brier_low": low,
+        "brier_high": high,
+        "reliability": parts.reliability,
+        "resolution": parts.resolution,
+        "uncertainty": parts.uncertainty,
+        "brier_constant_velocity": plain,
+        "within_bins": parts.within,
+        "skill_base_rate": skill(parts.score, parts.uncertainty),
+        "skill_constant_velocity": skill(parts.score, plain),
+        "calibration_error": calibration_error(p, o),
+        "roc_area": roc_area(p, o),
+        "precision_area": precision_area(p, o),
+        "diagram_forecast": diagram.forecast.tolist(),
+        "diagram_observed": diagram.observed.tolist(),
+        "diagram_count": diagram.count.tolist(),
+    }
 
 
 def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:

@@ -34,6 +34,7 @@ from scex_sumo.studies.validate.scoring import (
     encounter_scores,
     event_scores,
     gathered,
+    pair_scores,
     position_scores,
     summary,
     value_scores,
@@ -49,7 +50,7 @@ class Validation:
 
     Attributes:
         info: content of ``validate.json``.
-        tables: events, values and positions, as in the folder.
+        tables: events, pairs, values and positions, as in the folder.
 
     Example:
         >>> out = scex.validate(scex.example_path("roundabout"), out="validated", every=9, children=4)
@@ -98,7 +99,7 @@ def validate(
     Example:
         >>> out = scex.validate(scex.example_path("roundabout"), out="validation", every=9, children=4)
         >>> sorted(out.tables)
-        ['events', 'positions', 'values']
+        ['events', 'pairs', 'positions', 'values']
     """
     started = time.perf_counter()
     settings = ValidationSettings(
@@ -127,6 +128,7 @@ def validate(
         rows = {
             "events": event_scores(forecasts),
             "values": [*value_scores(forecasts, seed=seed), *encounter_scores(forecasts)],
+            "pairs": pair_scores(forecasts),
             "positions": position_scores(forecasts),
         }
         tables = {name: pa.Table.from_pylist(part_rows) for name, part_rows in rows.items()}

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.extrapolation.measure import measure_outcome, recorded_steps_of
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.scene import SeedScene, States
+from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.scene import STEP_S, SeedScene, States
+from scex_sumo.studies.validate.noise import along_tracks
 from scex_sumo.studies.validate.scores import covered, crps, rank_among
 
 SECONDS = (1, 2, 3)
 MOVING_MPS = 0.5
 ENCOUNTER_M = 10.0  # a pair that comes this near in some child is an encounter
+
+PAIR_EVENTS: Final = {
+    "ttc": f"TTC < {CRITICAL_TTC_S:g} s",
+    "pet": f"PET < {CRITICAL_PET_S:g} s",
+    "drac": f"DRAC > {CRITICAL_DRAC:g} m/s²",
+}
+"""Events of a pair; a collision counts as each."""
 
 _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
 POSITIONS = pa.schema(
@@ -37,6 +51,8 @@ ENCOUNTERS = pa.schema(
             (pa.float64(), ("recorded_m",)),
             (pa.bool_(), ("covered", "seen")),
             (pa.float64(), ("rank", "crps_m", "crps_seen_m", "constant_velocity_error_m")),
+            (pa.float64(), [f"{name}_forecast" for name in PAIR_EVENTS]),
+            (pa.bool_(), [f"{name}_{what}" for name in PAIR_EVENTS for what in ("happened", "straight")]),
         )
         for name in names
     ]
@@ -114,10 +130,14 @@ def gap_forecasts(
 ) -> pa.Table:
     """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some child.
 
-    ``crps_m`` and ``covered`` are of the children as driven, the others of ``seen``. Arguments as of
+    ``crps_m`` and ``covered`` are of the children as driven, the others of ``seen``. `PAIR_EVENTS` of the
+    children (share), the recording and constant velocity count along the driven tracks. Arguments as of
     `position_forecasts`; ``recorded`` (1, T, V).
     """
     first, second = _near_pairs(children, judged)
+    forecast, happened, plain_events = (
+        _pair_events(scene, states, first, second) for states in (children, recorded, straight)
+    )
     gaps, noisy, plain, real = (
         _least_gap(scene, states, first, second) for states in (children, seen, straight, recorded)
     )
@@ -132,10 +152,37 @@ def gap_forecasts(
             "crps_m": crps(gaps[:, k], float(real[0, k])),
             "crps_seen_m": crps(noisy[:, k], float(real[0, k])),
             "constant_velocity_error_m": float(abs(plain[0, k] - real[0, k])),
+            **{f"{name}_forecast": float(flags[:, k].mean()) for name, flags in forecast.items()},
+            **{f"{name}_happened": bool(flags[0, k]) for name, flags in happened.items()},
+            **{f"{name}_straight": bool(flags[0, k]) for name, flags in plain_events.items()},
         }
         for k in np.flatnonzero(gaps.min(axis=0, initial=np.inf) <= ENCOUNTER_M).tolist()
     ]
     return pa.Table.from_pylist(rows, schema=ENCOUNTERS)
+
+
+def _pair_events(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> dict[str, BoolArray]:
+    """Return (C, P) `PAIR_EVENTS` of pairs; planned paths are the driven tracks, then straight on."""
+    count, steps, _ = states.shape
+    last = states[:, -1:]
+    way = last.speed * STEP_S * np.arange(1, PLAN_STEPS + 1)[:, None]
+    along = along_tracks(states, last.x + way * np.cos(last.heading), last.y + way * np.sin(last.heading))
+    counted = recorded_steps_of(scene, steps)
+    met = measure_outcome(scene, along, metrics=(metric_of("distance"),), counted=counted).encounters
+    number = np.full((scene.vehicles, scene.vehicles), -1)
+    number[first, second] = np.arange(len(first))
+    pair = number[met.first, met.second]
+    critical = {
+        "ttc": met.ttc < CRITICAL_TTC_S,
+        "pet": met.pet < CRITICAL_PET_S,
+        "drac": met.drac > CRITICAL_DRAC,
+    }
+    events = {}
+    for name, flags in critical.items():
+        events[name] = np.zeros((count, len(first)), dtype=bool)
+        some = (pair >= 0) & (flags | met.collided)
+        events[name][met.child[some], pair[some]] = True
+    return events
 
 
 def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray]:

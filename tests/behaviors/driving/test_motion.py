@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, drive
+from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.scene import SeedScene, States
+from scex_sumo.scene import SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 
 MODEL = ConstantVelocity(ConstantVelocityProfile(path=0))
@@ -195,3 +196,21 @@ def test_on_other_maps_the_papers_models_do_not_slow_down_for_curves(name: str) 
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0))
     driven = roads.closed_loop(build(parse_models(name)[0]), road, scene, steps=20, replan=5)
     assert driven.speed.min() >= 10.0 - 1e-9
+
+
+@pytest.mark.parametrize("aside", [-2.0, 2.0])
+def test_a_line_beside_a_bend_is_followed(aside: float) -> None:
+    where = roads.road(roads.lane(1, roads.arc(20.0, np.pi, step=0.5)))
+    x = 20.0 - aside  # left of the bend is nearer to its centre
+    scene = roads.scene_of((x, 20.0 + REAR_AXLE_SHARE * LENGTH, np.pi / 2, 6.0))
+    history, who = (
+        roads.present(scene),
+        VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
+    )
+    paths, row = chosen_paths(history, where, who, "straight")
+    made = drive(
+        history, who, paths, row, lambda _, v, *__: 0.0 * v, aside=np.full((1, 31), aside), parallel=True
+    )
+    x, y = rear_axle(States(x=made.x[0], y=made.y[0], heading=made.heading[0], speed=made.speed[0]))
+    off = np.abs(np.hypot(x, y - 20.0) - (20.0 - aside))[:20].max()
+    assert off < 0.15

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.models.attention import looks_away
+from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.models.attention import Attention, kept_clear, looks_away, respond
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.scene import SeedScene, States
+from scex_sumo.scene import Plan, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 
 DRAW = np.random.default_rng(0).random(3000)
@@ -84,3 +85,35 @@ def test_who_looks_away_reacts_later() -> None:
 def test_inattention_is_not_negative() -> None:
     with pytest.raises(UsageError, match="inattention"):
         build(parse_models("likely_driver:inattention=-1")[0])
+
+
+def test_drivers_brake_for_a_vehicle_that_their_planned_way_touches() -> None:
+    # The first vehicle changes to the lane of a slower one, 3 m ahead; a straight look ahead sees no leader.
+    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (108.0, 3.2, 0.0, 6.0))
+    history, time = roads.present(scene), 0.1 * np.arange(1, 31)
+    x, y = 100.0 + 10.0 * time, 3.2 * np.minimum(time / 2.0, 1.0)
+    way = Plan(x=x[None], y=y[None], heading=np.zeros((1, 30)), speed=np.full((1, 30), 10.0))
+    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    aware = Attention(aware=np.ones((1, 30), dtype=bool), onset=np.full(1, 0.8))
+    made = respond(way, history, roads.straight(), who, aware)
+    other = 108.0 + 6.0 * time
+    beside = np.abs(made.y[0] - 3.2) < 1.8
+    assert (made.x[0] + 4.5 < other)[beside].all()
+    assert made.speed.min() > 4.0  # it slows down to the other's speed, not to a stop
+
+
+def test_offsets_keep_clear_of_a_vehicle_whose_path_comes_nearer() -> None:
+    # Two lanes converge from 6 m to 1.8 m; both vehicles are side by side and go straight at present.
+    where = roads.road(
+        roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]),
+        roads.lane(2, [(0.0, 6.0), (102.0, 6.0), (118.0, 1.8), (300.0, 1.8)]),
+    )
+    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (100.0, 6.0, 0.0, 10.0))
+    history, who = (
+        roads.present(scene),
+        VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
+    )
+    paths, row = chosen_paths(history, where, who, "straight")
+    kept = kept_clear(np.zeros((1, 31)), history, where, who, paths, row, np.full(1, 20.0))[0]
+    assert abs(kept[0]) < 1e-9
+    assert kept[24] < -0.05  # the width of a vehicle: each gives way by half of the margin

@@ -232,7 +232,7 @@ def test_spread_is_not_negative_and_the_path_a_known_one() -> None:
 
 
 def test_likely_stands_for_drawn_drivers_without_a_guard() -> None:
-    assert [str(spec) for spec in parse_models("likely")] == ["likely_driver:guard=true"]
+    assert [str(spec) for spec in parse_models("likely")] == ["likely_driver"]
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -37,6 +37,7 @@ def test_tracks_a_few_metres_off_are_doubted_with_the_shift_and_an_origin_that_f
     there, bend = driven(bend), replace(bend, origin=(49.0, 8.4))
     assert doubt_place(there, bend) is None
     assert doubt_place(replace(there, x=there.x + 2.0), bend) is None  # within what the tracks are aligned by
+    assert "moved by -4 m, " in (doubt_place(replace(there, x=there.x + 4.0), bend) or "")
     doubt = doubt_place(replace(there, x=there.x + 12.0), bend)
     assert doubt is not None and doubt.startswith("warning: only ")
     assert "moved by -12 m, +0 m it is 100%" in doubt or "moved by -12 m, -0 m it is 100%" in doubt

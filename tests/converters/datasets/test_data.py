@@ -28,7 +28,7 @@ def load(root: Path) -> LoadedRecording:
 
 
 def test_every_recording_here_is_found(data: Path) -> None:
-    found = find_recordings([data])
+    found = find_recordings([data / "mona", data / "ngsim", data / "taf_bw"])
     cut_apart = len(list((data / "ngsim").glob("*.xml.gz")))  # scenarios of a site that do not join
     assert len(found) == 20 + cut_apart
     assert {r.dataset for r in found} == {"commonroad", "taf_bw"}

@@ -22,6 +22,7 @@ def unpack(text: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         count = int(np.prod(entry["shape"], dtype=np.int64))
         stop = start + count * kind.itemsize
         planes = np.frombuffer(whole[start:stop], np.uint8).reshape(kind.itemsize, count)
-        arrays[entry["name"]] = np.ascontiguousarray(planes.T).view(kind).reshape(entry["shape"])
+        values = np.ascontiguousarray(planes.T).view(kind).reshape(entry["shape"])
+        arrays[entry["name"]] = values - kind.type(128) if entry["type"] in ("i2", "i4") else values
         start = stop
     return head["info"], arrays

@@ -10,11 +10,17 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from scex_sumo import example_path
+from scex_sumo.evaluation.encounters import pair_outcomes
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.encounter_rows import meetings
-from scex_sumo.reports.page.report import write_report
+from scex_sumo.reports.page import contents
+from scex_sumo.reports.page.report import under_test_curves, write_report
+from scex_sumo.reports.page.scene import packed_tracks
+from scex_sumo.reports.under_test_table import under_test_rows
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
+from tests.command import scex
 from tests.reports.page.test_numbers import body
 
 
@@ -157,8 +163,7 @@ def test_space_always_plays_but_in_the_search(page: Any, focused: str) -> None:
 def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any, run: Run) -> None:
     row, whole = run.encounters.to_pylist()[0], text(page, "#p-collision")
     pair = {row["track_id"], row["other_id"]}
-    tables = (run.worst.to_pylist(), run.collisions.to_pylist())
-    futures = {r["child"] for table in tables for r in table if {r["track_id"], r["other_id"]} == pair}
+    futures = critical_futures(run, pair)["critical"]
     page.click("#only-pair")
     page.wait_for_selector(".chip")
     assert text(page, "#chips b") == f"{len(futures)} of {run.children} futures"
@@ -176,6 +181,107 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     page.wait_for_selector(".chip", state="detached")
     assert text(page, "#p-collision") == whole == f"{100 * run.p_collision():.4g} %"
     assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
+
+
+def critical_futures(run: Run, pair: set[int]) -> dict[str, set[int]]:
+    """Return the futures in which a pair is critical, by question."""
+    hits = {r["child"] for r in run.collisions.to_pylist() if {r["track_id"], r["other_id"]} == pair}
+    met = [r for r in pair_outcomes(run).to_pylist() if {r["track_a"], r["track_b"]} == pair]
+    found = {
+        "collision": hits,
+        "ttc": hits | {r["child"] for r in met if r["min_ttc_path"] < 1.5},
+        "pet": hits | {r["child"] for r in met if r["min_pet"] < 1.0},
+        "drac": hits | {r["child"] for r in met if r["max_drac"] > 3.4},
+    }
+    return {**found, "critical": set.union(*found.values())}
+
+
+def test_every_number_of_the_encounters_follows_a_selection(page: Any, run: Run) -> None:
+    ids = run.info["seed_scene"]["track_ids"]
+    page.evaluate("location.hash = 'only.v2=0&only.v4=0'")
+    page.wait_for_selector(".chip >> nth=1")
+    tracks = [text(page, f".chip >> nth={n}").removesuffix(" ×").split(" as ") for n in (0, 1)]
+    drives = [
+        [run.models_of(child)[ids.index(int(track))] == model for track, model in tracks]
+        for child in range(run.children)
+    ]
+    chosen = {child for child, both in enumerate(drives) if all(both)}
+    assert 0 < len(chosen) < run.children
+    rows = page.locator("#encounters tbody tr").all()
+    assert rows
+    for line in rows:
+        pair, *cells = line.locator("td").all_inner_texts()
+        futures = critical_futures(run, {int(track) for track in pair.split(" → ")})
+        shown = [cells[0], *cells[2:5]]
+        for name, cell in zip(("collision", "ttc", "pet", "drac"), shown, strict=True):
+            share = 100 * len(futures[name] & chosen) / len(chosen)
+            assert cell in (f"{share:.0f} %", f"{share:.1f} %"), (pair, name)
+        assert "–" in cells[1]
+    gap, after = rows[0].locator("td").all_inner_texts()[-2:]
+    rows[0].click()
+    page.wait_for_selector(f"#clock:has-text('{after}')")
+    assert int(page.input_value("#child")) in chosen
+    page.wait_for_function("() => document.querySelectorAll('.strip header span:last-child')[2].innerText")
+    assert page.locator(".strip header span:last-child").nth(2).inner_text() == gap.removesuffix(" m")
+
+
+def test_human_like_encounters_play_and_the_legend_says_which_set_is_shown(
+    browser: Any, run: Run, tmp_path: Path
+) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    shutil.copytree(run.folder, copy / "reference")
+    both = open_run(copy)
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(write_report(both).resolve().as_uri())
+    page.wait_for_selector("#encounters tr.chosen")
+    row = meetings(both)[1]
+    assert row.futures == "human-like"
+    assert text(page, "#shown") == f"shown: stress test, future {row.row['child']}"
+    page.locator("#encounters tr.go").nth(1).click()
+    page.wait_for_selector("#shown:has-text('human-like')")
+    assert text(page, "#shown") == f"shown: human-like future {row.row['child']}"
+    assert text(page, "#pair-title").endswith(f"human-like future {row.row['child']}")
+    assert text(page, "#encounters tr.chosen td >> nth=1") == "human-like"
+    assert page.locator("#encounters tr.chosen").count() == 1
+    page.wait_for_function("() => location.hash.includes('future=h')")
+    page.keyboard.press("ArrowLeft")
+    step = round(10 * row.row["time_s"]) - 1
+    page.wait_for_selector(f"#clock:has-text('{step / 10:.1f} s')")
+    seen = [both.info["seed_scene"]["track_ids"].index(row.row[name]) for name in ("track_id", "other_id")]
+    speed = both.reference.states(row.row["child"]).speed[seen, LOGGED_HISTORY - 1 + step]  # type: ignore[union-attr]
+    said = page.locator(".strip header span:last-child").first.inner_text()
+    np.testing.assert_allclose([float(v) for v in said.split(" / ")], speed, atol=0.07)
+    page.click("#only-pair")
+    page.wait_for_selector(".chip")
+    hits = critical_futures(both, set(row.pair))
+    words = f"{len(hits['collision'])} of {len(hits['critical'])} futures selected"
+    for name in ("p-collision", "likely-collision"):
+        assert text(page, f"#{name}-words").startswith(words)
+    page.close()
+
+
+def test_a_future_without_tracks_says_how_it_is_seen(
+    browser: Any, run: Run, tmp_path: Path, monkeypatch: Any
+) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    monkeypatch.setattr(contents, "packed_tracks", lambda wanted: packed_tracks(wanted, budget=1))
+    page = browser.new_page()
+    page.goto(write_report(open_run(copy)).resolve().as_uri())
+    page.wait_for_selector("#encounters tr.chosen")
+    worst = run.encounters.to_pylist()[0]["child"]
+    assert page.input_value("#child") == str(worst)
+    other = (worst + 1) % run.children
+    page.fill("#child", str(other))
+    page.locator("#child").blur()
+    page.wait_for_selector("#said:has-text('no tracks')")
+    assert text(page, "#said").endswith(f"--child {other}")
+    page.keyboard.press("Space")
+    page.keyboard.press("ArrowDown")
+    page.wait_for_timeout(100)
+    assert page.input_value("#child") == str(worst)
+    page.close()
 
 
 def test_a_future_alone_filters_p_and_the_worst_futures(page: Any, run: Run) -> None:
@@ -390,6 +496,33 @@ def test_the_worst_children_are_those_with_the_event(page: Any, run: Run) -> Non
     page.wait_for_timeout(100)
     child = int(page.input_value("#child"))
     assert run.metrics["distance"][child].as_py() == min(run.samples("distance"))
+
+
+def test_the_driver_under_test_has_its_table_and_curves(browser: Any, tmp_path: Path) -> None:
+    words = (
+        "--children",
+        12,
+        "--reference",
+        "none",
+        "--under-test",
+        "7=emergency_brake",
+        "-o",
+        tmp_path / "out",
+    )
+    scex("run", example_path("roundabout"), *words).check_returncode()
+    run, page = open_run(tmp_path / "out"), browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto((run.folder / "report.html").resolve().as_uri())
+    page.wait_for_selector("#under-test td")
+    rows = under_test_rows(run.under_test)
+    assert page.locator("#under-test td:first-child").all_inner_texts() == [row[0] for row in rows]
+    canvases = page.locator("#tested-curves canvas")
+    assert canvases.count() == len(under_test_curves(run))
+    drawn = """canvas => {
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        return new Set(new Uint32Array(data.buffer)).size;
+    }"""
+    assert canvases.first.evaluate(drawn) > 10
+    page.close()
 
 
 def test_a_result_without_encounters_says_so(browser: Any, run: Run, tmp_path: Path) -> None:

@@ -15,9 +15,9 @@ import pytest
 
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.reports.page.contents import report_contents
-from scex_sumo.reports.page.packing import second_sums
+from scex_sumo.reports.page.packing import decoded_motion
 from scex_sumo.reports.page.report import report_html, write_report
-from scex_sumo.reports.page.scene import road_paths
+from scex_sumo.reports.page.scene import packed_tracks, road_paths
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.density import wilson_of
 from scex_sumo.views.road_lines import SURFACE, road_lines
@@ -27,22 +27,44 @@ DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 
 
 def test_tracks_come_back_to_the_centimetre_and_milliradian(run: Run) -> None:
-    _, arrays = unpack(DATA.search(report_html(run))[1])  # type: ignore[index]
+    info, arrays = unpack(DATA.search(report_html(run))[1])  # type: ignore[index]
+    assert info["packed"] == list(range(run.children))
     for child in (0, run.children - 1):
-        moved = second_sums(arrays["motion"][arrays["which"][child]])
-        poses = arrays["start"][:, None] + moved
+        poses = poses_of(arrays, child)
         states = run.states(child)
-        np.testing.assert_allclose(poses[..., 0] / 100, states.x[:, 10:], atol=0.00501)
-        np.testing.assert_allclose(poses[..., 1] / 100, states.y[:, 10:], atol=0.00501)
-        turned = np.angle(np.exp(1j * (poses[..., 2] / 1000 - states.heading[:, 10:])))
-        np.testing.assert_allclose(turned, 0, atol=0.000501)
+        np.testing.assert_allclose(poses[..., 0], states.x[:, 10:], atol=0.0101)
+        np.testing.assert_allclose(poses[..., 1], states.y[:, 10:], atol=0.0101)
+        np.testing.assert_allclose(poses[..., 3], states.speed[:, 10:], atol=0.0101)
+        turned = np.angle(np.exp(1j * (poses[..., 2] - states.heading[:, 10:])))
+        np.testing.assert_allclose(turned, 0, atol=0.00101)
+
+
+def poses_of(arrays: dict[str, np.ndarray], place: int) -> np.ndarray:
+    """Return the poses (V, T, 4) of a packed future."""
+    first = np.searchsorted(arrays["owner"], np.arange(len(arrays["start"])))
+    rows = arrays["which"][place] + first
+    return decoded_motion(arrays["start"], arrays["motion"][:, rows])
+
+
+def test_of_too_many_different_tracks_a_page_holds_the_first_futures(run: Run) -> None:
+    wanted = [(run, child, child) for child in (7, 3, *range(20, 60))]
+    whole, part = packed_tracks(wanted), packed_tracks(wanted, budget=2_000)
+    assert whole.futures.tolist() == sorted(child for _, child, _ in wanted)
+    kept = len(part.futures)
+    assert 1 < kept < len(wanted)
+    assert part.futures.tolist() == sorted([7, 3, *range(20, 60)][:kept])
+    assert part.motion.shape[1] < whole.motion.shape[1] and len(part.which) == kept
+    arrays = {"owner": part.owner, "start": part.start, "which": part.which, "motion": part.motion}
+    at = part.futures.tolist().index(7)
+    np.testing.assert_allclose(poses_of(arrays, at)[..., 0], run.states(7).x[:, 10:], atol=0.0101)
 
 
 def test_equal_trajectories_are_stored_once(run: Run) -> None:
     _, arrays = report_contents(run)
-    rows = {row.tobytes() for row in arrays["motion"]}
-    assert len(arrays["motion"]) < arrays["which"].size / 2
-    assert len(rows) <= len(arrays["motion"]) <= len(rows) * arrays["which"].shape[1]
+    owner = arrays["owner"]
+    rows = {(v, arrays["motion"][:, u].tobytes()) for u, v in enumerate(owner)}
+    assert len(rows) == len(owner) < arrays["which"].size / 2
+    assert (np.bincount(owner) == arrays["which"].max(axis=0) + 1).all()
 
 
 def test_values_models_and_worst_events_are_those_of_the_tables(run: Run) -> None:
@@ -110,28 +132,21 @@ def test_metrics_of_the_likely_children_are_taken_where_they_are(run: Run, tmp_p
     shutil.copytree(run.folder, copy)
     shutil.copytree(run.folder, copy / "reference")
     arrays = report_contents(open_run(copy))[1]
-    np.testing.assert_array_equal(arrays["likely"], arrays["values"])
+    drawn, human = np.split(arrays["values"], 2, axis=1)
+    np.testing.assert_array_equal(human, drawn)
+    assert np.isfinite(drawn[0]).all()
 
 
-def test_curves_and_bands_are_those_of_the_table(run: Run) -> None:
-    info, arrays = report_contents(run)
+def test_shared_values_and_bands_are_those_of_the_table(run: Run) -> None:
+    info, _ = report_contents(run)
     table = run.table("densities.parquet")
-    for number, metric in enumerate(info["metrics"]):
+    for metric in info["metrics"]:
         rows = table.filter(pc.equal(table["metric"], metric["column"]))
-        assert bool(rows.num_rows) == (f"curve{number}" in arrays) == bool(metric["ticks"])
-        if not rows.num_rows:
-            continue
-        curve = arrays[f"curve{number}"]
-        begin = 2 if metric["view"][0] < rows["x"][0].as_py() else 0  # goes on to the ends of the view
-        assert (curve[:begin, 1:] == 0).all() and (curve[begin + rows.num_rows :, 1] == 0).all()
-        curve = curve[begin : begin + rows.num_rows]
-        for part, (name, unit) in enumerate({"x": 1e-3, "pdf": 1e-4, "cdf": 1e-4}.items()):
-            np.testing.assert_allclose(curve[:, part] * unit, rows[name], atol=0.51 * unit)
+        assert bool(rows.num_rows) == bool(metric["ticks"])
         low, high = (np.clip(rows["cdf"].to_numpy() + sign * metric["band"], 0, 1) for sign in (-1, 1))
         np.testing.assert_allclose(low, rows["low"], atol=1e-12)
         np.testing.assert_allclose(high, rows["high"], atol=1e-12)
-        atoms = [(row["x"], row["atom"]) for row in rows.to_pylist() if row["atom"] > 0]
-        assert metric["atoms"] == atoms
+        assert metric["atoms"] == [row["x"] for row in rows.to_pylist() if row["atom"] > 0]
     assert any(metric["atoms"] for metric in info["metrics"])
 
 

@@ -13,6 +13,7 @@ from scex_sumo import example_path
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.inspect import inspect_command
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, seed_at
+from scex_sumo.reports.page.packing import UNITS
 from tests.reports.page.packed import unpack
 
 DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
@@ -35,7 +36,7 @@ def test_every_moment_has_the_vehicles_of_its_seed_scene(file: Path) -> None:
         assert arrays["ids"][:vehicles, m].tolist() == sorted(scene.track_ids.tolist())
         order = np.argsort(scene.track_ids)
         places = np.stack([scene.now.x, scene.now.y], axis=1)[order]
-        np.testing.assert_allclose(arrays["poses"][:vehicles, m, :2] / 100, places, atol=0.0051)
+        np.testing.assert_allclose(arrays["poses"][:vehicles, m, :2] * UNITS[0], places, atol=0.0101)
         assert (arrays["ids"][vehicles:, m] == -1).all()
 
 

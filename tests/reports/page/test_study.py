@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.reports.page.charts import Plane, cumulative_plot, density_plot, ticks, value_range
+from scex_sumo.reports.page.charts import Plane, density_plot, ticks, value_range
 from scex_sumo.reports.page.contents import report_contents
 from scex_sumo.reports.page.html import element
 from scex_sumo.reports.page.scene import scene_svg
@@ -50,8 +50,8 @@ def test_the_picture_of_a_scene_has_its_vehicles_and_where_they_go(run: Run) -> 
     info, arrays = report_contents(run)
     picture = scene_svg(info, arrays)
     assert picture.count('class="vehicle"') == len(info["track_ids"])
-    assert picture.count('class="way"') == len(arrays["motion"])
-    assert picture.count("<path") == len(info["road"]) + len(arrays["motion"])
+    assert picture.count('class="way"') == len(arrays["owner"])
+    assert picture.count("<path") == len(info["road"]) + len(arrays["owner"])
 
 
 def test_columns_of_names_stand_left_and_those_of_numbers_right() -> None:
@@ -63,7 +63,7 @@ def test_columns_of_names_stand_left_and_those_of_numbers_right() -> None:
 def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser: Any, tmp_path: Path) -> None:
     heads = [("name", "text", ""), ("share", "percent", "of all")]
     rows = table(heads, [["b", 0.02], ["a", None], ["c", 0.5]])
-    chart = cumulative_plot("ttc", [("drawn", density([0.2, 0.4]))], (0.0, 1.0), threshold=0.3)
+    chart = density_plot("ttc", [("drawn", density([0.2, 0.4]))], (0.0, 1.0))
     cards = card("Numbers <here>", "A sentence.", table_place("numbers"), plots(chart, element("p", "a & b")))
     path = write_study(tmp_path / "page.html", "A study", "about", cards, tables={"numbers": rows})
     wrong: list[str] = []

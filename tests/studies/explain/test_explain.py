@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.results.run import open_run
 from scex_sumo.studies.explain.command import explain_command
 from scex_sumo.studies.explain.explain import assignment_of, explain
+from tests.base.test_progress import Terminal
 
 MODELS = ("brakes", "cruises", "races")
 
@@ -71,6 +73,12 @@ def test_the_variance_is_the_pairs_and_little_of_the_third_vehicle(folder: Path)
     assert share[0, 2] == pytest.approx(1 / 2, abs=1e-3)
     # Vehicle 8 adds 0, 0.1 or 0.2: variance 0.02 / 3 of 28.55.
     assert share[1, -1] == pytest.approx(0.02 / 3 / (17**2 * 8 / 81 + 0.02 / 3), abs=1e-9)
+
+
+def test_progress_is_a_bar_on_a_terminal(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    explain(open_run(folder), ["distance"], progress=True)
+    assert isinstance(sys.stderr, Terminal) and "explain: 100%" in sys.stderr.getvalue()
 
 
 def test_a_metric_without_threshold_has_its_most_critical_tenth(folder: Path) -> None:

@@ -75,6 +75,7 @@ def test_the_interval_of_ranks_holds_the_true_rank_as_often_as_it_says() -> None
 def test_children_that_are_all_alike_leave_some_doubt() -> None:
     intervals = DesignIntervals(np.zeros((32, 0), dtype=np.int64), design="random")
     assert mean_score(np.zeros(32), intervals) == (0.0, pytest.approx(0.5 / 33))
+    assert mean_score(np.zeros(32), intervals, 0.1) == (0.0, pytest.approx(0.05 / 33))
 
 
 def test_equal_scores_are_ranked_by_severity() -> None:

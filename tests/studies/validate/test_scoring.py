@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,13 +29,14 @@ from scex_sumo.studies.validate.scoring import (
     encounter_scores,
     event_scores,
     gathered,
+    pair_scores,
     position_scores,
     probability,
     summary,
     value_scores,
 )
 from scex_sumo.studies.validate.settings import ValidationSettings
-from scex_sumo.studies.validate.vehicles import ENCOUNTERS
+from scex_sumo.studies.validate.vehicles import ENCOUNTERS, PAIR_EVENTS
 from tests.behaviors import roads
 
 
@@ -125,13 +127,42 @@ def test_positions_are_averaged_over_vehicles() -> None:
     assert (row["vehicles"], row["error_of_mean_m"], row["along_coverage"]) == (2, 1.0, 1.0)
 
 
+def test_events_of_pairs_are_scored_unless_recorded_boxes_touch() -> None:
+    cases = [(0.8, True, False, 2.0), (0.1, False, False, 3.0), (1.0, False, True, 0.0)]
+    rows = [
+        {
+            **dict.fromkeys(ENCOUNTERS.names),
+            "recorded_m": gap,
+            **{f"{name}_forecast": p for name in PAIR_EVENTS},
+            **{f"{name}_happened": o for name in PAIR_EVENTS},
+            **{f"{name}_straight": straight for name in PAIR_EVENTS},
+        }
+        for p, o, straight, gap in cases
+    ]
+    one = replace(forecast([4.0], 4.5), encounters=pa.Table.from_pylist(rows, schema=ENCOUNTERS))
+    scored = pair_scores(gathered([(ref(0), one)]))
+    assert [row["event"] for row in scored] == list(PAIR_EVENTS.values())
+    for row in scored:
+        assert (row["pairs"], row["happened"]) == (2, 0.5)
+        assert row["brier"] == pytest.approx(0.025) and row["uncertainty"] == pytest.approx(0.25)
+        assert row["skill_constant_velocity"] == pytest.approx(0.95)
+    touching = replace(one, encounters=one.encounters.slice(2))
+    assert pair_scores(gathered([(ref(0), touching)])) == pair_scores(gathered(FOUND)) == []
+
+
 def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore[no-untyped-def]
     found = gathered(FOUND)
-    rows = {"events": event_scores(found), "values": value_scores(found), "positions": position_scores(found)}
+    scored = {"events": event_scores, "pairs": pair_scores, "values": value_scores}
+    rows = {name: score(found) for name, score in scored.items()} | {"positions": position_scores(found)}
     info = {"models": ["likely"], "children": 4, "part": "all", "failed": {"m9": "no <vehicle>"}}
     write_validation_page(tmp_path, {**info, **summary(found, rows["events"])}, rows)
     page = (tmp_path / "validation.html").read_text()
-    assert "distance" in page and "no &lt;vehicle&gt;" in page and "://" not in page
+    assert (
+        "distance" in page
+        and "Pairs of vehicles" in page
+        and "no &lt;vehicle&gt;" in page
+        and "://" not in page
+    )
     assert not encounter_scores(found)
 
 

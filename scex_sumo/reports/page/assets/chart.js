@@ -1,18 +1,17 @@
-// Charts: density or cumulative curve of a metric from the run's tables, brushed and with a threshold to drag.
+// Charts: density or cumulative curve of a metric, brushed and with a threshold to drag.
 
-// A curve of the tables: points [x, density, share at or below x], in the units of curves.py, and atoms [value, share].
-function curveOf(found, atoms = []) {
-  const { values, shape } = found || { values: [], shape: [0] }, units = [1e-3, 1e-4, 1e-4];
-  return { points: Array.from({ length: shape[0] }, (_, i) => units.map((unit, k) => unit * values[3 * i + k])), atoms };
-}
+const FAR = 6; // kernel widths beyond which a sample adds nothing
 
-// The same of some of `count` samples: kernels, folded back at 0, and how many have the atoms' values.
-function curveOfSome(values, count, xs, width, isFolded, atoms) {
-  const rest = values.filter((v) => atoms.every(([value]) => v !== value)), scale = 1 / (count * width * Math.sqrt(2 * Math.PI));
-  const kernels = (x, sign) => rest.reduce((sum, v) => sum + Math.exp(-0.5 * ((x - sign * v) / width) ** 2), 0) * scale;
+// Curve of some of `count` samples: points [x, density, share at or below x] of kernels, folded back at 0, and
+// [value, share] of the atoms, values that many samples have.
+function curveOf(values, count, xs, width, isFolded, atoms) {
+  const sorted = Float64Array.from(values).sort(), rest = sorted.filter((v) => !atoms.includes(v)), scale = 1 / (count * width * Math.sqrt(2 * Math.PI));
+  const kernel = (gap) => Math.abs(gap) > FAR ? 0 : Math.exp(-0.5 * gap ** 2);
+  const kernels = (x) => rest.reduce((sum, v) => sum + kernel((x - v) / width) + (isFolded ? kernel((x + v) / width) : 0), 0) * scale;
+  const places = xs.filter((x) => x >= 0 || !isFolded), shares = stepsOf(sorted, places);
   return {
-    points: xs.filter((x) => x >= 0 || !isFolded).map((x) => [x, kernels(x, 1) + (isFolded && kernels(x, -1)), values.filter((v) => v <= x).length / values.length]),
-    atoms: atoms.map(([value]) => [value, values.filter((v) => v === value).length / count]),
+    points: places.map((x, i) => [x, kernels(x), shares[i]]),
+    atoms: atoms.map((value) => [value, sorted.filter((v) => v === value).length / count]),
   };
 }
 
@@ -26,10 +25,23 @@ function bottomAxis({ paint, write, width, height }, ticks, toX) {
 
 function makeChart(run, state, element) {
   const m = Number(element.dataset.metric), metric = run.info.metrics[m], column = run.columns[m], [limit, canvas] = all("input, canvas", element);
-  const drawn = curveOf(run.arrays[`curve${m}`], metric.atoms), likely = curveOf(run.arrays[`likely${m}`], metric.likely_atoms);
-  const { peak, most, view: [low, high] } = metric, [line] = all(`.share[data-metric="${m}"]`);
+  const { view: [low, high] } = metric, line = byId("shares").children[m], isFolded = run.info.reflect && column.every((value) => !(value < 0));
   const key = `m${m}`;
-  let drag = null;
+  let drag = null, known = null;
+
+  const samplesOf = (isHuman) => [...column.subarray(...(isHuman ? [run.children] : [0, run.children]))].filter((value) => !Number.isNaN(value));
+  const someOf = (values, count, xs, atoms) => curveOf(values, count, xs, run.info.bandwidth, isFolded, atoms.map(Math.fround));
+
+  // Curves of both sets on a grid of pixels, and how high they are.
+  function curvesAt(width) {
+    if (known && known.xs.length === width + 1) return known;
+    const xs = Array.from({ length: width + 1 }, (_, i) => low + i / width * (high - low)), sets = [samplesOf(false), samplesOf(true)];
+    const [drawn, likely] = sets.map((values, i) => someOf(values, values.length, xs, values.length ? [metric.atoms, metric.likely_atoms][i] : []));
+    if (!sets[1].length) likely.points = [];
+    const highest = (k, of) => Math.max(1e-9, ...[drawn, likely].flatMap((curve) => curve[of].map((point) => point[k])));
+    known = { xs, drawn, likely, peak: highest(1, "points"), most: highest(1, "atoms") };
+    return known;
+  }
 
   const toX = (value) => (value - low) / (high - low) * canvas.clientWidth, toValue = (px) => low + px / canvas.clientWidth * (high - low);
   const isNear = (px, value) => value !== null && Math.abs(toX(value) - px) < 9;
@@ -37,7 +49,7 @@ function makeChart(run, state, element) {
   function draw(isCumulative) {
     const pen = sharp(canvas), { paint, write, width } = pen, threshold = state.thresholds[m], own = toX(column[state.child]);
     if (!width || !metric.ticks.length) return;
-    const base = bottomAxis(pen, metric.ticks, toX), top = isCumulative ? 1 : 1.12 * peak;
+    const { xs, drawn, likely, peak, most } = curvesAt(width), base = bottomAxis(pen, metric.ticks, toX), top = isCumulative ? 1 : 1.12 * peak;
     const at = (x, y) => [toX(x), base - clamp(y / top, 0, 1) * (base - 4)], upright = (x, style) => paint([[x, 0], [x, base]], style);
     const curveLine = ({ points }, more = 0) => points.map((point) => at(point[0], point[isCumulative ? 2 : 1] + more));
     const area = (upper, lower, fill, alpha) => paint([...upper, ...lower.reverse()], { fill, alpha });
@@ -56,8 +68,8 @@ function makeChart(run, state, element) {
     if (isCumulative) area(curveLine(drawn, metric.band), curveLine(drawn, -metric.band), "drawn", 0.2);
     curve(drawn, "drawn");
     curve(likely, "likely", [5, 3]);
-    const chosen = column.filter((value, c) => state.mask[c] && !Number.isNaN(value)), xs = Array.from({ length: width / 2 }, (_, i) => toValue(2 * i));
-    if (state.count < run.children && chosen.length) curve(curveOfSome(chosen, metric.defined, xs, run.info.bandwidth, metric.folded, drawn.atoms), "picked");
+    const chosen = [...column.subarray(0, run.children)].filter((value, c) => state.mask[c] && !Number.isNaN(value));
+    if (state.count < run.children && chosen.length) curve(someOf(chosen, metric.defined, xs, metric.atoms), "picked");
     const [atom] = drawn.atoms.filter(([, share]) => share === most);
     if (atom && !isCumulative) write(percent(most), clamp(toX(atom[0]), 16, width - 16), 9);
     if (metric.recorded !== null) upright(toX(metric.recorded), { stroke: "recorded", dash: [5, 3] });
@@ -68,14 +80,14 @@ function makeChart(run, state, element) {
 
   function describe() { // P, here and in the verdict
     const threshold = state.thresholds[m], isSet = threshold !== null, { value, low: least, high: most95, words } = state.share(m);
-    const likelyShare = run.likely[m] ? state.share(m, run.likely[m]).value : NaN;
+    const likelyShare = state.share(m, true).value;
     if (document.activeElement !== limit) limit.value = isSet ? Number(threshold.toFixed(3)) : "";
     for (const part of [element, line]) {
       const said = part.querySelector("b");
       said.textContent = isSet ? percent(value) : "";
       said.title = `${words}; human-like: ${percent(likelyShare)}`;
     }
-    line.hidden = !isSet || metric.mean;
+    line.hidden = !isSet || metric.mean || run.info.always.includes(metric.name);
     line.firstChild.textContent = isSet ? `${metric.name} ${metric.sign} ${Number(threshold.toFixed(3))} ${metric.unit}` : "";
     line.style.cssText = `--value: ${value}; --low: ${least}; --high: ${most95}; --chance: ${isMissing(likelyShare) ? -1 : likelyShare}`;
   }
@@ -103,4 +115,36 @@ function makeChart(run, state, element) {
   };
   canvas.onpointerup = canvas.onpointercancel = () => { drag = null; };
   return { element, metric, draw, describe, select, setLimit };
+}
+
+// Cumulative curves of the driver under test and of the baseline, with their bands.
+function testedCurves(host, charts) {
+  const canvases = charts.map(({ title }) => make("canvas", { ariaLabel: title }));
+  host.append(...charts.map(({ title }, i) => make("div.chart", {}, make("header", {}, make("span", title)), canvases[i])));
+  return () => charts.forEach(({ sets, view: [low, high], threshold, side, ticks }, i) => {
+    const pen = sharp(canvases[i]), { paint, write, width } = pen, toX = (value) => (value - low) / (high - low) * width;
+    if (!sets.length) return write("defined in no future", width / 2, 60);
+    const base = bottomAxis(pen, ticks, toX), xs = Array.from({ length: width + 1 }, (_, px) => low + px / width * (high - low));
+    const at = (x, share) => [toX(x), base - clamp(share, 0, 1) * (base - 4)];
+    if (threshold !== null) {
+      const far = side === "left" ? low : high;
+      paint([at(threshold, 0), at(threshold, 1), at(far, 1), at(far, 0)], { fill: "critical", alpha: 0.1 });
+      paint([at(threshold, 0), at(threshold, 1)], { stroke: "critical" });
+    }
+    for (const { kind, values, band } of sets) {
+      const share = stepsOf(values.map((value) => value ?? Infinity), xs), line = (more) => share.map((y, k) => at(xs[k], y + more));
+      paint([...line(band), ...line(-band).reverse()], { fill: kind, alpha: 0.2 });
+      paint(line(0), { stroke: kind });
+    }
+  });
+}
+
+// Share of values at or below each of ascending places.
+function stepsOf(values, xs) {
+  const sorted = Float64Array.from(values).sort();
+  let below = 0;
+  return xs.map((x) => {
+    while (below < sorted.length && sorted[below] <= x) below++;
+    return below / sorted.length;
+  });
 }

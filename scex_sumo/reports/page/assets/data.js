@@ -12,45 +12,54 @@ async function unpack(text) {
     const joined = new Uint8Array(count * size);
     for (let i = 0; i < joined.length; i++) joined[i] = bytes[start + (i % size) * count + Math.floor(i / size)];
     arrays[name] = { shape, values: new types[type](joined.buffer) };
+    if (/i[24]/.test(type)) arrays[name].values.forEach((value, i, values) => { values[i] = value - 128; }); // as packing.py shifts them
     start += joined.length;
   }
   return { info: head.info, arrays };
 }
 
-const UNITS = [0.01, 0.01, 0.001, 0.02]; // of poses: m, m, rad, m/s, as in scene.py
+const UNITS = [0.02, 0.02, 0.002, 0.02]; // of poses: m, m, rad, m/s, as in packing.py
 
-// Poses (rows, 1 + steps, 4) of second differences after the start of each row's vehicle.
-function posesOf({ shape: [rows, steps], values }, start, ownerOf) {
+// Poses (rows, 1 + steps, 4) of coded tracks after the start of each row's vehicle: places off those that the
+// mean velocity of a step leads to, and second differences of heading and speed.
+function posesOf({ shape: [, rows, steps], values }, start, ownerOf) {
   const poses = new Float64Array(rows * (steps + 1) * 4);
   for (let row = 0; row < rows; row++) {
-    for (let k = 0; k < 4; k++) {
-      let change = 0, sum = start.values[ownerOf(row) * 4 + k];
-      for (let t = 0; t <= steps; t++) {
-        poses[(row * (steps + 1) + t) * 4 + k] = sum * UNITS[k];
-        sum += change += values[(row * steps + t) * 4 + k];
-      }
+    const now = [...start.values.subarray(ownerOf(row) * 4, ownerOf(row) * 4 + 4)], change = [0, 0], place = [0, 1].map((k) => now[k] * UNITS[k]);
+    let velocity;
+    for (let t = 0, at = row * (steps + 1) * 4; t <= steps; t++, at += 4) {
+      const code = (k) => values[(k * rows + row) * steps + t - 1], before = velocity;
+      for (const k of [2, 3]) if (t) now[k] += change[k - 2] += code(k);
+      const heading = now[2] * UNITS[2], speed = now[3] * UNITS[3];
+      velocity = [speed * Math.cos(heading), speed * Math.sin(heading)];
+      for (const k of [0, 1]) if (t) place[k] += (before[k] + velocity[k]) / 20 + code(k) * UNITS[k];
+      poses.set([...place, heading, speed], at);
     }
   }
   return poses;
 }
 
-// The run as the other parts ask for it; tracks are rows of `poses`.
+// The run as the other parts ask for it: futures of the stress test, then human-like ones. Of those in
+// `packed` the page has tracks, rows of `poses`.
 function runOf({ info, arrays }) {
-  const { start, motion, which, levels, values, likely, recorded } = arrays;
-  const [children, vehicles] = which.shape, owner = new Int32Array(motion.shape[0]);
-  which.values.forEach((row, i) => { owner[row] = i % vehicles; });
-  const columns = (table) => info.metrics.map((_, m) => table && table.values.subarray(m * table.shape[1], (m + 1) * table.shape[1]));
+  const { start, motion, owner, which, levels, values, recorded, events } = arrays, vehicles = levels.shape[1];
+  const futures = info.children + info.human, place = new Map(info.packed.map((future, i) => [future, i]));
+  const first = Array.from({ length: vehicles }, (_, v) => owner.values.indexOf(v));
   return {
-    info, arrays, children, vehicles, owner,
-    frames: motion.shape[1] + 1,
-    poses: posesOf(motion, start, (row) => owner[row]),
+    info, arrays, vehicles, futures, children: info.children, owner: owner.values,
+    frames: motion.shape[2] + 1,
+    poses: posesOf(motion, start, (row) => owner.values[row]),
     recorded: recorded && posesOf(recorded, start, (row) => row),
-    columns: columns(values),
-    likely: columns(likely),
+    columns: info.metrics.map((_, m) => values.values.subarray(m * futures, (m + 1) * futures)),
     radius: (vehicle) => Math.hypot(...info.sizes[vehicle]) / 2,
     id: (vehicle) => info.track_ids[vehicle],
-    track: (child, vehicle) => which.values[child * vehicles + vehicle],
-    model: (child, vehicle) => levels.values[child * vehicles + vehicle],
+    isPacked: (future) => place.has(future),
+    track: (future, vehicle) => first[vehicle] + which.values[place.get(future) * vehicles + vehicle],
+    model: (future, vehicle) => levels.values[future * vehicles + vehicle],
+    events: (pair, future) => events.values[pair * futures + future], // bits, as in tables.py
+    isHuman: (future) => future >= info.children,
+    number: (future) => future < info.children ? future : future - info.children,
+    nameOf: (future) => `${future < info.children ? "" : "human-like "}future ${future < info.children ? future : future - info.children}`,
   };
 }
 

@@ -24,17 +24,25 @@ function inked(color) {
 
 // A pen for a cleared canvas as sharp as the screen, in CSS pixels.
 function sharp(canvas, { clientWidth: width, clientHeight: height } = canvas) {
-  const ratio = window.devicePixelRatio, context = canvas.getContext("2d");
-  Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
+  const ratio = window.devicePixelRatio, context = canvas.getContext("2d"), [across, down] = [width, height].map((size) => Math.round(size * ratio));
+  context.setTransform(1, 0, 0, 1, 0, 0);
+  if (canvas.width === across && canvas.height === down) context.clearRect(0, 0, across, down); // much cheaper than new memory
+  else Object.assign(canvas, { width: across, height: down });
   context.scale(ratio, ratio);
 
-  // Fills and strokes a path, or a line through points.
+  // Fills and strokes a path, a line through points, or without either the path of the context.
   function paint(shape, { fill, stroke, width: lineWidth = 1.5, dash = [], alpha = 1 }) {
-    const path = shape instanceof Path2D ? shape : pathOf(shape);
-    Object.assign(context, { globalAlpha: alpha, fillStyle: inked(fill), strokeStyle: inked(stroke), lineWidth });
-    context.setLineDash(dash);
-    if (fill) context.fill(path);
-    if (stroke) context.stroke(path);
+    const path = !shape ? [] : [shape instanceof Path2D ? shape : pathOf(shape)];
+    context.globalAlpha = alpha;
+    if (fill) {
+      context.fillStyle = inked(fill);
+      context.fill(...path);
+    }
+    if (stroke) {
+      Object.assign(context, { strokeStyle: inked(stroke), lineWidth });
+      context.setLineDash(dash);
+      context.stroke(...path);
+    }
     context.globalAlpha = 1;
   }
 
@@ -45,6 +53,18 @@ function sharp(canvas, { clientWidth: width, clientHeight: height } = canvas) {
   }
 
   return { context, paint, write, width, height, ratio };
+}
+
+// A text with a halo, drawn once: strokes of letters take long. Returns how it is put with its middle at a place.
+const stamps = new Map();
+function stamp(words, { fill, font = "600 12px system-ui" }) {
+  const key = `${words} ${inked(fill)} ${inked("halo")} ${window.devicePixelRatio}`;
+  if (!stamps.has(key)) {
+    const canvas = make("canvas"), size = { clientWidth: 9 * words.length + 12, clientHeight: 20 };
+    sharp(canvas, size).write(words, size.clientWidth / 2, 14, { fill, font, halo: "halo" });
+    stamps.set(key, ({ context }, x, y) => context.drawImage(canvas, x - size.clientWidth / 2, y - 14, size.clientWidth, size.clientHeight));
+  }
+  return stamps.get(key);
 }
 
 function pathOf(points, isClosed = false) { // broken where a value is missing
@@ -63,6 +83,11 @@ function circle([x, y], radius) {
   const path = new Path2D();
   path.arc(x, y, radius, 0, 7);
   return path;
+}
+
+// Sets a text unless it is there already: a new one costs a layout.
+function tell(element, words) {
+  if (element.textContent !== words) element.textContent = words;
 }
 
 const say = (words) => { byId("said").textContent = words; };

@@ -3,26 +3,28 @@
 const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
 const ROAD_UNIT = 0.05; // m, as in road_lines.py
 const POINTED_PX = 8; // reach of the pointer beyond a body
-const MAX_GHOSTS = 1200; // drawn in a frame; more are thinned out
+const MAX_GHOSTS = 500; // drawn in a frame; more are thinned out
+const DASHED = 6; // px of a metre from which outlines are dashed: dashes take long to draw
+const SPARE = 1.5; // the ground is drawn as much larger than the map, so that it can move with a pair
 const ROAD_COLORS = ["road", "road", "mark", "border", "mark"]; // surface, area, marking, border, stop line
 
 function makeMap(run, state, canvas) {
   const { info, poses, frames, arrays, owner } = run, vehicles = [...info.track_ids.keys()], road = roadOf(info);
   const ground = make("canvas"), pointers = new Map();
-  const tracks = vehicles.map(() => []), outlines = new Map();
+  const tracks = vehicles.map(() => []);
   owner.forEach((v, row) => tracks[v].push(row));
-  let x, y, scale, weights, drivers, usual, ghosts, groundKey;
+  let x, y, scale, weights, drivers, usual, ghosts, groundKey, groundAt, half = [0, 0];
 
-  // How many of the selected children drive each track, one of them, and each vehicle's most frequent track.
+  // How many of the selected futures of the stress test drive each track, one of them, and each vehicle's most frequent track.
   function weigh() {
     weights = new Float32Array(owner.length);
     drivers = new Int32Array(owner.length);
-    arrays.which.values.forEach((row, i) => {
-      const child = Math.floor(i / run.vehicles);
-      weights[row] += state.mask[child];
-      if (state.mask[child]) drivers[row] = child;
-    });
-    usual = vehicles.map((v) => run.track(0, v));
+    const packed = info.packed.filter((future) => !run.isHuman(future)), chosen = packed.filter((future) => state.mask[future]);
+    for (const child of chosen) for (const v of vehicles) {
+      weights[run.track(child, v)] += state.count / chosen.length;
+      drivers[run.track(child, v)] = child;
+    }
+    usual = vehicles.map((v) => run.track(packed[0], v));
     owner.forEach((v, row) => { if (weights[row] > weights[usual[v]]) usual[v] = row; });
     ghosts = tracks.flatMap((rows) => thinned(rows.filter((row) => weights[row]), Math.ceil(MAX_GHOSTS / vehicles.length)));
   }
@@ -40,13 +42,15 @@ function makeMap(run, state, canvas) {
     });
   }
 
-  const isShown = (name) => byId(`show-${name}`).checked, middle = () => [canvas.clientWidth / 2, canvas.clientHeight / 2];
+  const isShown = (name) => byId(`show-${name}`).checked, middle = () => half;
+  const measure = () => { half = [canvas.clientWidth / 2, canvas.clientHeight / 2]; }; // once a frame: it may cost a layout
   const toScreen = ([px, py], [w, h] = middle()) => [w + (px - x) * scale, h - (py - y) * scale];
   // Where a vehicle is: in the child, or on the way of most of the selected ones.
   const rowOf = (v) => state.child < 0 ? usual[v] : run.track(state.child, v);
   const poseOf = (row) => poseAt(poses, frames, row, state.step), place = (v) => poseOf(rowOf(v));
 
   function look(centre, wide, high = wide) {
+    measure();
     const [w, h] = middle();
     [x, y] = centre;
     scale = Math.min(2 * (w || 200) / wide, 2 * (h || 125) / high);
@@ -73,15 +77,17 @@ function makeMap(run, state, canvas) {
   }
 
   function draw() {
+    measure();
     const pen = sharp(canvas), { context, paint, write, width, height, ratio } = pen, { child } = state;
     if (!width) return;
     drawGround(width, height);
-    context.drawImage(ground, 0, 0, width, height);
+    const spare = (SPARE - 1) / 2, [left, top] = [(groundAt[0] - x) * scale - spare * width, (y - groundAt[1]) * scale - spare * height];
+    context.drawImage(ground, left, top, SPARE * width, SPARE * height);
     inMetres(pen);
     if (child < 0 || isShown("ghosts")) drawGhosts(pen, child < 0 ? 0.75 : 0.25);
     drawOthers(pen);
     for (const v of vehicles) {
-      if (isShown("recorded") && run.recorded) body(pen, v, poseAt(run.recorded, frames, v, state.step), { stroke: "recorded", dash: [0.7, 0.5] });
+      if (isShown("recorded") && run.recorded) body(pen, v, poseAt(run.recorded, frames, v, state.step), { stroke: "recorded", dash: scale > DASHED ? [0.7, 0.5] : [] });
       if (child >= 0) body(pen, v, place(v), { fill: color(rowOf(v), child), stroke: "ink" });
     }
     if (isShown("heat")) drawHeat(pen);
@@ -89,25 +95,26 @@ function makeMap(run, state, canvas) {
     const ring = (v, stroke, more) => paint(circle(toScreen(place(v)), Math.max(13, run.radius(v) * scale * 1.25) + more), { stroke, width: 2.5 });
     for (const v of state.pair || []) ring(v, "critical", 0);
     if (!isMissing(state.vehicle)) ring(state.vehicle, "picked", 4);
-    if (isShown("ids")) drawIds(write);
-    const metres = [5, 10, 20, 50, 100, 200].find((m) => m * scale > 50) || 500, left = width - 14 - metres * scale;
-    paint([[left, height - 10], [width - 14, height - 10]], { stroke: "soft", width: 2 });
-    write(`${metres} m`, (left + width - 14) / 2, height - 15);
+    if (isShown("ids")) drawIds(pen);
+    const metres = [5, 10, 20, 50, 100, 200].find((m) => m * scale > 50) || 500, end = width - 14, begin = end - metres * scale;
+    paint([[begin, height - 10], [end, height - 10]], { stroke: "soft", width: 2 });
+    write(`${metres} m`, (begin + end) / 2, height - 15);
   }
 
-  function inMetres({ context, ratio }) { // y upwards
-    const k = scale * ratio, [w, h] = middle();
+  function inMetres({ context, ratio }, [w, h] = middle()) { // y upwards
+    const k = scale * ratio;
     context.setTransform(k, 0, 0, -k, ratio * w - x * k, ratio * h + y * k);
   }
 
-  // Road and paths do not change while it plays: they are drawn once per view.
+  // Road and paths do not change while it plays: they are drawn once, and again when the view leaves them.
   function drawGround(width, height) {
-    const key = String([x, y, scale, width, height, state.child, isShown("paths"), inked("map"), state.selection]);
-    if (key === groundKey) return;
+    const key = String([scale, width, height, state.child, isShown("paths"), inked("map"), state.selection]), spare = (SPARE - 1) / 2 / scale;
+    if (key === groundKey && Math.abs(x - groundAt[0]) < spare * width && Math.abs(y - groundAt[1]) < spare * height) return;
     groundKey = key;
-    const pen = sharp(ground, canvas);
-    pen.paint([[0, 0], [width, 0], [width, height], [0, height]], { fill: "map" });
-    inMetres(pen);
+    groundAt = [x, y];
+    const size = [SPARE * width, SPARE * height], pen = sharp(ground, { clientWidth: size[0], clientHeight: size[1] });
+    pen.paint([[0, 0], [size[0], 0], size, [0, size[1]]], { fill: "map" });
+    inMetres(pen, size.map((part) => part / 2));
     for (const { path, kind, width: wide } of road) {
       const ink = ROAD_COLORS[kind];
       pen.paint(path, kind === 1 ? { fill: ink } : { stroke: ink, width: wide || Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
@@ -122,20 +129,13 @@ function makeMap(run, state, canvas) {
 
   const color = (row, child = drivers[row]) => info.colors[run.model(child, owner[row])]; // of who drives there
 
-  function outline(size) {
-    const key = String(size);
-    if (!outlines.has(key)) outlines.set(key, pathOf(onBody([0, 0, 0], size, OUTLINE), true));
-    return outlines.get(key);
-  }
-
-  function body({ context, paint }, v, [px, py, heading], style) { // unless out of sight
-    const [w, h] = middle(), reach = run.radius(v);
-    if (Math.abs(px - x) > w / scale + reach || Math.abs(py - y) > h / scale + reach) return;
-    context.save();
-    context.translate(px, py);
-    context.rotate(heading);
-    paint(outline(info.sizes[v]), { width: Math.max(0.12, 1.2 / scale), ...style });
-    context.restore();
+  function body({ context, paint, width, height }, v, [px, py, heading], style) { // unless out of sight
+    const reach = run.radius(v), [long, wide] = info.sizes[v], c = Math.cos(heading), s = Math.sin(heading);
+    if (Math.abs(px - x) > width / 2 / scale + reach || Math.abs(py - y) > height / 2 / scale + reach) return;
+    context.beginPath();
+    for (const [f, l] of OUTLINE) context.lineTo(px + f * long * c - l * wide * s, py + f * long * s + l * wide * c);
+    context.closePath();
+    paint(null, { width: Math.max(0.12, 1.2 / scale), ...style });
   }
 
   function drawGhosts(pen, ink) { // the more children, the darker
@@ -145,7 +145,7 @@ function makeMap(run, state, canvas) {
   function drawOthers({ paint }) { // pedestrians and cyclists, as recorded
     const { values } = arrays.others;
     for (let i = 2 * Math.round(state.step); i < values.length; i += 2 * frames) {
-      paint(circle([values[i] / 100, values[i + 1] / 100], Math.max(0.4, 3 / scale)), { fill: "likely" });
+      paint(circle([values[i] * UNITS[0], values[i + 1] * UNITS[0]], Math.max(0.4, 3 / scale)), { fill: "likely" });
     }
   }
 
@@ -157,7 +157,7 @@ function makeMap(run, state, canvas) {
   }
 
   // Ids that do not overprint: the pair's first, the others where there is room.
-  function drawIds(write) {
+  function drawIds(pen) {
     const taken = [], pair = state.pair || [];
     for (const v of new Set([...pair, ...vehicles])) {
       const [px, py] = toScreen(place(v)), words = String(run.id(v)), wide = 4 * words.length + 2, off = Math.max(12, run.radius(v) * scale * 0.75 + 7);
@@ -166,7 +166,7 @@ function makeMap(run, state, canvas) {
       if (!free && !pair.includes(v)) continue;
       const isMarked = pair.includes(v) || info.under_test.includes(run.id(v)), at = free || spots[0];
       taken.push([...at, wide]);
-      write(words, ...at, { fill: isMarked ? "critical" : "ink", font: "600 12px system-ui", halo: "halo" });
+      stamp(words, { fill: isMarked ? "critical" : "ink" })(pen, ...at);
     }
   }
 

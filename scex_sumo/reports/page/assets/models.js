@@ -1,7 +1,8 @@
 // Table of vehicles and models: how often a child is critical, given who drives a vehicle.
 
 function modelTable(run, state) {
-  const { models, track_ids: ids, under_test: tested } = run.info;
+  const { track_ids: ids, under_test: tested } = run.info, drawn = new Set(run.arrays.levels.values.subarray(0, run.children * run.vehicles));
+  const models = run.info.models.filter((_, model) => drawn.has(model)); // human-like models come after those of the stress test
   const titles = models.map((name) => ({ title: name.replaceAll("_", " "), as: "percent", none: "", down: true }));
   let mean;
   const table = makeTable(byId("models"), { columns: [{ title: "vehicle" }, ...titles], rows: [] }, { mark(cell, { given, v }, i) {
@@ -15,7 +16,7 @@ function modelTable(run, state) {
   const select = (v, model) => state.filter(`v${v}`, [model], `${ids[v]} as ${models[model]}`, (c) => run.model(c, v) === model);
 
   function draw(isShown) { // anew, of the vehicles shown
-    const { test, words } = criticalBy(run, state), chosen = [...state.mask.keys()].filter((c) => state.mask[c]);
+    const { test, words } = criticalBy(run, state), chosen = [...Array(run.children).keys()].filter((c) => state.mask[c]);
     const hits = chosen.map((c) => Number(test(c)));
     mean = sum(hits) / chosen.length;
     byId("models-about").textContent = `Share of futures with ${words}, by the model of a vehicle; overall ${percent(mean)}. A click selects those futures.`;
@@ -31,7 +32,8 @@ function modelTable(run, state) {
 
 // Whether a child is critical by what is in focus: a collision, or a metric's threshold, else its worst tenth.
 function criticalBy(run, { focus, thresholds, isCritical }) {
-  if (focus < 0) return { test: (c) => run.info.collisions.children.includes(c), words: "a collision" };
+  const collided = new Set(run.info.collisions.children);
+  if (focus < 0) return { test: (c) => collided.has(c), words: "a collision" };
   const { name, sign, tenth } = run.info.metrics[focus], limit = thresholds[focus] ?? tenth;
   const words = `${name} ${sign} ${short(limit)}${thresholds[focus] === null ? ", the worst tenth" : ""}`;
   return { test: (c) => isCritical(focus, run.columns[focus][c], limit), words };

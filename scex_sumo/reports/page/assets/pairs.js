@@ -55,15 +55,15 @@ function courseOf(run, poses, pair, rows) {
   return { speed, acceleration, gap: both(bodyGap), ttc: both(timeToCollision) };
 }
 
-// Courses of a pair, one per different pair of tracks: [{course, children, picked}].
+// Courses of a pair, one per different pair of tracks: [{course, futures, picked}].
 function coursesOf(run, pair, mask) {
   const found = new Map();
-  mask.forEach((isPicked, c) => {
-    const rows = pair.map((v) => run.track(c, v)), key = String(rows);
-    if (!found.has(key)) found.set(key, { course: courseOf(run, run.poses, pair, rows), children: [], picked: 0 });
-    found.get(key).children.push(c);
-    found.get(key).picked += isPicked;
-  });
+  for (const future of run.info.packed) {
+    const rows = pair.map((v) => run.track(future, v)), key = String(rows);
+    if (!found.has(key)) found.set(key, { course: courseOf(run, run.poses, pair, rows), futures: [], picked: 0, isHuman: run.isHuman(future) });
+    found.get(key).futures.push(future);
+    found.get(key).picked += mask[future];
+  }
   return [...found.values()];
 }
 
@@ -92,7 +92,7 @@ function pairStrips(run, state, host) {
     const base = bottomAxis(pen, run.info.ticks, (s) => s * 10 / last * width);
     const at = (value, t) => [t / last * width, value <= 1.3 * top ? base - (value - low10) / (top - low10) * (base - 4) : NaN];
     const curve = (course, style) => course[name].forEach((line, i) => paint(line.map(at), { dash: dashes[i], ...style }));
-    for (const { course, picked } of chosen) curve(course, { stroke: "drawn", width: 1, alpha: Math.min(0.1 + 2 * picked / state.count, 0.5) });
+    for (const { course, picked, isHuman } of chosen) curve(course, { stroke: isHuman ? "likely" : "drawn", width: 1, alpha: Math.min(0.1 + 2 * picked / state.count, 0.5) });
     if (low < 0) paint([at(0, 0), at(0, last)], { stroke: "line", width: 1 });
     if (limit) paint([at(limit, 0), at(limit, last)], { stroke: "critical", width: 1 });
     if (recorded) curve(recorded, { stroke: "recorded", width: 1 });
@@ -110,11 +110,11 @@ function pairStrips(run, state, host) {
       lines = coursesOf(run, pair, state.mask);
       recorded = isRecorded ? courseOf(run, run.recorded, pair, pair) : null;
     }
-    const own = lines.find((line) => line.children.includes(child));
+    const own = lines.find((line) => line.futures.includes(child));
     for (const strip of strips) {
       if (isNew || isOther) draw(strip, own);
       strip.cursor.style.left = `${100 * step / last}%`;
-      strip.said.textContent = own ? own.course[strip.name].map((line) => short(line[t], 1)).join(" / ") : "";
+      tell(strip.said, own ? own.course[strip.name].map((line) => short(line[t], 1)).join(" / ") : "");
     }
   };
 }

@@ -2,7 +2,7 @@
 
 function makePlayer(run, state, map) {
   const { info } = run, last = run.frames - 1, canvas = byId("map");
-  const nameOf = (ending) => `${info.name}${state.child < 0 ? "" : `_child${state.child}`}.${ending}`;
+  const nameOf = (ending) => `${info.name}${state.child < 0 ? "" : `_${run.nameOf(state.child).replace("future ", "child").replace(" ", "_")}`}.${ending}`;
 
   function play() {
     let before = performance.now();
@@ -31,7 +31,8 @@ function makePlayer(run, state, map) {
   }
 
   function copy(command) {
-    const words = command.replace("CHILD", Math.max(state.child, 0));
+    const folder = run.isHuman(state.child) ? `${info.folder}/reference` : info.folder;
+    const words = command.replace(`'${info.folder}'`, `'${folder}'`).replace("CHILD", run.number(Math.max(state.child, 0)));
     navigator.clipboard.writeText(words).then(() => say(`copied: ${words}`), () => say(words));
   }
 
@@ -43,7 +44,7 @@ function makePlayer(run, state, map) {
   };
   for (const [name, act] of Object.entries(clicks)) byId(name).onclick = () => act();
   Object.assign(byId("time"), { max: last, oninput: ({ target }) => state.seek(Number(target.value)) });
-  byId("child").onchange = ({ target: { value } }) => state.change({ child: value === "" ? -1 : clamp(Math.round(value), 0, run.children - 1) });
+  byId("child").onchange = ({ target: { value } }) => state.show(value === "" ? -1 : clamp(Math.round(value), 0, run.children - 1));
   for (const box of all("[id^=show]")) box.onchange = () => state.change({}, "view");
   for (const button of all("[data-copy]")) button.onclick = () => copy(button.dataset.copy);
 
@@ -64,9 +65,10 @@ function makePlayer(run, state, map) {
 
   return () => {
     byId("time").value = state.step;
-    byId("clock").textContent = seconds(state.step);
-    byId("play").textContent = state.playing ? "❚❚" : "▶";
+    tell(byId("clock"), seconds(state.step));
+    tell(byId("play"), state.playing ? "❚❚" : "▶");
     byId("all").classList.toggle("on", state.child < 0);
-    if (document.activeElement !== byId("child")) byId("child").value = state.child < 0 ? "" : state.child;
+    tell(byId("shown"), `shown: ${state.child < 0 ? "all futures of the stress test" : `${run.isHuman(state.child) ? "" : "stress test, "}${run.nameOf(state.child)}`}`);
+    if (document.activeElement !== byId("child")) byId("child").value = state.child < 0 ? "" : run.number(state.child);
   };
 }

@@ -1,32 +1,51 @@
 // Report of a run: puts map, charts and tables together.
 
 function runReport(run) {
+  fillReport(run);
   const { info, id } = run, state = makeState(run), map = makeMap(run, state, byId("map")), select = makeSelection(run, state);
   const drawPlayer = makePlayer(run, state, map), drawStrips = pairStrips(run, state, byId("strips")), models = modelTable(run, state);
   const charts = all(".chart").map((element) => makeChart(run, state, element)), find = byId("find");
 
-  const show = ({ pair, child, step }) => state.change({ pair, child, step, playing: false });
+  function show(row) {
+    const { child, step } = row.event === undefined ? row : select.typicalOf(row);
+    state.show(child, { pair: row.pair, step, playing: false });
+  }
   function jump(row) {
     show(row);
     byId("mapbox").scrollIntoView({ behavior: "smooth", block: "nearest" });
   }
   const drawCard = vehicleCard(run, state, map, jump);
 
-  const isOpen = ({ pair }) => Boolean(state.pair && pair) && pair.every((v) => state.pair.includes(v));
+  const isOpen = ({ pair, human }) => Boolean(state.pair && pair) && pair.every((v) => state.pair.includes(v)) && (state.child < 0 || run.isHuman(state.child) === human);
   const encounters = makeTable(byId("encounters"), info.encounters, { onRow: jump, isChosen: isOpen, onSort: () => address.later() });
   const worst = makeTable(byId("worst"), info.events, { onRow: jump, isChosen: ({ children }) => children.includes(state.child) });
 
   function drawSelection() { // chips, P(collision), and what tables have of the selected futures
     const chips = [...state.filters].map(([key, { words }]) => make("button.chip", { textContent: `${words} ×`, title: "Clear", onclick: () => state.filter(key) }));
     byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.children} futures`)] : []), ...chips);
-    const said = byId("p-collision"), { value, count, words } = chips.length ? select.collision() : info.collision || {};
-    if (said && info.collision) {
+    for (const [name, known, isHuman] of [["p-collision", info.collision, false], ["likely-collision", info.likely_collisions, true]]) {
+      const said = byId(name), told = byId(`${name}-words`);
+      if (!said || !known) continue;
+      const { value, count, words } = chips.length ? select.collision(isHuman) : known;
       said.textContent = chips.length ? percent(value) : said.title;
       said.classList.toggle("hot", count > 0);
-      byId("p-collision-words").textContent = chips.length ? words : byId("p-collision-words").title;
+      told.textContent = chips.length ? words : told.title;
     }
     encounters.show(select.encounterRows(find.value.trim()));
-    for (const button of all("[data-encounter]")) button.parentElement.hidden = !select.isEvent(info.encounters.rows[button.dataset.encounter]);
+    drawWorstEncounters();
+  }
+
+  // Who hits whom, when, how likely in both sets, with which drivers.
+  function drawWorstEncounters() {
+    const rows = info.encounters.rows.filter((row) => row.worst && select.isEvent(row)), isWhole = !state.filters.size;
+    byId("worst-encounters").replaceChildren(...rows.map((row) => {
+      const { question, happens, about, why, exact } = row, [stress, human] = [false, true].map((isHuman) => select.share({ ...row, human: isHuman }, EVENT_BITS[question]));
+      const { step } = isWhole ? row : select.typicalOf(row), place = [about, seconds(step)].filter(Boolean).join(", ");
+      const shares = [make("b.drawn", isWhole && exact ? exact : percent(stress.value)), ` stress test${isWhole && exact ? ", exact" : ` (${range(stress)})`}`];
+      if (info.human) shares.push(" · ", make("b.likely", percent(human.value)), ` human-like (${range(human)})`);
+      const button = make("button", { title: row.words, onclick: () => jump(row) }, make("b", row.pair.map(id).join(" → ")), ` ${happens} · ${place}`, make("span", {}, ...shares), make("span.soft", why));
+      return make("li", {}, button);
+    }));
   }
 
   function drawWorst() {
@@ -39,8 +58,10 @@ function runReport(run) {
     const { pair, child } = state;
     byId("pairbox").hidden = !pair;
     if (!pair) return;
-    const of = pair.map((v) => id(v) + (child < 0 ? "" : ` ${info.models[run.model(child, v)]}`));
-    byId("pair-title").replaceChildren(make("span.solid", of[0]), " and ", make("span.dashed", of[1]), child < 0 ? ", all futures" : `, future ${child}`);
+    if (isNew) {
+      const of = pair.map((v) => id(v) + (child < 0 ? "" : ` ${info.models[run.model(child, v)]}`));
+      byId("pair-title").replaceChildren(make("span.solid", of[0]), " and ", make("span.dashed", of[1]), child < 0 ? ", all futures" : `, ${run.nameOf(child)}`);
+    }
     drawStrips(isNew);
   }
 
@@ -58,6 +79,7 @@ function runReport(run) {
     drawPlayer();
     drawCard();
     if (any("selection", "child", "thresholds", "size")) drawCharts();
+    if (any("size")) drawTested();
     if (any("pair", "child", "step", "selection", "size", "view")) drawPair(any("pair", "child", "selection", "size"));
     if (any("selection", "find")) drawSelection();
     if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
@@ -85,7 +107,13 @@ function runReport(run) {
         state.change({ pair: pair.length === 2 && !pair.includes(-1) ? pair : null });
       },
     },
-    future: { get: () => ({ "": state.child < 0 ? "" : state.child }), set: ({ "": text }) => state.change({ child: /^\d+$/.test(text) ? Math.min(text, run.children - 1) : -1 }) },
+    future: {
+      get: () => ({ "": state.child < 0 ? "" : `${run.isHuman(state.child) ? "h" : ""}${run.number(state.child)}` }),
+      set({ "": text = "" }) {
+        const [, isHuman, number] = /^(h?)(\d+)$/.exec(text) || [];
+        state.show(number === undefined ? -1 : isHuman ? Math.min(run.children + Number(number), run.futures - 1) : Math.min(number, run.children - 1));
+      },
+    },
     t: { get: () => ({ "": (state.step / 10).toFixed(1) }), set: ({ "": text = 0 }) => state.seek(10 * (Number(text) || 0)) },
     vehicle: { get: () => ({ "": state.vehicle === null ? "" : id(state.vehicle) }), set: ({ "": text }) => state.change({ vehicle: text && vehicleOf(text) >= 0 ? vehicleOf(text) : null }) },
     focus: {
@@ -123,9 +151,9 @@ function runReport(run) {
   });
 
   showTables(info.tables);
+  const drawTested = info.tested_curves.length ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
   if (byId("exact")) exactCard(info.exact);
   const redraw = () => state.change({}, "size");
-  for (const button of all("[data-encounter]")) button.onclick = () => jump(info.encounters.rows[button.dataset.encounter]);
   find.oninput = () => state.change({}, "find");
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });
   byId("curve").onchange = byId("means").onchange = redraw;

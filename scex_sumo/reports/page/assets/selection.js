@@ -1,21 +1,25 @@
-// Selection: collisions and events of pairs by future, and the tables of the selected futures.
+// Selection: what happens to pairs in the selected futures, and the tables of these.
 
 const pairKey = (pair) => [...pair].sort((a, b) => a - b).join();
+const EVENT_BITS = { collision: 1, ttc: 2, pet: 4, drac: 8 }, ANY = 15; // as in tables.py
+const MAX_TYPICAL = 15; // futures of which the typical one is looked for
+const NEAR_M = 10;
 
 function makeSelection(run, state) {
-  const { collisions, events, encounters, track_ids: ids, types } = run.info, hits = new Map(), worst = new Map(), collided = new Set(collisions.children);
-  const add = (found, pair, children) => found.set(pairKey(pair), new Set([...found.get(pairKey(pair)) || [], ...children]));
-  collisions.children.forEach((child, i) => add(hits, collisions.pairs[i], [child]));
-  for (const { pair, children } of events.rows) if (pair) add(worst, pair, children);
+  const { collisions, events, encounters, track_ids: ids, types, packed } = run.info, worst = new Map(), collided = new Set(collisions.children);
+  const places = new Map(encounters.pairs.map((pair, place) => [pairKey(pair), place]));
+  for (const { pair, children } of events.rows) if (pair) worst.set(pairKey(pair), new Set([...worst.get(pairKey(pair)) || [], ...children]));
   const isOfPair = ({ pair }) => !state.filters.has("pair") || Boolean(pair) && pairKey(pair) === pairKey(state.filters.get("pair").value);
-  const isEvent = (pair) => [...worst.get(pairKey(pair)) || []].some((c) => state.mask[c]);
+  const share = ({ event, human }, bits) => state.shareOf((c) => run.events(event, c) & bits, human);
+  const isEvent = (row) => share(row, ANY).count > 0;
 
-  // Selects the futures in which a pair collides or is the worst of a metric; again, it lets go.
+  // Selects the futures in which a pair is critical, or if it never is, those in which it is the worst of a metric.
   function onlyPair(pair) {
-    const futures = worst.get(pairKey(pair)) || new Set();
-    state.filter("pair", pair, `${pair.map(run.id).join(" and ")} collide or are the worst pair`, (c) => futures.has(c));
+    const place = places.get(pairKey(pair)), futures = worst.get(pairKey(pair)) || new Set(), critical = (c) => place !== undefined && run.events(place, c) > 0;
+    const isCritical = [...state.mask.keys()].some(critical);
+    state.filter("pair", pair, `${pair.map(run.id).join(" and ")} are ${isCritical ? "critical" : "the worst pair"}`, isCritical ? critical : (c) => futures.has(c));
   }
-  const onlyFuture = (child) => state.filter("future", [child], `future ${child}`, (c) => c === child);
+  const onlyFuture = (child) => state.filter("future", [child], run.nameOf(child), (c) => c === child);
 
   // Whether an encounter has all words of a search: numbers are vehicles.
   function isFound({ pair, words }, search) {
@@ -23,13 +27,29 @@ function makeSelection(run, state) {
     return search.toLowerCase().split(/[\s,]+/).every((word) => /^\d+$/.test(word) ? names.includes(word) : text.includes(word));
   }
 
-  // Encounters of the selection, which has no human-like futures; of its futures only collisions are known.
+  // The typical one of the selected futures with tracks: of those that collide, else are critical, the middle
+  // one by least gap. The run's own typical future stays where it is selected.
+  function typicalOf(row) {
+    const { child, step, pair, human, event, cells } = row;
+    if (state.mask[child] && run.isPacked(child)) return { child, step, gap: cells.at(-2) };
+    const chosen = packed.filter((c) => state.mask[c] && run.isHuman(c) === human);
+    const hits = [1, ANY, 0].map((bits) => chosen.filter((c) => !bits || run.events(event, c) & bits)).find(({ length }) => length) || [];
+    const met = hits.slice(0, MAX_TYPICAL).map((c) => {
+      const [paths, sizes] = [pair.map((v) => pathAt(run, c, v)), pair.map((v) => run.info.sizes[v])];
+      const gaps = paths[0].map((pose, t) => bodyGap(pose, sizes[0], paths[1][t], sizes[1])), gap = Math.min(...gaps);
+      return { child: c, step: gaps.indexOf(gap), gap };
+    });
+    return met.sort((a, b) => a.gap - b.gap)[Math.floor((met.length - 1) / 2)] || { child: -1 };
+  }
+
   function encounterRows(search) {
     const rows = encounters.rows.filter((row) => isOfPair(row) && isFound(row, search));
-    return !state.filters.size ? rows : rows.filter(({ pair, child }) => child >= 0 && (state.filters.has("pair") || isEvent(pair))).map((row) => {
-      const share = state.shareOf((c) => (hits.get(pairKey(row.pair)) || new Set()).has(c));
-      const shown = { share: share.value, range: range(share), unknown: null };
-      return { ...row, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
+    if (!state.filters.size) return rows;
+    return rows.filter((row) => state.filters.has("pair") || isEvent(row)).map((row) => {
+      const hit = share(row, EVENT_BITS.collision), { child, step, gap } = typicalOf(row);
+      const shown = { range: range(hit), gap: gap < NEAR_M ? gap : null, after: child < 0 ? null : step / 10 };
+      for (const [name, bit] of Object.entries(EVENT_BITS)) shown[name] = bit === EVENT_BITS.collision || encounters.known ? share(row, bit).value : null;
+      return { ...row, child, step, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
     });
   }
 
@@ -37,11 +57,13 @@ function makeSelection(run, state) {
     const chosen = events.rows.filter((row) => row.metric === state.focus && isOfPair(row)).map((row) => ({ ...row, children: row.children.filter((c) => state.mask[c]) }));
     return chosen.filter(({ children }) => children.length).map((row) => {
       const named = row.children.slice(0, 4).join(", ") + (row.children.length > 4 ? ", …" : "");
-      return { ...row, child: row.children[0], cells: [...row.cells.slice(0, 3), row.children.length, named] };
+      return { ...row, child: row.children.find(run.isPacked) ?? row.children[0], cells: [...row.cells.slice(0, 3), row.children.length, named] };
     });
   }
 
-  const collision = () => state.shareOf((c) => collided.has(c));
+  const collision = (isHuman) => state.shareOf((c) => collided.has(c), isHuman);
   const isShown = (v) => !state.filters.has("pair") || state.filters.get("pair").value.includes(v);
-  return { onlyPair, onlyFuture, encounterRows, eventRows, collision, isShown, isEvent: (row) => !state.filters.size || isOfPair(row) && isEvent(row.pair) };
+  return { onlyPair, onlyFuture, encounterRows, eventRows, collision, share, typicalOf, isShown, isEvent: (row) => !state.filters.size || isOfPair(row) && isEvent(row) };
 }
+
+const pathAt = (run, future, v) => Array.from({ length: run.frames }, (_, t) => poseAt(run.poses, run.frames, run.track(future, v), t));

@@ -5,7 +5,7 @@ function makeState(run) {
   const state = {
     step: 0, child: -1, pair: null, vehicle: null, focus: -1, playing: false, filters,
     thresholds: run.info.metrics.map((metric) => metric.threshold),
-    selection: 0, mask: new Uint8Array(run.children).fill(1), count: run.children,
+    selection: 0, mask: new Uint8Array(run.futures).fill(1), count: run.children, human: run.futures - run.children,
 
     // Takes values, and tells at most once per frame, with a test for names, what has changed since.
     change(values, ...names) {
@@ -27,10 +27,14 @@ function makeState(run) {
       if (keeps) filters.set(key, { value, words, keeps });
       else filters.delete(key);
       state.mask = state.mask.map((_, c) => [...filters.values()].every((entry) => entry.keeps(c)));
-      state.change({ selection: state.selection + 1, count: sum(state.mask) });
+      state.change({ selection: state.selection + 1, count: sum(state.mask.subarray(0, run.children)), human: sum(state.mask.subarray(run.children)) });
     },
-    nextChild(isBack) { // of the selected ones, in a circle
-      const chosen = [...state.mask.keys()].filter((c) => state.mask[c]);
+    show(child, values = {}) { // a future, if the page has its tracks
+      if (child < 0 || run.isPacked(child)) return state.change({ child, ...values });
+      say(`the page holds no tracks of ${run.nameOf(child)}: scex-sumo view ${run.info.folder} --child ${child}`);
+    },
+    nextChild(isBack) { // of the selected ones with tracks, in a circle
+      const chosen = run.info.packed.filter((c) => state.mask[c]);
       const next = isBack ? chosen.findLast((c) => c < state.child) : chosen.find((c) => c > state.child);
       state.change({ child: next ?? chosen.at(isBack ? -1 : 0) ?? -1 });
     },
@@ -39,19 +43,21 @@ function makeState(run) {
       if (limit === null || isMissing(value)) return false;
       return run.info.metrics[m].sign === "≤" ? value <= Math.fround(limit) : value >= Math.fround(limit);
     },
-    // Share of the selected children in which something happens.
-    shareOf(happens) {
-      const count = state.mask.filter((isSelected, c) => isSelected && happens(c)).length, found = interval(count / state.count, state.count);
-      return { ...found, count, words: `${count} of ${state.count} futures${filters.size ? " selected" : ""}; 95 %: ${range(found)}` };
+    // Share of the selected futures of a set in which something happens.
+    shareOf(happens, isHuman = false) {
+      const [first, stop, all] = isHuman ? [run.children, run.futures, state.human] : [0, run.children, state.count];
+      let count = 0;
+      for (let c = first; c < stop; c++) if (state.mask[c] && happens(c)) count++;
+      const found = interval(count / all, all);
+      return { ...found, count, words: `${count} of ${all} futures${filters.size ? " selected" : ""}; 95 %: ${range(found)}` };
     },
-    // Critical share of the selected children, or of a human-like column. Of all children it is the run's own
-    // at its threshold; elsewhere the number of independent children that the design is worth there counts.
-    share(m, column = run.columns[m]) {
-      const isDrawn = column === run.columns[m], { p, threshold, numbers } = run.info.metrics[m];
-      if (isDrawn && filters.size) return state.shareOf((c) => state.isCritical(m, column[c]));
-      const critical = column.filter((value) => state.isCritical(m, value)).length, value = critical / column.length;
-      const found = isDrawn && p && state.thresholds[m] === threshold ? p : interval(value, numbers.find(([share]) => share >= value)[1]);
-      return { ...found, words: `${critical} of ${column.length} futures; 95 %: ${range(found)}` };
+    // Critical share of the selected futures of a set. Of all of the stress test it is the run's own at its
+    // threshold; elsewhere the number of independent futures that the design is worth there counts.
+    share(m, isHuman = false) {
+      const found = state.shareOf((c) => state.isCritical(m, run.columns[m][c]), isHuman), { p, threshold, numbers } = run.info.metrics[m];
+      if (isHuman || filters.size) return found;
+      const own = p && state.thresholds[m] === threshold ? p : interval(found.value, numbers.find(([share]) => share >= found.value)[1]);
+      return { ...found, ...own, words: `${found.count} of ${run.children} futures; 95 %: ${range(own)}` };
     },
   };
   return state;

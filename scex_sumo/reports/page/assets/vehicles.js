@@ -25,7 +25,7 @@ function vehicleCard(run, state, map, jump) {
     const words = `${info.types[v]}${info.under_test.includes(id(v)) ? " under test" : ""} · ${short(speeds[t], 1)} m/s · ${short(rates[t], 1)} m/s² · ${by}`;
     const key = `${v} ${isKept}`;
     if (shown !== key) { // a button that is made anew while it is pressed has no click
-      const told = (row) => `${row.pair.map(id).join(" → ")}: collision ${percent(row.share)}, ${seconds(row.step)}`;
+      const told = (row) => `${row.pair.map(id).join(" → ")}: ${row.human ? "human-like " : ""}collision ${percent(row.share)}, ${seconds(row.step)}`;
       const rows = isKept ? met.slice(0, 6).map((row) => make("button", { textContent: told(row), title: row.words, onclick: () => jump(row) })) : [];
       const close = make("button", { textContent: "×", title: "Close (Esc)", onclick: () => state.change({ vehicle: null }) });
       const count = `${met.length} ${met.length === 1 ? "encounter" : "encounters"}${isKept ? "" : "; a click lists them"}`;

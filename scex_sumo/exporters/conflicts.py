@@ -1,0 +1,226 @@
+"""Conflicts and collisions of children in the formats of SUMO's SSM device and collision output.
+
+Names and times are those of the children's floating car data; vehicles have their track ids.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.files import write_atomic
+from scex_sumo.evaluation.sources import read_source
+from scex_sumo.evaluation.tables import recording_table
+from scex_sumo.exporters.request import Request
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
+from scex_sumo.views.fcd import LaneFinder
+
+# The device's codes of encounters: ego follows, ego leads, both have left the conflict area, collision.
+FOLLOWER, LEADER, LEFT, COLLISION = 2, 3, 17, 111
+TTC_S: Final = 3.0
+"""Thresholds of a conflict, SUMO's own."""
+DRAC_MPS2: Final = 3.0
+PET_S: Final = 2.0
+_NOTHING = {name: "NA" for name in ("time", "position", "type", "value", "speed")}
+_TYPES = {"rear-end": "collision", "head-on": "frontal"}
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Child:
+    states: States  # (V, T)
+    index: Mapping[int, int]  # of the vehicles, by track id
+    length: Any  # (V,) m
+
+    def at(self, track: int, time_s: float) -> tuple[float, float, float, float]:
+        """Return x, y, heading and speed of a vehicle at a time of the floating car data, s."""
+        k, s = round(time_s / STEP_S) - 1, self.states
+        here = self.index[track], min(k, s.shape[1] - 1)
+        return float(s.x[here]), float(s.y[here]), float(s.heading[here]), float(s.speed[here])
+
+    def end(self, track: int, time_s: float, side: int) -> str:
+        """Return the middle of a bumper: 1 for the front, -1 for the rear."""
+        x, y, heading, _ = self.at(track, time_s)
+        reach = side * self.length[self.index[track]] / 2
+        return f"{x + reach * np.cos(heading):.2f},{y + reach * np.sin(heading):.2f}"
+
+
+def write_ssm(request: Request) -> list[Path]:
+    """Write the conflicts of each child as SUMO's SSM device does: TTC, DRAC and PET of pairs of vehicles.
+
+    A conflict has a TTC of at most 3 s, a DRAC of at least 3 m/s², a PET of at most 2 s, or a collision. Each
+    pair is written once; the ego follows, or comes second.
+    """
+    table, history = read_source(request.run.folder)
+    measures = {"level": "pair", "preset": "path", "metrics": ("ttc", "drac", "pet"), "history": history}
+
+    def content(child: int) -> Iterator[str]:
+        case = table.case(table.cases.index(str(child)))
+        rows = recording_table(case, **measures).to_pylist()  # type: ignore[arg-type]
+        yield f"<!-- TTC <= {TTC_S:g} s, DRAC >= {DRAC_MPS2:g} m/s², PET <= {PET_S:g} s -->\n<SSMLog>\n"
+        yield from _conflicts(_child(request, child), rows, _collisions(request, child))
+        yield "</SSMLog>\n"
+
+    return _written(request, ".ssm.xml", content)
+
+
+def write_collisions(request: Request) -> list[Path]:
+    """Write the collisions of each child as SUMO's ``collision-output``."""
+    lanes = LaneFinder(request.run.net.path)
+
+    def content(child: int) -> Iterator[str]:
+        schema = "http://sumo.dlr.de/xsd/collision_file.xsd"
+        yield '<collisions xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
+        yield f'xsi:noNamespaceSchemaLocation="{schema}">\n'
+        here = _child(request, child)
+        types = dict(zip(here.index, request.scene.types, strict=True))
+        for row in _collisions(request, child):
+            yield _element("    ", "collision", _collision(here, row, types, lanes))
+        yield "</collisions>\n"
+
+    return _written(request, ".collisions.xml", content)
+
+
+def _written(request: Request, ending: str, content: Any) -> list[Path]:
+    paths = request.files(ending)
+    for child, path in zip(request.children, paths, strict=True):
+        text = '<?xml version="1.0" encoding="UTF-8"?>\n' + "".join(content(child))
+        write_atomic(path, text.encode())
+    return paths
+
+
+def _child(request: Request, child: int) -> _Child:
+    index = {int(track): v for v, track in enumerate(request.scene.track_ids)}
+    return _Child(states=request.run.states(child), index=index, length=request.scene.length)
+
+
+def _collisions(request: Request, child: int) -> list[Row]:
+    rows: list[Row] = request.run.collisions.to_pylist()
+    seed_s = LOGGED_HISTORY * STEP_S
+    return [{**row, "time_s": row["time_s"] + seed_s} for row in rows if row["child"] == child]
+
+
+def _conflicts(child: _Child, rows: Sequence[Row], collisions: Sequence[Row]) -> Iterator[str]:
+    hits = {frozenset((row["track_id"], row["other_id"])): row for row in collisions}
+    pairs: dict[frozenset[int], list[Row]] = {pair: [] for pair in hits}
+    for row in rows:
+        if np.isfinite(row["value"]) and not (row["metric"] == "drac" and row["value"] <= 0):
+            pairs.setdefault(frozenset((row["track_id"], row["other_id"])), []).append(row)
+    found = []
+    for pair, rows_of_pair in pairs.items():
+        hit = hits.get(pair)
+        until_ms = np.inf if hit is None else 1000 * hit["time_s"]
+        own = [row for row in rows_of_pair if row["timestamp_ms"] < until_ms]
+        ttc, drac, pet = (
+            min(
+                (row for row in own if row["metric"] == name),
+                key=lambda row: sign * row["value"],
+                default=None,
+            )
+            for name, sign in (("ttc", 1), ("drac", -1), ("pet", 1))
+        )
+        critical = (
+            (ttc is not None and ttc["value"] <= TTC_S),
+            (drac is not None and drac["value"] >= DRAC_MPS2),
+            (pet is not None and pet["value"] <= PET_S),
+            hit is not None,
+        )
+        if any(critical):
+            found.append(_conflict(child, own, ttc, drac, pet, hit))
+    for _, text in sorted(found):
+        yield text
+
+
+def _conflict(
+    child: _Child, rows: Sequence[Row], ttc: Row | None, drac: Row | None, pet: Row | None, hit: Row | None
+) -> tuple[float, str]:
+    """Return begin and text of the conflict of a pair."""
+    passing = None if pet is None else _passing(child, pet["track_id"], pet["other_id"])
+    leads = next(row for row in (ttc, drac, pet, hit) if row is not None)
+    ego, foe = leads["track_id"], leads["other_id"]
+    if leads is pet and passing is not None:
+        ego, foe = passing.second, passing.first
+    times = [row["timestamp_ms"] / 1000 for row in rows] + ([] if hit is None else [hit["time_s"]])
+    begin, end = min(times), max([*times, *([] if passing is None else [passing.time_s])])
+    lines = [_following(child, "minTTC", ego, ttc), _following(child, "maxDRAC", ego, drac)]
+    if hit is not None:
+        place, speed = f"{hit['x']:.2f},{hit['y']:.2f}", child.at(ego, hit["time_s"])[3]
+        lines[0] = "minTTC", _measure(hit["time_s"], place, COLLISION, 0.0, speed)
+    crossed = _NOTHING
+    if pet is not None and passing is not None:
+        speed = child.at(ego, passing.time_s)[3]
+        crossed = _measure(passing.time_s, passing.place, LEFT, pet["value"], speed)
+    head = {"begin": f"{begin:.2f}", "end": f"{end:.2f}", "ego": str(ego), "foe": str(foe)}
+    inside = "".join(_element("        ", tag, values) for tag, values in (*lines, ("PET", crossed)))
+    return begin, _element("    ", "conflict", head, inside)
+
+
+def _following(child: _Child, tag: str, ego: int, row: Row | None) -> tuple[str, Mapping[str, str]]:
+    if row is None:
+        return tag, _NOTHING
+    time_s, follows = row["timestamp_ms"] / 1000, row["track_id"] == ego
+    place, speed = child.end(row["other_id"], time_s, -1), child.at(ego, time_s)[3]
+    return tag, _measure(time_s, place, FOLLOWER if follows else LEADER, row["value"], speed)
+
+
+def _measure(time_s: float, place: str, kind: int, value: float, speed: float) -> dict[str, str]:
+    texts = (f"{time_s:.2f}", place, str(kind), f"{value:.2f}", f"{speed:.2f}")
+    return dict(zip(_NOTHING, texts, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Passing:
+    """Crossing of two tracks: which vehicle comes first, and when the front of the second one is there."""
+
+    first: int
+    second: int
+    time_s: float
+    place: str
+
+
+def _passing(child: _Child, one: int, other: int) -> _Passing | None:
+    states, begin = child.states, LOGGED_HISTORY - 1
+    tracks = [
+        np.stack([states.x[v, begin:], states.y[v, begin:]], -1) for v in map(child.index.get, (one, other))
+    ]
+    lines = [shapely.LineString(track) for track in tracks]
+    points = shapely.get_coordinates(shapely.intersection(*lines))
+    if not len(points):
+        return None
+    point, reached = shapely.Point(points[0]), {}
+    for name, track, line in zip((one, other), tracks, lines, strict=True):
+        arcs = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
+        front = max(shapely.line_locate_point(line, point) - child.length[child.index[name]] / 2, 0.0)
+        reached[name] = (LOGGED_HISTORY + float(np.searchsorted(arcs, front))) * STEP_S
+    first, second = sorted(reached, key=lambda name: reached[name])
+    place = f"{points[0][0]:.2f},{points[0][1]:.2f}"
+    return _Passing(first=first, second=second, time_s=reached[second], place=place)
+
+
+def _collision(child: _Child, row: Row, types: Mapping[int, str], lanes: LaneFinder) -> dict[str, str]:
+    collider, victim, time_s = row["track_id"], row["other_id"], row["time_s"]
+    if row["side"] != "front" and row["other_side"] == "front":
+        collider, victim = victim, collider
+    x, y, heading, _ = (np.array([value]) for value in child.at(collider, time_s))
+    (lane,), (along,) = lanes.find(x, y, heading, np.array([False]))
+    kind = _TYPES.get(row["kind"], "junction" if lane.startswith(":") else "side")
+    values = {"time": f"{time_s:.2f}", "type": kind, "lane": lane, "pos": f"{along:.2f}"}
+    both = {"collider": collider, "victim": victim}
+    values |= {role: str(track) for role, track in both.items()}
+    values |= {f"{role}Type": types[track] for role, track in both.items()}
+    values |= {f"{role}Speed": f"{child.at(track, time_s)[3]:.2f}" for role, track in both.items()}
+    for name, side in (("Front", 1), ("Back", -1)):
+        values |= {f"{role}{name}": child.end(track, time_s, side) for role, track in both.items()}
+    return values
+
+
+def _element(indent: str, tag: str, values: Mapping[str, str], inside: str = "") -> str:
+    words = "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
+    return f"{indent}<{tag}{words}>\n{inside}{indent}</{tag}>\n" if inside else f"{indent}<{tag}{words}/>\n"

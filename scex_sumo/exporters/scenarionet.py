@@ -1,0 +1,150 @@
+"""ScenarioNet data set of children, which MetaDrive replays: a pickle each, and the summary of the folder."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.base.files import write_atomic
+from scex_sumo.base.version import __version__
+from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.exporters.request import Request
+from scex_sumo.road import Lane, Road
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
+
+_LANES = {"vehicle": "LANE_SURFACE_STREET", "bicycle": "LANE_BIKE_LANE", "bus": "LANE_BUS_LANE"}
+_USERS = {"pedestrian": "PEDESTRIAN", "bicycle": "CYCLIST"}
+_EDGES = {"road_border", "curbstone", "guard_rail", "wall", "fence"}
+_SOLID, _BROKEN = "ROAD_LINE_SOLID_SINGLE_WHITE", "ROAD_LINE_BROKEN_SINGLE_WHITE"
+_HEIGHTS_M = {"truck": 3.0, "bus": 3.2, "pedestrian": 1.75}
+_HEIGHT_M = 1.6
+
+
+def write_scenarionet(request: Request) -> list[Path]:
+    """Write each child from its first logged frame on; the ego, else the first vehicle, is the ``sdc``.
+
+    Lights are not written, because a run does not record them.
+    """
+    road, files, summary = _features(request.road), [], {}
+    for child in request.children:
+        name = request.file_stem(child)
+        file = request.folder / f"sd_scex_{__version__}_{name}.pkl"
+        scenario = _scenario(request, child, name)
+        scenario["map_features"] = road
+        write_atomic(file, pickle.dumps(scenario, protocol=4))
+        summary[file.name] = scenario["metadata"]
+        files.append(file)
+    contents = {"dataset_summary.pkl": summary, "dataset_mapping.pkl": dict.fromkeys(summary, "")}
+    for name, content in contents.items():
+        write_atomic(request.folder / name, pickle.dumps(content, protocol=4))
+        files.append(request.folder / name)
+    return files
+
+
+def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
+    scene, states = request.scene, request.run.states(child)
+    steps = states.shape[1]
+    ego = request.ego_index() or 0
+    tracks = {}
+    always = np.ones(steps, bool)
+    for v, track in enumerate(scene.track_ids.tolist()):
+        size = float(scene.length[v]), float(scene.width[v])
+        tracks[str(track)] = _track(str(track), scene.types[v], size, states[v], always)
+    others = scene.obstacles
+    for o, label in enumerate(others.ids if others is not None else ()):
+        assert others is not None
+        frames = request.obstacle_frames()
+        present = others.present[o, frames]
+        if present.any():
+            size = float(others.length[o]), float(others.width[o])
+            key = label if label not in tracks else f"obstacle_{label}"
+            tracks[key] = _track(key, others.types[o], size, others.states[o, frames], present)
+    metadata = {
+        "ts": STEP_S * np.arange(steps),
+        "sample_rate": STEP_S,
+        "metadrive_processed": False,
+        "coordinate": "right-handed",
+        "dataset": "scex-sumo",
+        "id": name,
+        "scenario_id": name,
+        "map": request.road.name,
+        "sdc_id": str(scene.track_ids[ego]),
+        "current_time_index": LOGGED_HISTORY - 1,
+    }
+    return {
+        "id": name,
+        "version": f"scex-sumo {__version__}",
+        "length": steps,
+        "metadata": metadata,
+        "tracks": tracks,
+        "dynamic_map_states": {},
+    }
+
+
+def _track(
+    name: str, kind: str, size: tuple[float, float], states: States, valid: BoolArray
+) -> dict[str, Any]:
+    user = road_user(kind)
+    columns = {
+        "position": np.stack([states.x, states.y, np.zeros(len(valid))], axis=1),
+        "heading": states.heading,
+        "velocity": np.stack(
+            [states.speed * np.cos(states.heading), states.speed * np.sin(states.heading)], axis=1
+        ),
+        "length": np.full(len(valid), size[0]),
+        "width": np.full(len(valid), size[1]),
+        "height": np.full(len(valid), _HEIGHTS_M.get(user, _HEIGHT_M)),
+    }
+    state = {
+        key: np.where(valid.reshape(-1, *[1] * (column.ndim - 1)), column, 0.0)
+        for key, column in columns.items()
+    }
+    word = _USERS.get(user, "VEHICLE")
+    metadata = {"type": kind, "object_id": name, "track_length": len(valid), "dataset": "scex-sumo"}
+    return {"type": word, "state": {**state, "valid": valid.copy()}, "metadata": metadata}
+
+
+def _features(road: Road) -> dict[str, Any]:
+    features = {str(i): _lane(lane, road) for i, lane in road.lanes.items() if lane.kind in _LANES}
+    for k, (kind, subtype, points) in enumerate((m.kind, m.subtype, m.points) for m in road.markings):
+        word = "ROAD_EDGE_BOUNDARY" if kind in _EDGES else _BROKEN if subtype == "dashed" else _SOLID
+        features[f"line_{k}"] = {"type": word, "polyline": points}
+    for k, outline in enumerate(_crosswalks(road)):
+        features[f"crosswalk_{k}"] = {"type": "CROSSWALK", "polygon": outline}
+    return features
+
+
+def _crosswalks(road: Road) -> Iterator[Any]:
+    yield from (area.outline for area in road.areas if area.kind == "crosswalk")
+    for lane in road.lanes.values():
+        if lane.subtype == "crosswalk":
+            yield np.concatenate([lane.left_bound, lane.right_bound[::-1]])
+
+
+def _lane(lane: Lane, road: Road) -> dict[str, Any]:
+    sides = {"left": (lane.adjacent_left, lane.left), "right": (lane.adjacent_right, lane.right)}
+    last = len(lane.centreline) - 1
+    feature: dict[str, Any] = {
+        "type": "LANE_FREEWAY" if lane.subtype == "highway" else _LANES[lane.kind],
+        "polyline": np.column_stack([lane.centreline, np.zeros(last + 1)]),
+        "polygon": np.concatenate([lane.left_bound, lane.right_bound[::-1]]),
+        "speed_limit_kmh": 3.6 * lane.speed_limit_mps,
+        "entry_lanes": [str(i) for i in lane.predecessors],
+        "exit_lanes": [str(i) for i in lane.successors],
+    }
+    for side, (beside, allowed) in sides.items():
+        feature[f"{side}_neighbor"], feature[f"{side}_boundaries"] = [], []
+        if beside is not None:
+            whole = {"self_start_index": 0, "self_end_index": last, "neighbor_start_index": 0}
+            end = len(road.lanes[beside].centreline) - 1
+            feature[f"{side}_neighbor"] = [{"feature_id": str(beside), **whole, "neighbor_end_index": end}]
+            marking = _SOLID if allowed is None else _BROKEN
+            feature[f"{side}_boundaries"] = [
+                {"lane_start_index": 0, "lane_end_index": last, "boundary_type": marking}
+            ]
+    return feature

@@ -1,0 +1,210 @@
+"""Argoverse 2: motion-forecasting scenarios and logs of the sensor dataset, with their vector maps.
+
+A scenario is ``scenario_ID.parquet`` beside ``log_map_archive_ID.json``; a log is ``annotations.feather`` or
+``annotations_with_ego.feather`` and ``city_SE3_egovehicle.feather`` beside ``map/log_map_archive_*.json``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.boxes import box_table, one_line, yaw_of
+from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Road
+
+MAP = "log_map_archive_*.json"
+POSES, EGO = "city_SE3_egovehicle.feather", "EGO_VEHICLE"
+BOXES = ("annotations_with_ego.feather", "annotations.feather")
+EGO_SIZE_M, EGO_CENTRE_M = (4.87, 1.85), 1.42
+"""Ford Fusion; the pose is that of the rear axle, and the centre lies so far ahead of it."""
+_KINDS = {
+    **dict.fromkeys(("vehicle", "REGULAR_VEHICLE", EGO), "car"),
+    **dict.fromkeys(("bus", "BUS", "SCHOOL_BUS", "ARTICULATED_BUS"), "bus"),
+    **dict.fromkeys(("LARGE_VEHICLE", "BOX_TRUCK", "TRUCK", "TRUCK_CAB"), "truck"),
+    **dict.fromkeys(("motorcyclist", "MOTORCYCLE"), "motorcycle"),
+    **dict.fromkeys(("cyclist", "BICYCLIST", "WHEELED_RIDER"), "bicycle"),
+    **dict.fromkeys(
+        ("pedestrian", "PEDESTRIAN", "OFFICIAL_SIGNALER", "WHEELCHAIR", "STROLLER"), "pedestrian"
+    ),
+}
+"""Road users; the others are things, or one of two boxes: motorcycle and rider, bicycle and rider."""
+_LANE_KINDS = {"VEHICLE": "vehicle", "BIKE": "bicycle", "BUS": "bus"}
+_COLUMNS = (
+    "track_id",
+    "object_type",
+    "timestep",
+    "position_x",
+    "position_y",
+    "velocity_x",
+    "velocity_y",
+    "heading",
+)
+
+
+def _read_road(path: Path, **options: Any) -> Road:
+    """Read ``log_map_archive_*.json``; the speed limits are those of the United States."""
+    with one_line(MapError, path, "map of Argoverse 2"):
+        content = json.loads(path.read_bytes())
+        segments, crossings = ([*content[key].values()] for key in ("lane_segments", "pedestrian_crossings"))
+        drawn = DrawnMap(path=path, lanes=[_lane(segment) for segment in segments])
+        drawn.crosswalks = [[*_points(one["edge1"]), *_points(one["edge2"])[::-1]] for one in crossings]
+        return drawn_road(drawn, name=_name(path), country=options.get("country") or "us")
+
+
+def _lane(segment: Mapping[str, Any]) -> DrawnLane:
+    kind = segment["lane_type"]
+    sides = {side: str(segment[f"{side}_lane_mark_type"]) for side in ("left", "right")}
+    beside = {side: segment[f"{side}_neighbor_id"] for side in sides}
+    return DrawnLane(
+        name=segment["id"],
+        left=_points(segment["left_lane_boundary"]),
+        right=_points(segment["right_lane_boundary"]),
+        kind=_LANE_KINDS.get(kind, "other"),
+        subtype={"BIKE": "bicycle_lane", "BUS": "bus_lane"}.get(kind, "road"),
+        inside=bool(segment["is_intersection"]),
+        closed=tuple(side for side, mark in sides.items() if "SOLID" in mark),
+        successors=segment["successors"],
+        predecessors=segment["predecessors"] or None,  # older maps leave them empty
+        left_neighbours=[beside["left"]],
+        right_neighbours=[beside["right"]],
+    )
+
+
+def _points(points: Sequence[Mapping[str, float]]) -> list[list[float]]:
+    return [[point["x"], point["y"], point.get("z", 0.0)] for point in points]
+
+
+def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    path = paths[0]
+    with one_line(TrackError, path, "recording of Argoverse 2"):
+        return _scenario(path) if path.suffix == ".parquet" else _log(path)
+
+
+def _scenario(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
+    import pyarrow.parquet as pq
+
+    names, kinds, time, *numbers = _columns(pq.read_table(path.absolute()), _COLUMNS)
+    values = np.column_stack([100.0 * time, *numbers, np.full((len(time), 2), np.nan)])
+    return box_table(path, names, _kinds(names, kinds), values, ego="AV")
+
+
+def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
+    from pyarrow import feather
+
+    wanted = (
+        "track_uuid",
+        "category",
+        "timestamp_ns",
+        "tx_m",
+        "ty_m",
+        "length_m",
+        "width_m",
+        "qw",
+        "qx",
+        "qy",
+        "qz",
+    )
+    names, kinds, time, x, y, length, width, *turn = _columns(feather.read_table(path), wanted)
+    pose_time, ego_x, ego_y, *ego_turn = _columns(
+        feather.read_table(path.with_name(POSES)), ("timestamp_ns", "tx_m", "ty_m", "qw", "qx", "qy", "qz")
+    )
+    if not len(pose_time):
+        raise TrackError(f"{path.with_name(POSES)}: no pose in it; fetch the file again")
+    order = np.argsort(pose_time)
+    pose_time, ego_x, ego_y = (column[order] for column in (pose_time, ego_x, ego_y))
+    ego_yaw = np.unwrap(yaw_of(*(column[order] for column in ego_turn)))
+    is_ego = np.array([kind == EGO for kind in kinds], bool)
+    if not is_ego.any():  # the log as published: the ego has poses only
+        frames = np.unique(time)
+        names, kinds = [*names, *([EGO] * len(frames))], [*kinds, *([EGO] * len(frames))]
+        put: tuple[Any, ...] = (frames, EGO_CENTRE_M, 0.0, *EGO_SIZE_M, 0.0)
+        columns = (time, x, y, length, width, yaw_of(*turn))
+        time, x, y, length, width, yaw = (
+            np.append(column, np.zeros(len(frames)) + value)
+            for column, value in zip(columns, put, strict=True)
+        )
+    else:
+        yaw = yaw_of(*turn)
+    ex, ey, ea = (np.interp(time, pose_time, column) for column in (ego_x, ego_y, ego_yaw))
+    c, s = np.cos(ea), np.sin(ea)
+    unknown = np.full(len(time), np.nan)
+    values = np.column_stack(
+        [time / 1e6, ex + c * x - s * y, ey + s * x + c * y, unknown, unknown, wrap(yaw + ea), length, width]
+    )
+    ego = next((name for name, kind in zip(names, kinds, strict=True) if kind == EGO), "")
+    return box_table(path, names, _kinds(names, kinds), values, ego=ego)
+
+
+def _columns(table: Any, names: Sequence[str]) -> list[Any]:
+    """Columns of a table, of text as lists, else as numbers; raises `KeyError`."""
+    import pyarrow as pa
+
+    table.validate(full=True)  # offsets of a damaged file lead out of its buffers
+    columns: list[Any] = []
+    for name in names:
+        column = table[name]
+        text = pa.types.is_string(column.type) or pa.types.is_large_string(column.type)
+        columns.append(
+            [str(value) for value in column.to_pylist()]
+            if text
+            else column.to_numpy(zero_copy_only=False).astype(np.float64)
+        )
+    return columns
+
+
+def _kinds(names: Sequence[str], kinds: Sequence[str]) -> dict[str, str]:
+    return {name: _KINDS.get(kind, kind.lower()) for name, kind in zip(names, kinds, strict=True)}
+
+
+def _is_tracks(path: Path) -> bool:
+    return path.name in BOXES or path.match("scenario_*.parquet")
+
+
+def _tracks(path: Path) -> Path | None:
+    scenario = path.with_name(path.name.replace("log_map_archive_", "scenario_")).with_suffix(".parquet")
+    return next(
+        (file for file in (scenario, *(path.parent.parent / n for n in BOXES)) if file.is_file()), None
+    )
+
+
+def _map_of(path: Path) -> Path:
+    if path.suffix == ".parquet":
+        return path.with_name(path.name.replace("scenario_", "log_map_archive_")).with_suffix(".json")
+    return next(iter(sorted(path.parent.glob(f"map/{MAP}"))), path.parent / "map" / MAP)
+
+
+def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
+    for path in files:
+        if path.name == BOXES[1] and path.with_name(BOXES[0]).is_file():
+            continue
+        map_path = _map_of(path)
+        name = _name(map_path)
+        yield Recording(name=name, site=name, dataset="argoverse", map_path=map_path, track_paths=(path,))
+
+
+def _name(path: Path) -> str:
+    """Name of a scenario or log: the first eight characters of its id."""
+    return f"av2_{path.stem.removeprefix('log_map_archive_')[:8]}"
+
+
+def _name_of(map_path: Path, files: Sequence[Path]) -> str:
+    return _name(map_path)
+
+
+ARGOVERSE_MAP = MapFormat(
+    is_mine=lambda path: path.match(MAP),
+    read=_read_road,
+    tracks=_tracks,
+    name=_name,
+    asks_for="--tracks scenario_*.parquet",
+)
+ARGOVERSE = Dataset(is_mine=_is_tracks, read=_read, recordings=_recordings, name=_name_of, from_car=True)

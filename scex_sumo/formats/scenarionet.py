@@ -1,0 +1,374 @@
+"""ScenarioNet scenarios (``sd_*.pkl``): map, tracks and lights of Waymo, nuPlan, nuScenes and others.
+
+The pickles are read by an unpickler that admits NumPy arrays of numbers and text and plain containers only.
+"""
+
+from __future__ import annotations
+
+import collections
+import math
+import pickle
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
+from scex_sumo.converters.lanelet.tags import GERMANY
+from scex_sumo.converters.naming import beginning, map_name, open_binary
+from scex_sumo.converters.net.plan.layout import NetLayout
+from scex_sumo.converters.net.plan.lights import Programme
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
+from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.boxes import box_table, one_line
+from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
+from scex_sumo.formats.spat import lane_programme
+from scex_sumo.geometry.polylines import samples
+from scex_sumo.road import Road
+
+MPH, KMH = 0.44704, 1 / 3.6
+FILLER_KMH = 100.0  # ScenarioNet writes it for lanes without a limit
+PLAIN_KINDS = "biufSU"  # of NumPy types
+MAX_BYTES = 2**31
+_RELATIONS = ("exit_lanes", "entry_lanes", "left_neighbor", "right_neighbor")
+_USERS = {"PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
+_LIGHTS = (
+    ("FLASHING", ""),
+    ("STOP", "r"),
+    ("RED", "r"),
+    ("CAUTION", "y"),
+    ("YELLOW", "y"),
+    ("GO", "G"),
+    ("GREEN", "G"),
+)
+
+
+def unpickle(file: BinaryIO) -> Any:
+    """Load a pickle of NumPy arrays and plain containers.
+
+    Raises:
+        pickle.UnpicklingError: the pickle names anything else, or an array of objects.
+    """
+    admitted = _admitted()
+
+    class Restricted(pickle.Unpickler):
+        def find_class(self, module: str, name: str) -> Any:
+            if (module, name) not in admitted:
+                raise pickle.UnpicklingError(
+                    f"it names {module}.{name}; arrays and plain containers are read"
+                )
+            return admitted[module, name]
+
+    return Restricted(file).load()
+
+
+def _admitted() -> dict[tuple[str, str], Any]:
+    """Return what a pickle may name, made anew for each pickle, so that none changes it for another."""
+
+    class Dtype:
+        def __init__(self, spec: str, *_: Any) -> None:
+            self.dtype = np.dtype(spec) if isinstance(spec, str) else np.dtype(object)
+            if self.dtype.kind not in PLAIN_KINDS:
+                raise pickle.UnpicklingError(f"it holds an array of {spec!r}; numbers and text are read")
+
+        def __setstate__(self, state: tuple[Any, ...]) -> None:
+            # NumPy's own would accept flags by which numbers count as pointers.
+            if state[1] in ("<", ">"):
+                self.dtype = self.dtype.newbyteorder(state[1])
+
+    class Array(np.ndarray[Any, Any]):
+        def __setstate__(self, state: tuple[Any, ...]) -> None:
+            *_, shape, dtype, by_column, raw = state
+            values = np.frombuffer(raw, dtype.dtype).reshape(shape, order="F" if by_column else "C")
+            plain: Any = (1, values.shape, values.dtype, False, values.tobytes())
+            super().__setstate__(plain)
+
+    def array(*_: Any) -> Any:
+        return np.zeros(0).view(Array)
+
+    def scalar(dtype: Dtype, raw: bytes) -> Any:
+        return np.frombuffer(raw, dtype.dtype, 1)[0]
+
+    def from_buffer(raw: Any, dtype: Dtype, shape: tuple[int, ...], order: str) -> Any:
+        return np.frombuffer(raw, dtype.dtype).reshape(shape, order="F" if order == "F" else "C")
+
+    def encode(text: str, *_: Any) -> bytes:  # bytes, as protocols 0 to 2 hold them
+        return text.encode("latin1")
+
+    def no_bytes() -> bytes:
+        return b""
+
+    def counts(*_: Any) -> dict[Any, Any]:  # a defaultdict without its factory
+        return {}
+
+    admitted: dict[tuple[str, str], Any] = {
+        ("collections", "defaultdict"): counts,
+        ("builtins", "int"): None,
+        ("_codecs", "encode"): encode,
+        ("__builtin__", "bytes"): no_bytes,
+        ("__builtin__", "set"): set,
+        ("numpy", "ndarray"): np.ndarray,
+        ("numpy", "dtype"): Dtype,
+        ("builtins", "set"): set,
+        ("builtins", "frozenset"): frozenset,
+        ("collections", "OrderedDict"): collections.OrderedDict,
+    }
+    for core in ("numpy.core", "numpy._core"):
+        admitted[f"{core}.multiarray", "_reconstruct"] = array
+        admitted[f"{core}.multiarray", "scalar"] = scalar
+        admitted[f"{core}.numeric", "_frombuffer"] = from_buffer
+    return admitted
+
+
+def read_scenario(path: Path) -> dict[str, Any]:
+    """Read a scenario of at most 2 GB; raises `InputError` if there is none."""
+    scenario = _scenario(path, path.stat().st_mtime_ns)
+    for key in ("tracks", "map_features", "metadata"):
+        if not isinstance(scenario.get(key), dict):
+            raise InputError(f"{path}: no scenario of ScenarioNet, it has no {key}; name a file sd_*.pkl")
+    return scenario
+
+
+@lru_cache(maxsize=2)
+def _scenario(path: Path, _changed_ns: int) -> dict[str, Any]:
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"{path}: more than 2 GB; split the data set into scenarios")
+    try:
+        with open_binary(path) as file:
+            scenario = unpickle(file)
+    except InputError:
+        raise
+    except Exception as error:  # of any kind: the bytes of a pickle call constructors
+        why = reason_of(error)[:200]
+        raise InputError(f"{path}: no pickle that can be read ({why}); name a file sd_*.pkl") from None
+    return dict(scenario) if isinstance(scenario, Mapping) else {}
+
+
+def _read_road(path: Path, **options: Any) -> Road:
+    with one_line(MapError, path, "map of ScenarioNet"):
+        scenario = read_scenario(path)
+        # Singapore's limit in towns is Germany's.
+        country = GERMANY if "singapore" in str(scenario["metadata"].get("map")) else "us"
+        return drawn_road(_drawn(path, scenario), name=_name(path), country=options.get("country") or country)
+
+
+def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
+    drawn = DrawnMap(path=path)
+    features = {str(name): feature for name, feature in scenario["map_features"].items()}
+    lanes = {name: one for name, one in features.items() if str(one["type"]).startswith("LANE_")}
+    names = {name: _key(name, lanes) for name in lanes}
+    limits = {name: _limit_mps(one) for name, one in lanes.items()}
+    given = {limit for limit in limits.values() if limit is not None}
+    if len(given) == 1 and abs(given.pop() / KMH - FILLER_KMH) < 0.1:
+        drawn.remarks.append(f"{FILLER_KMH:g} km/h at every lane is ScenarioNet's word for no limit")
+        limits = dict.fromkeys(limits)
+    # nuScenes draws areas of lanes, but not of their connectors in intersections.
+    areas = sum("polygon" in one for one in lanes.values()) > 0.2 * len(lanes)
+    # Some converters write empty lists where they know of no relations.
+    used = {key for key in _RELATIONS for one in lanes.values() if key in one and np.size(one[key])}
+    lanes = {
+        name: {key: x for key, x in one.items() if key in used or key not in _RELATIONS}
+        for name, one in lanes.items()
+    }
+    for name, one in lanes.items():
+        kind = str(one["type"])
+        inside = kind == "LANE_SURFACE_UNSTRUCTURE" or bool(one.get("interpolating"))
+        drawn.lanes.append(
+            DrawnLane(
+                name=names[name],
+                centre=_line(one.get("polyline", ())),
+                width_m=_width_m(one),
+                kind="bicycle" if "BIKE" in kind else "bus" if "BUS" in kind else "vehicle",
+                subtype="highway" if "FREEWAY" in kind else "road",
+                location="" if "FREEWAY" in kind else "urban",
+                limit_mps=limits[name],
+                inside=inside or (areas and "polygon" not in one),
+                closed=tuple(side for side in ("left", "right") if _solid(one.get(f"{side}_boundaries"))),
+                successors=_names(one.get("exit_lanes"), names),
+                predecessors=_names(one.get("entry_lanes"), names),
+                left_neighbours=_names(one.get("left_neighbor"), names),
+                right_neighbours=_names(one.get("right_neighbor"), names),
+            )
+        )
+    for one in features.values():
+        kind = str(one["type"])
+        if kind == "CROSSWALK":
+            drawn.crosswalks.append(_line(one["polygon"]))
+        elif kind == "STOP_SIGN":
+            drawn.stops |= dict.fromkeys(_names(one.get("lane"), names) or (), "stop")
+        elif "LINE" in kind or "EDGE" in kind or "BOUNDARY" in kind:
+            edge = "LINE" not in kind or "BOUNDARY" in kind
+            subtype = "" if edge else "dashed" if "BROKEN" in kind else "solid"
+            drawn.lines.append(
+                ("road_border" if edge else "line_thin", subtype, _line(one.get("polyline", ())))
+            )
+    for name, _, place in _lit(scenario):
+        if name in names:
+            drawn.lit[names[name]] = place
+    return drawn
+
+
+def _key(name: str, lanes: Mapping[str, Any]) -> Hashable:
+    return int(name) if all(other.isascii() and other.isdigit() for other in lanes) else name
+
+
+def _line(points: Any) -> FloatArray:
+    """Points (P, 2) of a feature; the third column is a height in some data sets, a heading in others."""
+    line = np.asarray(points, np.float64)
+    return line.reshape(len(line), -1)[:, :2] if line.size else np.empty((0, 2))
+
+
+def _names(names: Any, known: Mapping[str, Hashable]) -> list[Hashable] | None:
+    """Return the lanes that a feature lists, as ids or dicts; None without a list."""
+    if names is None:
+        return None
+    named = [one.get("feature_id", one.get("id")) if isinstance(one, Mapping) else one for one in names]
+    return [known[str(name)] for name in named if str(name) in known]
+
+
+def _solid(boundaries: Any) -> bool:
+    kinds = [str(one.get("boundary_type")) for one in boundaries or () if isinstance(one, Mapping)]
+    return bool(kinds) and all("SOLID" in kind for kind in kinds)
+
+
+def _limit_mps(lane: Mapping[str, Any]) -> float | None:
+    for name, unit in (("speed_limit_mph", MPH), ("speed_limit_kmh", KMH)):
+        limit = lane.get(name)
+        if limit is not None and math.isfinite(float(limit)) and float(limit) > 0.0:
+            return float(limit) * unit
+    return None
+
+
+def _width_m(lane: Mapping[str, Any]) -> float:
+    """Width of a lane by its sides or its polygon, m; nan if unknown."""
+    sides = np.asarray(lane.get("width", ()), np.float64)
+    if sides.ndim == 2 and len(sides := sides[(sides > 0.1).all(axis=1)]):
+        return float(np.median(sides.sum(axis=1)))
+    line, ring = (polyline(_line(lane.get(key, ()))) for key in ("polyline", "polygon"))
+    if len(ring) < 3 or len(line) < 2:
+        return math.nan
+    _, points = samples(line, 2.0)
+    return 2.0 * float(np.median(shapely.distance(shapely.LinearRing(ring), shapely.points(points))))
+
+
+def _lit(scenario: Mapping[str, Any]) -> Iterator[tuple[str, list[str], Any]]:
+    """Yield lane, states by time and stopping place of each light."""
+    for name, light in (scenario.get("dynamic_map_states") or {}).items():
+        state = light["state"]
+        lane, place = light.get("lane", name), light.get("stop_point")
+        if "lane" in state:  # older files: for each time
+            lane = next((one for one in np.ravel(state["lane"]) if one), name)
+        place = state.get("stop_point", [None])[0] if place is None else place
+        yield str(lane), [str(word) for word in state["object_state"]], place if _is_place(place) else None
+
+
+def _is_place(place: Any) -> bool:
+    try:
+        return bool(np.isfinite(np.asarray(place, np.float64)[:2]).all()) and len(place) > 1
+    except (TypeError, ValueError, IndexError):
+        return False
+
+
+def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    path = paths[0]
+    with one_line(TrackError, path, "tracks of ScenarioNet"):
+        scenario = read_scenario(path)
+        names, kinds, values = _boxes(path, scenario)
+        values[:, 1:3] -= _drawn(path, scenario).frame
+        return box_table(path, names, kinds, values, ego=str(scenario["metadata"].get("sdc_id", "")))
+
+
+def _boxes(path: Path, scenario: Mapping[str, Any]) -> tuple[list[str], dict[str, str], FloatArray]:
+    names: list[str] = []
+    kinds: dict[str, str] = {}
+    parts: list[FloatArray] = [np.empty((0, 8))]
+    for name, track in scenario["tracks"].items():
+        state = track["state"]
+        count = len(state["position"])
+        kinds[str(name)] = kind = _kind(track)
+        valid = np.asarray(state["valid"]).reshape(-1).astype(bool)
+        if kind.isupper() or not valid.any():
+            continue
+        time = _times(path, scenario, count)
+        sizes = [
+            np.asarray(state[side], np.float64).reshape(count) if side in state else np.full(count, np.nan)
+            for side in ("length", "width")
+        ]
+        columns = (
+            1000.0 * time,
+            *np.asarray(state["position"], np.float64)[:, :2].T,
+            *np.asarray(state["velocity"], np.float64)[:, :2].T,
+            np.asarray(state["heading"], np.float64).reshape(count),
+            *sizes,
+        )
+        parts.append(np.stack(columns, axis=1)[valid])
+        names += [str(name)] * int(valid.sum())
+    return names, kinds, np.concatenate(parts)
+
+
+def _times(path: Path, scenario: Mapping[str, Any], count: int) -> FloatArray:
+    times = np.asarray(scenario["metadata"].get("ts", 0.1 * np.arange(count)), np.float64).reshape(-1)
+    if len(times) != count:
+        raise InputError(f"{path}: {len(times)} times in ts for {count} states; convert the data anew")
+    return times
+
+
+def _kind(track: Mapping[str, Any]) -> str:
+    kind = str(track["type"])
+    said = str(track.get("metadata", {}).get("type", "")).lower()
+    if kind == "CYCLIST" and "motor" in said:
+        return "motorcycle"
+    if kind == "VEHICLE":
+        return {"van": "car", "tram": "TRAM", "pedestrian": "car", "bicycle": "bicycle"}.get(
+            user := road_user(said), user
+        )
+    return _USERS.get(kind, kind)
+
+
+def _read_signals(
+    layout: NetLayout, origin: tuple[float, float], path: Path
+) -> tuple[Programme | None, list[str]]:
+    with one_line(MapError, path, "lights of ScenarioNet"):
+        scenario = read_scenario(path)
+        ids = {str(name): number for name, number in _drawn(path, scenario).lane_ids().items()}
+        runs = {}
+        for name, words, _ in _lit(scenario):
+            times = _times(path, scenario, len(words))
+            letters = [next((letter for part, letter in _LIGHTS if part in word), "") for word in words]
+            if name in ids:
+                runs[ids[name]] = list(zip((times - times[0]).tolist(), letters, strict=True))
+        return lane_programme(layout, runs, path.name)
+
+
+def _is_mine(path: Path) -> bool:
+    return (
+        path.suffix == ".pkl"
+        and not path.name.startswith("dataset_")
+        and beginning(path)[:1] in (b"\x80", b"", b"\x1f")
+    )
+
+
+def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
+    for path in files:
+        name = _name(path)
+        yield Recording(name=name, site=name, dataset="scenarionet", map_path=path, track_paths=(path,))
+
+
+def _name(path: Path) -> str:
+    return map_name(path).removeprefix("sd_")
+
+
+SCENARIONET_MAP = MapFormat(is_mine=_is_mine, read=_read_road, tracks=lambda path: path, name=_name)
+SCENARIONET = Dataset(
+    is_mine=_is_mine,
+    read=_read,
+    recordings=_recordings,
+    name=lambda path, files: _name(files[0]),
+    from_car=True,
+)
+SCENARIONET_LIGHTS = SignalFormat(is_mine=_is_mine, read=_read_signals)

@@ -1,0 +1,122 @@
+"""Rare collisions of human-like drivers, read from ``rare.json``."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import write_atomic
+from scex_sumo.statistics.density import Interval
+
+RARE: Final = "rare.json"
+_PLAIN_NUMBER = 1e-3  # smaller shares are written as 7e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class RarePair:
+    """Two vehicles that collide in some future.
+
+    Attributes:
+        share: of the probability of any collision.
+        causes: what their drivers draw more often in these futures, e.g. ``8 inattentive``.
+    """
+
+    track_id: int
+    other_id: int
+    value: float
+    low: float
+    high: float
+    share: float
+    hits: int
+    causes: tuple[str, ...] = ()
+
+    def words(self) -> str:
+        """Return the pair in words, e.g. ``7 and 8, 8 inattentive``."""
+        return ", ".join([f"{self.track_id} and {self.other_id}", *self.causes])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rare(Interval):
+    """Probability of a collision by importance sampling; ``count`` futures estimate it.
+
+    Attributes:
+        hits: futures with a collision among these.
+        tilted: futures with tilted draws among these.
+        pilot: further futures, which only improved the tilt.
+        weights: sum of all weights; 1 within `weights_error`.
+        pairs: that collide, the most probable first.
+    """
+
+    hits: int
+    tilted: int
+    pilot: int
+    weights: float
+    weights_error: float
+    pairs: tuple[RarePair, ...] = ()
+
+    def of(self, one: int, other: int) -> float:
+        """Return the probability that two vehicles collide; 0 if they do so in no future."""
+        pair = (min(one, other), max(one, other))
+        return next((p.value for p in self.pairs if (p.track_id, p.other_id) == pair), 0.0)
+
+    @property
+    def short(self) -> str:
+        """In words, without the interval, e.g. ``7e-5`` or ``< 1.3 %``."""
+        return probability_words(self.value) if self.hits else f"< {probability_words(self.high)}"
+
+    @property
+    def percent(self) -> str:
+        """In words, e.g. ``7e-5 (3e-5 – 1.5e-4)``, or ``less than 1.3 %`` without any collision."""
+        if not self.hits:
+            return f"less than {probability_words(self.high)}"
+        return " ".join([
+            probability_words(self.value),
+            f"({probability_words(self.low)} – {probability_words(self.high)})",
+        ])  # fmt: skip
+
+    def mostly(self) -> str:
+        """Return the most probable pair in words, or how many futures looked for one in vain."""
+        if not self.pairs:
+            return f"none in {self.tilted} futures tilted towards one" if self.tilted else ""
+        first = self.pairs[0]
+        return f"mostly {first.words()}" if len(self.pairs) > 1 else first.words()
+
+    def words(self) -> str:
+        """Return the interval, the most probable pair, and where the estimate comes from."""
+        limits = f"95 %: {probability_words(self.low)} – {probability_words(self.high)}" if self.hits else ""
+        futures = f"importance sampling, {self.hits} collisions in {self.count} futures"
+        return "; ".join(part for part in (limits, self.mostly(), futures) if part)
+
+
+def probability_words(value: float) -> str:
+    """Return a probability as percent, or as a power of ten below 0.1 %."""
+    if value >= _PLAIN_NUMBER or value == 0:
+        return f"{100 * value:.2g} %" if value < 0.995 else "100 %"
+    digits, power = f"{value:.1e}".split("e")
+    return f"{digits.removesuffix('.0')}e{int(power)}"
+
+
+def write_rare(found: Rare, file: Path) -> None:
+    """Write ``rare.json``."""
+    write_atomic(file, json.dumps(dataclasses.asdict(found)).encode())
+
+
+def read_rare(folder: Path) -> Rare | None:
+    """Read the rare collisions of a result folder; None if it has none.
+
+    Raises:
+        ResultError: ``rare.json`` is damaged.
+    """
+    file = folder / RARE
+    if not file.is_file():
+        return None
+    try:
+        content = json.loads(file.read_bytes())
+        pairs = tuple(RarePair(**{**pair, "causes": tuple(pair["causes"])}) for pair in content["pairs"])
+        return Rare(**{**content, "pairs": pairs})
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResultError(f"{file}: cannot be read ({str(error)[:80]}); run again") from None

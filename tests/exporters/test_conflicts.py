@@ -1,0 +1,126 @@
+"""Conflicts and collisions beside what SUMO itself writes about the same motion."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+import sumolib
+
+from scex_sumo.base.programs import environment, program, sumo_home
+from scex_sumo.exporters.registry import EXPORTERS
+from scex_sumo.exporters.request import Request
+from scex_sumo.extrapolation.extrapolate import extrapolate
+from scex_sumo.results.run import Run
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed
+from scex_sumo.scene import States
+from scex_sumo.views.children import write_child
+from tests.seeds import straight_seed
+
+
+def exported(run: Run, to: str, folder: Path, children: tuple[int, ...] = (0, 1, 2, 3)) -> list[Path]:
+    return list(EXPORTERS.load(to)(Request(run=run, children=children, out=folder)))
+
+
+def device(run: Run, child: int, file: Path) -> ET.Element:
+    """Conflicts of SUMO's own device on the replay of a child."""
+    config = write_child(run, child)
+    options = {"probability": "1", "measures": "TTC DRAC PET", "thresholds": "3 3 2", "file": str(file)}
+    options["range"] = "200"
+    words = [word for name, value in options.items() for word in (f"--device.ssm.{name}", value)]
+    command = [program("sumo"), "-c", config.name, "--end", "4.05", *words]
+    subprocess.run(command, check=True, cwd=config.parent, capture_output=True, env=environment())
+    return ET.parse(file).getroot()
+
+
+def number(element: ET.Element, tag: str, name: str = "value") -> float:
+    text = element.find(tag).get(name)  # type: ignore[union-attr]
+    return np.nan if text in (None, "NA") else float(text)
+
+
+def test_conflicts_have_the_form_and_the_values_of_sumo_s_device(run: Run, tmp_path: Path) -> None:
+    files, off, forms = exported(run, "ssm", tmp_path / "ours"), [], set()
+    for child, file in enumerate(files):
+        ours, theirs = ET.parse(file).getroot(), device(run, child, tmp_path / f"{child}.xml")
+        forms |= {form_of(conflict) for conflict in (*theirs, *ours)}
+        assert ours.tag == theirs.tag
+        own = {(c.get("ego"), c.get("foe")): c for c in ours}
+        assert len({frozenset(pair) for pair in own}) == len(own) == len(ours)  # each pair once
+        for conflict in theirs:
+            mine = own.get((conflict.get("ego"), conflict.get("foe")))
+            if mine is not None and kind_of(mine) == kind_of(conflict):
+                off.append([number(mine, *of) - number(conflict, *of) for of in COMPARED])
+    values = np.abs(off)
+    assert len(values) >= 3 and len(forms) == 1
+    assert (np.median(values, axis=0) < [0.02, 0.11, 0.5, 0.1]).all(), values
+
+
+COMPARED = (("minTTC", "value"), ("minTTC", "time"), ("minTTC", "speed"), ("maxDRAC", "value"))
+
+
+def form_of(conflict: ET.Element) -> str:
+    return repr([(element.tag, list(element.attrib)) for element in conflict.iter()])
+
+
+def kind_of(conflict: ET.Element) -> str | None:
+    found = conflict.find("minTTC")
+    return None if found is None else found.get("type")
+
+
+def test_conflicts_of_several_children_are_read_back_by_sumolib(run: Run, tmp_path: Path) -> None:
+    for file in exported(run, "ssm", tmp_path):
+        for conflict in sumolib.xml.parse(str(file), "conflict"):
+            assert float(conflict.begin) <= float(
+                conflict.minTTC[0].time if conflict.minTTC[0].time != "NA" else 99
+            )
+            critical = [
+                conflict.minTTC[0].value != "NA" and float(conflict.minTTC[0].value) <= 3,
+                conflict.maxDRAC[0].value != "NA" and float(conflict.maxDRAC[0].value) >= 3,
+                conflict.PET[0].value != "NA" and float(conflict.PET[0].value) <= 2,
+            ]
+            assert any(critical)
+
+
+def test_collisions_fit_sumo_s_schema_and_the_table(run: Run, tmp_path: Path) -> None:
+    etree = pytest.importorskip("lxml.etree")
+    schema = etree.XMLSchema(etree.parse(str(sumo_home() / "data" / "xsd" / "collision_file.xsd")))
+    count = 0
+    for child, file in enumerate(exported(run, "collisions", tmp_path)):
+        schema.assertValid(etree.parse(str(file)))
+        rows = [row for row in run.collisions.to_pylist() if row["child"] == child]
+        written = list(sumolib.xml.parse(str(file), "collision"))
+        assert len(written) == len(rows)
+        for row, collision in zip(rows, written, strict=True):
+            assert {int(collision.collider), int(collision.victim)} == {row["track_id"], row["other_id"]}
+            assert float(collision.time) == pytest.approx(1.0 + row["time_s"], abs=0.006)
+            assert sumolib.net.readNet(str(run.net.path), withInternal=True).getLane(collision.lane)
+        count += len(rows)
+    assert count
+
+
+def test_pet_of_a_right_angle_is_that_of_the_second_vehicle(tmp_path: Path) -> None:
+    road = read_seed(example_path("roundabout")).road
+    times = np.arange(-10, 1) * 0.1
+    zero = np.zeros(11)
+    history = States(
+        x=np.stack([-20 + 10 * times, zero]),
+        y=np.stack([zero, -30 + 10 * times]),
+        heading=np.stack([zero, zero + np.pi / 2]),
+        speed=np.full((2, 11), 10.0),
+    )
+    scene = dataclasses.replace(straight_seed(2), history=history, road=road)
+    run = extrapolate(scene, models="constant_velocity", children=1, steps=40, out=tmp_path / "run")
+    (file,) = exported(run, "ssm", tmp_path / "pet.ssm.xml", children=(0,))
+    (conflict,) = ET.parse(file).getroot()
+    assert (conflict.get("ego"), conflict.get("foe")) == ("1", "0")
+    pet = conflict.find("PET")
+    assert pet is not None and pet.get("type") == "17"
+    # Areas reach half of both widths and half a length from the crossing: 0.9 + 2.25 m.
+    assert number(conflict, "PET") == pytest.approx((30 - 3.15) / 10 - (20 + 3.15) / 10, abs=0.01)
+    assert number(conflict, "PET", "time") == pytest.approx(1.0 + (30 - 2.25) / 10, abs=0.06)
+    assert pet.get("position") == "0.00,0.00" and number(conflict, "PET", "speed") == 10.0

@@ -1,0 +1,118 @@
+"""Simulations that tests make with SUMO's own programs, and their truth in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from scex_sumo.base.programs import environment, program
+
+ROUTES = """<routes>
+ <vType id="car" vClass="passenger" length="4.3" width="1.75"/><vType id="truck" vClass="truck"/>
+ <vType id="bike" vClass="bicycle"/>
+ <flow id="f" type="car" begin="0" end="90" period="3" from="A0A1" to="C1C2" departLane="best"/>
+ <flow id="t" type="truck" begin="0" end="90" period="9" from="C0B0" to="A1A2"/>
+ <flow id="b" type="bike" begin="0" end="90" period="9" from="B2B1" to="A0B0"/>
+ <personFlow id="f" begin="0" end="90" period="10"><walk from="A0A1" to="C1C2"/></personFlow>
+</routes>"""
+CONFIG = """<configuration>
+ <input><net-file value="g.net.xml"/><route-files value="r.rou.xml"/>{files}</input>
+ <time><end value="{end}"/><step-length value="{step}"/></time>
+ <processing>{processing}</processing><output>{output}</output>
+ <random_number><seed value="5"/></random_number>
+</configuration>"""
+# One of each kind of element that makes SUMO write a file.
+OUTPUTS = """<additional>
+ <inductionLoop id="e1" lane="A0A1_1" pos="5" period="10" file="e1.xml"/>
+ <laneAreaDetector id="e2" lane="A0A1_1" pos="5" endPos="20" period="10" file="e2.xml"/>
+ <instantInductionLoop id="i" lane="A0A1_1" pos="9" file="instant.xml"/>
+ <entryExitDetector id="e3" period="10" file="e3.xml">
+  <detEntry lane="A0A1_1" pos="1"/><detExit lane="A0A1_1" pos="30"/>
+ </entryExitDetector>
+ <edgeData id="edges" file="edges.xml"/><laneData id="lanes" file="lanes.xml"/>
+ <vTypeProbe id="probe" type="car" period="5" file="probe.xml"/>
+ <routeProbe id="routes" edge="A0A1" period="10" file="routes.xml"/>
+ <timedEvent type="SaveTLSStates" source="B1" dest="lights.xml"/>
+ <timedEvent type="SaveTLSSwitchTimes" source="B1" dest="switches.xml"/>
+ <calibrator id="c" edge="C0B0" pos="0" period="10" output="calibrator.xml">
+  <flow begin="0" end="90" route="r" type="ssm" vehsPerHour="900" speed="9"/>
+ </calibrator>
+ <vType id="ssm">
+  <param key="has.ssm.device" value="true"/><param key="device.ssm.file" value="ssm.xml"/>
+ </vType>
+ <route id="r" edges="C0B0 B0B1"/><include href="more.add.xml"/>
+</additional>"""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    config: Path
+    net: Path
+    routes: Path
+
+
+@dataclass(frozen=True)
+class Truth:
+    """State of a simulation, by name: x, y, angle, speed, length, width; lights for each step from then."""
+
+    vehicles: dict[str, list[float]]
+    bicycles: list[str]
+    persons: list[str]
+    lights: dict[str, list[str]]
+
+
+def run(name: str, *options: object, cwd: Path) -> None:
+    command = [program(name), *map(str, options)]
+    subprocess.run(command, cwd=cwd, check=True, capture_output=True, env=environment())
+
+
+def write_grid(
+    folder: Path,
+    *,
+    lights: str = "static",
+    routes: str = ROUTES,
+    step_s: float = 0.1,
+    processing: str = "",
+    files: str = "",
+    output: str = "",
+    end: float = 90,
+    net_options: tuple[str, ...] = (),
+) -> Simulation:
+    """Write a grid with traffic, people and bicycles, and its configuration."""
+    grid = ["--grid", "--grid.number", 3, "--grid.length", 80, "-L", 2, "-o", "g.net.xml", *net_options]
+    sides = ["--sidewalks.guess", "--crossings.guess", "-j", "traffic_light", "--tls.default-type", lights]
+    run("netgenerate", *grid, *sides, cwd=folder)
+    (folder / "r.rou.xml").write_text(routes)
+    config = folder / "mine.sumocfg"
+    config.write_text(CONFIG.format(step=step_s, processing=processing, files=files, output=output, end=end))
+    return Simulation(config=config, net=folder / "g.net.xml", routes=folder / "r.rou.xml")
+
+
+_TRUTH = """
+import json, sys, libsumo as s
+file, time, steps = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
+given = ["-c", file] if file.endswith(".sumocfg") else ["-n", file, "--step-length", "0.1"]
+s.start(["sumo", *given, "--no-step-log", "--no-warnings", "--xml-validation", "never"])
+if time > s.simulation.getTime():
+    s.simulationStep(time)
+is_bike = {v: s.vehicle.getVehicleClass(v) == "bicycle" for v in s.vehicle.getIDList()}
+vehicles = {v: [*s.vehicle.getPosition(v), s.vehicle.getAngle(v), s.vehicle.getSpeed(v),
+                s.vehicle.getLength(v), s.vehicle.getWidth(v)] for v in is_bike if not is_bike[v]}
+persons = list(s.person.getIDList())
+lights = {t: [] for t in s.trafficlight.getIDList()}
+for _ in range(steps):
+    for t in lights:
+        lights[t].append(s.trafficlight.getRedYellowGreenState(t))
+    s.simulationStep()
+print(json.dumps([vehicles, [v for v in is_bike if is_bike[v]], persons, lights]))
+"""
+
+
+def in_sumo(file: Path, time_s: float, *, steps: int = 0) -> Truth:
+    """Simulate a configuration, or an empty net, with SUMO's own options until a time."""
+    command = [sys.executable, "-c", _TRUTH, str(file), str(time_s), str(steps)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=file.parent)
+    return Truth(*json.loads(done.stdout.splitlines()[-1]))

@@ -1,0 +1,201 @@
+"""A user's configuration as a seed scene: the simulation itself is the judge."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import MapError, ScexError, SimulationError, TrackError
+from scex_sumo.base.programs import program, user_sumo
+from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, recording_moments
+from scex_sumo.formats.sumo.net import read_sumo_road
+from scex_sumo.scenarios.seeds import read_seed
+from scex_sumo.scene import SeedScene
+from tests.formats.sumo.simulations import OUTPUTS, Simulation, in_sumo, run, write_grid
+
+TIME_S = 40.0
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
+    return write_grid(tmp_path_factory.mktemp("grid"))
+
+
+@pytest.fixture(scope="module")
+def scene(grid: Simulation) -> SeedScene:
+    return read_seed(grid.config, time=TIME_S)
+
+
+def test_vehicles_are_where_sumo_has_them(grid: Simulation, scene: SeedScene) -> None:
+    truth = in_sumo(grid.config, TIME_S)
+    names = scene.source["vehicles"]
+    assert scene.vehicles == len(truth.vehicles) > 10
+    for v, track in enumerate(scene.track_ids):
+        x, y, angle, speed, length, width = truth.vehicles[names[str(track)]]
+        heading = np.radians(90.0 - angle)
+        centre = [x - np.cos(heading) * length / 2, y - np.sin(heading) * length / 2]
+        np.testing.assert_allclose([scene.now.x[v], scene.now.y[v]], centre, atol=1e-6)
+        np.testing.assert_allclose(
+            [scene.now.speed[v], scene.length[v], scene.width[v]], [speed, length, width]
+        )
+    assert set(scene.types) == {"car", "truck"} and scene.recorded_steps.max() == 10
+    assert scene.future is not None and scene.future.shape[1] == 50
+
+
+def test_pedestrians_and_bicycles_are_obstacles(grid: Simulation, scene: SeedScene) -> None:
+    truth = in_sumo(grid.config, TIME_S)
+    assert scene.obstacles is not None and set(scene.obstacles.types) == {"pedestrian", "bicycle"}
+    now = scene.obstacles.present[:, 10].sum()
+    assert now == len(truth.persons) + len(truth.bicycles) > 2
+
+
+def test_fixed_lights_go_on_as_in_the_simulation(grid: Simulation, scene: SeedScene) -> None:
+    assert scene.road is not None and scene.road.net is not None
+    then = in_sumo(grid.config, TIME_S, steps=40).lights
+    assert max(len(set(states)) for states in then.values()) > 1
+    assert in_sumo(scene.road.net, 0.1, steps=40).lights == then  # futures begin at 0.1 s of their simulation
+
+
+def test_actuated_lights_begin_in_their_phase_and_stay_actuated(tmp_path: Path) -> None:
+    grid = write_grid(tmp_path, lights="actuated")
+    road = read_seed(grid.config, time=TIME_S).road
+    assert road is not None and road.net is not None
+    then = {light: states[0] for light, states in in_sumo(grid.config, TIME_S, steps=1).lights.items()}
+    assert {light: s[0] for light, s in in_sumo(road.net, 0.1, steps=1).lights.items()} == then
+    lights = ElementTree.parse(road.net).getroot().findall("tlLogic")
+    assert {light.get("type") for light in lights} == {"actuated"} and len(lights) == len(then) == 9
+
+
+def test_no_output_of_the_user_is_written(tmp_path: Path) -> None:
+    named = "".join(
+        f'<{name} value="{name}.xml"/>'
+        for name in ("fcd-output", "tripinfo-output", "summary", "collision-output", "statistic-output")
+    )
+    named += '<save-state.times value="5"/><save-state.prefix value="state"/><log value="log.txt"/>'
+    named += '<device.ssm.probability value="1"/><device.ssm.file value="device.xml"/>'
+    grid = write_grid(tmp_path, files='<additional-files value="all.add.xml"/>', output=named)
+    (tmp_path / "all.add.xml").write_text(OUTPUTS)
+    (tmp_path / "more.add.xml").write_text(
+        '<additional><inductionLoop id="m" lane="A0A1_1" pos="7" file="more.xml"/></additional>'
+    )
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    scene = read_seed(grid.config, time=TIME_S)
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+    assert scene.vehicles > 10
+    # SUMO itself writes all of them: the test would see it.
+    run("sumo", "-c", grid.config.name, cwd=tmp_path)
+    assert len(list(tmp_path.iterdir())) >= len(before) + 20
+
+
+def test_a_configuration_that_does_not_load_says_why(grid: Simulation, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.sumocfg"
+
+    def fails(text: str, words: str, kind: type[ScexError] = MapError) -> None:
+        bad.write_text(text)
+        with pytest.raises(kind, match=words):
+            read_seed(bad, time=5.0)
+
+    net, here = f'<net-file value="{grid.net}"/>', "<configuration><input>{}</input></configuration>"
+    fails("<configuration", "cannot be read as a SUMO configuration")
+    fails(here.format(""), "no <net-file>")
+    fails(here.format('<net-file value="no.net.xml"/>'), "does not exist")
+    fails(here.format(net + '<route-files value="no.rou.xml"/>'), "names it as <route-files>")
+    fails(here.format(net + '<such-option value="1"/>'), "such-option", SimulationError)
+    (tmp_path / "r.rou.xml").write_text('<routes><trip id="a" depart="0" from="nowhere" to="A0A1"/></routes>')
+    fails(here.format(net + '<route-files value="r.rou.xml"/>'), "nowhere", SimulationError)
+    (tmp_path / "r.rou.xml").write_text("<!DOCTYPE routes><routes/>")
+    fails(here.format(net + '<route-files value="r.rou.xml"/>'), "DOCTYPE")
+
+
+def test_a_time_before_the_first_vehicle_names_its_departure(tmp_path: Path) -> None:
+    grid = write_grid(tmp_path, routes='<routes><trip id="a" depart="30" from="A0A1" to="C1C2"/></routes>')
+    with pytest.raises(TrackError, match=r"no vehicle .* departs at 30.1 s; choose a later --time"):
+        read_seed(grid.config, time=5.0)
+    with pytest.raises(TrackError, match="ends at 90 s; choose an earlier --time"):
+        read_seed(grid.config, time=500.0)
+
+
+def test_a_mesoscopic_simulation_is_refused(tmp_path: Path) -> None:
+    grid = write_grid(tmp_path, processing='<mesosim value="true"/>', step_s=1)
+    with pytest.raises(TrackError, match="mesoscopic"):
+        read_seed(grid.config, time=TIME_S)
+
+
+def test_the_sublane_model_is_a_note(tmp_path: Path) -> None:
+    grid = write_grid(tmp_path, processing='<lateral-resolution value="0.8"/>')
+    assert any("sublane" in note for note in read_seed(grid.config, time=TIME_S).notes)
+
+
+def test_another_step_length_is_resampled_with_a_note(tmp_path: Path) -> None:
+    for step_s, words in ((0.05, "20 Hz"), (0.5, "2 Hz"), (1, "steps of 1 s")):
+        notes = read_seed(write_grid(tmp_path, step_s=step_s).config, time=TIME_S).notes
+        assert any(words in note for note in notes), notes
+
+
+def test_teleporting_parked_and_waiting_vehicles_are_left_out_with_a_note(tmp_path: Path) -> None:
+    routes = """<routes>
+     <vehicle id="jumps" depart="0" departLane="1"><route edges="A0A1 A1B1 B1C1"/>
+      <stop lane="A0A1_1" endPos="50" duration="1" jump="60"/></vehicle>
+     <vehicle id="stands" depart="0" departLane="1"><route edges="C0B0 B0B1"/>
+      <stop lane="C0B0_1" endPos="20" duration="500"/></vehicle>
+     <vehicle id="parks" depart="0" departLane="1"><route edges="B2B1 B1B0"/>
+      <stop lane="B2B1_1" endPos="40" duration="500" parking="true"/></vehicle>
+     <flow id="f" begin="2" period="2" end="60" from="C0B0" to="B0B1" departLane="1"/>
+    </routes>"""
+    scene = read_seed(write_grid(tmp_path, routes=routes).config, time=TIME_S)
+    assert any(note == "vehicles that teleport at this moment are left out: jumps" for note in scene.notes)
+    assert any(note == "vehicles that are parked are left out: parks" for note in scene.notes)
+    assert any(note.startswith("vehicles that wait to be inserted are left out: ") for note in scene.notes)
+    assert not {"jumps", "parks"} & set(scene.source["vehicles"].values())
+
+
+def test_left_hand_traffic_has_its_left_lane_on_the_left(tmp_path: Path) -> None:
+    grid = write_grid(tmp_path, net_options=("--lefthand",))
+    road = read_sumo_road(grid.net)
+    beside = [lane for lane in road.lanes.values() if lane.left is not None]
+    assert beside
+    for lane in beside:
+        other = road.lanes[lane.left].centreline[0] - lane.centreline[0]
+        ahead = lane.centreline[-1] - lane.centreline[0]
+        assert ahead[0] * other[1] - ahead[1] * other[0] > 0
+    assert read_seed(grid.config, time=TIME_S).vehicles > 10
+
+
+def test_rank_takes_moments_of_a_window_of_a_configuration(grid: Simulation) -> None:
+    (recording,) = find_recordings([grid.config])
+    loaded = load_recording(dataclasses.replace(recording, window=(20.0, 30.0)))
+    times = [moment.time_s for moment in recording_moments(loaded, every_s=5.0)]
+    assert times == [20.0, 25.0, 30.0]
+    assert loaded.table.vehicles.stamps_ms.min() <= 19_000 and loaded.table.vehicles.stamps_ms.max() >= 35_000
+
+
+@pytest.mark.parametrize(("said", "words"), [("SUMO sumo 1.19.0", "needs 1.20"), ("", "of no known version")])
+def test_an_old_sumo_of_the_user_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str, words: str
+) -> None:
+    monkeypatch.setenv("SUMO_HOME", str(tmp_path))
+    assert user_sumo() is None  # a folder without programs
+    (tmp_path / "bin").mkdir()
+    own = tmp_path / "bin" / "sumo"
+    own.write_text(f"#!/bin/sh\necho 'Eclipse {said}'\n")
+    own.chmod(0o755)
+    with pytest.raises(SimulationError, match=words):
+        user_sumo()
+
+
+def test_the_sumo_of_the_user_simulates(
+    tmp_path: Path, grid: Simulation, scene: SeedScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = tmp_path / "home" / "bin" / "sumo"
+    own.parent.mkdir(parents=True)
+    own.write_text(f'#!/bin/sh\necho ran >> {tmp_path}/calls\nexec {program("sumo")} "$@"\n')
+    own.chmod(0o755)
+    monkeypatch.setenv("SUMO_HOME", str(tmp_path / "home"))
+    again = read_seed(grid.config, time=TIME_S)
+    assert (tmp_path / "calls").read_text().count("ran") >= 3  # its version, its options, the simulation
+    assert any("of SUMO_HOME" in note for note in again.notes)
+    np.testing.assert_array_equal(again.history.x, scene.history.x)

@@ -1,0 +1,114 @@
+"""Futures of a simulation that the test itself steps, in process and over a port."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.base.programs import program
+from tests.formats.sumo.simulations import Simulation, in_sumo, write_grid
+
+PAGE = Path(__file__).parents[3] / "docs" / "sumo.md"
+QUIET = ', "--no-step-log", "--no-warnings", "--xml-validation", "never"])'
+CHECKED = """
+import json
+from pathlib import Path
+before = {v: sumo.vehicle.getPosition(v) for v in sumo.vehicle.getIDList()}
+assert sumo.simulation.getTime() == watch.time_s
+assert run.children == 3 and run.folder.is_dir() and len(run.metrics) == 3
+scene = watch.scene()
+names = scene.source["vehicles"].values()
+assert set(names) == {v for v in before if sumo.vehicle.getVehicleClass(v) != "bicycle"}
+assert scene.recorded_steps.max() == 10
+until = watch.time_s + 5
+sumo.simulationStep(until)
+after = {v: sumo.vehicle.getPosition(v) for v in sumo.vehicle.getIDList()}
+sumo.close()
+assert watch.scene().time_s == until  # nothing is lost with the connection
+try:
+    watch.until(lambda: False)
+except scex.ScexError as error:
+    print(error)
+Path("after.json").write_text(json.dumps([until, after]))
+"""
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
+    return write_grid(tmp_path_factory.mktemp("grid"))
+
+
+@pytest.mark.parametrize("module", ["libsumo", "traci"])
+def test_a_simulation_goes_on_after_its_futures(grid: Simulation, module: str) -> None:
+    (example,) = re.findall(r"```python\n(import libsumo.*?)```", PAGE.read_text(), re.DOTALL)
+    example = example.replace("import libsumo", f"import {module}").replace('"sumo"', repr(program("sumo")))
+    code = example.replace("])", QUIET, 1) + CHECKED
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code], cwd=grid.config.parent, capture_output=True, text=True
+    )
+    assert not done.returncode, done.stderr
+    assert "cannot step the simulation" in done.stdout and "None" not in done.stdout
+    until, after = json.loads((grid.config.parent / "after.json").read_text())
+    alone = in_sumo(grid.config, until).vehicles
+    assert {name: after[name] for name in alone} == {name: state[:2] for name, state in alone.items()}
+
+
+WRONG = """
+import warnings
+import libsumo as sumo
+import scex_sumo as scex
+
+def said(call):
+    try:
+        call()
+    except scex.ScexError as error:
+        print(error)
+
+start = ["sumo", "-c", "mine.sumocfg", "--no-step-log", "--no-warnings", "--xml-validation", "never"]
+said(lambda: scex.watch(sumo))
+sumo.start([*start, "--mesosim", "true"])
+said(lambda: scex.watch(sumo))
+sumo.close()
+sumo.start([*start, "--step-length", "0.25"])
+watch = scex.watch(sumo)
+said(watch.scene)
+assert not watch.until(lambda: False, at_most_s=20)
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    run = watch.extrapolate(children=2, models=["constant_velocity"], out="out", exact=False)
+print(*[w.message for w in caught], sep="\\n")
+said(lambda: watch.extrapolate(children=3, models=["constant_velocity"], out="out"))
+said(lambda: watch.extrapolate(progress=print))
+said(lambda: watch.extrapolate(models=["nonsense"]))
+assert sumo.simulation.getTime() == watch.time_s == 20.0
+sumo.simulation.saveState("state.xml")
+sumo.simulationStep(25)
+sumo.simulation.loadState("state.xml")
+sumo.simulationStep()
+scene = watch.scene()
+assert scene.time_s == watch.time_s == 20.25 and scene.vehicles > 5 and not scene.recorded_steps.any()
+assert set(scene.source["vehicles"].values()) <= set(sumo.vehicle.getIDList())
+sumo.close()
+"""
+
+
+def test_wrong_use_of_a_watch_is_an_error_in_one_line(grid: Simulation) -> None:
+    command = [sys.executable, "-c", WRONG]
+    done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
+    assert not done.returncode, done.stderr
+    words = (
+        "cannot read the simulation",
+        "this simulation: mesoscopic",
+        "no vehicle on the road at 0 s",
+        "recorded at 4 Hz: interpolated to 10 Hz",
+        "holds the result of another run",
+        "progress: the futures run in another process",
+        "unknown behavior 'nonsense'",
+    )
+    for word in words:
+        assert word in done.stdout, (word, done.stdout)
