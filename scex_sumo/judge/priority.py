@@ -54,6 +54,9 @@ class RightOfWay:
         meeting = {pair for c in self.conflicts for pair in ((c.first, c.second), (c.second, c.first))}
         rules = [rule for rule in self.rules if rule.kind != "all_way_stop"]
         ruled = {(y, p) for rule in rules for y in rule.yielding for p in rule.priority if y != p}
+        meeting -= {
+            (p, y) for y, p in ruled
+        }  # a rule of an approach says nothing against a rule of these two
         for yielding, priority in sorted(ruled):
             if (priority, yielding) not in ruled:  # else the map contradicts itself
                 self._judge_rule(yielding, priority, meeting)

@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.judge.report import drive_net
+from scex_sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import NetFile, arc, lane, load, road
 
@@ -76,6 +76,26 @@ def test_a_right_of_way_element_decides_whichever_lanes_it_names(tmp_path: Path,
     assert (east, north) not in net.yields
     assert net.connections[north].get("state") == "m"
     assert net.connections[east].get("state") == "M"
+
+
+def test_a_rule_of_two_ways_goes_before_a_rule_of_an_approach(tmp_path: Path) -> None:
+    """Lane 4 turns left and yields to lane 5, which yields to approach 1: that means straight on, lane 3."""
+    lanes = [
+        lane(1, [(-80, 0), (-20, 0)], to=(3, 4)),
+        lane(3, [(-20, 0), (40, 0)]),
+        lane(4, np.vstack([[(-20, 0)], arc((-15, 20), 20, -90, 0), [(5, 60)]])),
+        lane(5, [(-18, 60), (-18, -60)]),
+    ]
+    named = [((4,), (5,)), ((5,), (1,))]
+    rules = [
+        Regulation(element_id=9 + k, kind="right_of_way", lanes=y + p, yielding=y, priority=p)
+        for k, (y, p) in enumerate(named)
+    ]
+    drawn = road(lanes, rules)
+    net = net_of(drawn, tmp_path)
+    straight, left, south = net.via("l1", "l3"), net.via("l1", "l4"), net.via("l5#0", "l5#1")
+    assert net.yields == {(left, south), (south, straight)}
+    assert check_net(tmp_path / "drawn.net.xml", drawn, None).problems() == []
 
 
 def test_at_an_all_way_stop_everyone_answers_everyone(tmp_path: Path) -> None:

@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scex_sumo import example_path, read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reader import read_net
 from scex_sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Regulation, Road
+from tests.converters.net.walkers import ROUNDABOUT_ARMS, contacts, crosswalk, with_lanes
 from tests.converters.sumo_roads import SUMO, NetFile, lane, load, road
 
 EAST, WEST = lane(1, [(-100, -1.75), (100, -1.75)]), lane(2, [(100, 1.75), (-100, 1.75)])
@@ -102,12 +104,20 @@ def test_a_crosswalk_without_walkways_gets_a_stub_at_each_end(tmp_path: Path) ->
     assert net.lanes.sumo_lanes(7) == (":j1#1_c0_0",)
 
 
-def test_crosswalks_that_meet_on_an_island_are_crossings_of_one_junction(tmp_path: Path) -> None:
-    halves = footway((5, [(0, -5), (0, 0)]), "crosswalk"), footway((6, [(0, 0), (0, 5)]), "crosswalk")
-    net = convert(street(*halves, *PAVEMENTS), tmp_path / "net.net.xml")
-    on, _ = walked(net.path, "w8 w9", cars=0)
-    assert on[":j1#1_c0"]
-    assert on[":j1#1_c1"]
+@pytest.mark.parametrize(("middle", "crossings"), [(1.75, 1), (4.0, 2)])
+def test_crosswalks_that_meet_are_two_crossings_only_with_an_island(
+    tmp_path: Path, middle: float, crossings: int
+) -> None:
+    """People would wait on the lanes between a crosswalk for each lane that meet on the marking."""
+    apart = lane(1, [(-100, -middle), (100, -middle)]), lane(2, [(100, middle), (-100, middle)])
+    kerb = middle + 3.25
+    halves = footway((5, [(0, -kerb), (0, 0)]), "crosswalk"), footway((6, [(0, 0), (0, kerb)]), "crosswalk")
+    net = convert(road([*apart, *halves]), tmp_path / "net.net.xml")
+    lanes = read_net(net.path).lanes
+    assert sum(x.function == "crossing" for x in lanes.values()) == crossings
+    assert len({*net.lanes.sumo_lanes(5), *net.lanes.sumo_lanes(6)}) == crossings
+    on, _ = walked(net.path, "w5#0 w6#1" if crossings == 2 else "w5#0 w5#1", cars=0)
+    assert len([edge for edge in on if "_c" in edge]) == crossings
 
 
 def test_a_walkway_is_cut_where_a_crosswalk_comes_in_from_the_side(tmp_path: Path) -> None:
@@ -167,3 +177,38 @@ def test_a_crosswalk_beside_a_ring_is_moved_off_the_way_of_the_ring_s_cars(tmp_p
     assert room >= 1.2  # half a car and some room; as drawn, the ring's middle lies on the crosswalk
     assert crossing.width_m >= 2 * 0.64  # two of SUMO's stripes: people pass one another
     assert load(net.path) == ""
+
+
+def test_a_crosswalk_that_ends_before_the_middle_of_a_lane_is_seen_by_its_cars(tmp_path: Path) -> None:
+    """Only its corner lies on the middle of a lane 5 m wide; the crossing reaches over the whole lane."""
+    wide = lane(1, [(-100, -2.5), (100, -2.5)], width=5.0), lane(2, [(100, 2.5), (-100, 2.5)], width=5.0)
+    net = convert(road([*wide, footway((7, [(0, -2.2), (3, 6)]), "crosswalk")]), tmp_path / "net.net.xml")
+    lanes = read_net(net.path).lanes
+    (crossing,) = [x for x in lanes.values() if x.function == "crossing"]
+    assert crossing.shape[0, 1] < -4.9
+    assert all(crossing.line.intersects(lanes[net.lanes.sumo_lanes(i)[1]].line) for i in (1, 2))
+
+
+def test_a_crosswalk_keeps_its_width_where_a_lane_ends_on_it(tmp_path: Path) -> None:
+    """The lanelets meet on the crosswalk, beside its middle, as at a give-way line."""
+    lanes = lane(1, [(-100, 0), (1.0, 0)], to=(2,)), lane(2, [(1.0, 0), (100, 0)])
+    net = convert(road([*lanes, footway(CROSSWALK, "crosswalk")]), tmp_path / "net.net.xml")
+    (crossing,) = [x for x in read_net(net.path).lanes.values() if x.function == "crossing"]
+    assert crossing.width_m == 3.0  # of which 1.3 m remained
+
+
+def test_a_crosswalk_slanted_to_a_lane_is_narrow(tmp_path: Path) -> None:
+    """SUMO's cars look for people where the middle of the crossing is; at its sides they are metres ahead."""
+    widths = []
+    for shift in (0.0, 8.0):
+        slanted = footway((7, [(-shift, -5), (shift, 5)]), "crosswalk")
+        net = convert(street(slanted), tmp_path / f"{shift}.net.xml")
+        widths += [x.width_m for x in read_net(net.path).lanes.values() if x.function == "crossing"]
+    assert widths == [3.0, 1.3]
+
+
+def test_moving_cars_touch_nobody_on_crossings_of_arms(tmp_path: Path) -> None:
+    """Crosswalks that end within the outer lanes of a roundabout's arms: 7 people were touched in 100 s."""
+    arms = [crosswalk(90001 + k, a, 33.0, (-7.5, 7.5)) for k, a in enumerate(ROUNDABOUT_ARMS)]
+    a_road = with_lanes(read_map(example_path("roundabout")), *arms)
+    assert len(contacts(convert(a_road, tmp_path / "net.net.xml").path, end_s=100.0)) <= 1

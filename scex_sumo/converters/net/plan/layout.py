@@ -305,6 +305,7 @@ class _Plan:
             entry=heading(self._road_shape(path.start), end=True),
             bend=bend(shape),
             on=approach(self._topology, path),
+            across=frozenset(self._topology.lane(piece).lane_id for piece in path.inside),
             on_ring=first.lane_id in self._ring,
             internal=internal,
             lanelets=tuple(i for k, i in enumerate(driven) if k == 0 or driven[k - 1] != i),

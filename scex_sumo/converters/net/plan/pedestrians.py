@@ -14,7 +14,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.plan.layout import Connection, NetLane, NetLayout, corners, hull
 from scex_sumo.converters.net.topology.graph import Groups, Topology, Zone
-from scex_sumo.geometry.polylines import along, cut, heading, length_of, nearest
+from scex_sumo.geometry.polylines import along, cut, heading, join, length_of, nearest, turn
 from scex_sumo.road import Lane
 
 MEET_M = 0.5  # between footways that meet
@@ -22,6 +22,9 @@ END_M = 2.0  # another footway this close to an end joins there
 KERB_M = 1.0  # between the edge of a lane and where people wait
 ISLAND_M = 4.0  # between lanes that are crossed at one go
 ALONG = 3.0  # a lane that runs over more than so many widths runs along the walkway
+REFUGE_M = 1.0  # between the lanes of two crosswalks: people can wait there
+MAX_BEND_RAD = math.radians(45.0)  # of one crossing
+MIN_SINE = 0.4  # 24 degrees: a lane at a smaller angle runs along a crosswalk
 PASS_M = 1.3  # half a car and some room
 TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
 OUTWARD_M = 0.7  # how far a crosswalk may be moved off a lane
@@ -35,12 +38,12 @@ class Footway:
     """Crosswalk (``marked``), or a stretch of a walkway between two places.
 
     Attributes:
-        lanelet: None if the map does not have it.
+        lanelets: under it; none if the map does not have it.
         crossed: vehicle lanes under it, with (start, end) arc length on them in m.
     """
 
     name: str
-    lanelet: int | None
+    lanelets: tuple[int, ...]
     shape: FloatArray
     width: float
     places: tuple[int, int]
@@ -80,7 +83,7 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
             under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
             way = Footway(
                 name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
-                lanelet=i,
+                lanelets=(i,),
                 shape=cut(lane.centreline, start, end),
                 width=lane.width_m,
                 places=ends,
@@ -88,7 +91,42 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
                 crossed=tuple((c.lane, c.span) for c in under),
             )
             found += [way] if ends[0] != ends[1] else []
-    return found
+    return _without_seams(found, driven)
+
+
+def _without_seams(ways: list[Footway], driven: Mapping[int, Lane]) -> list[Footway]:
+    """Join crosswalks that meet end to end where people cannot wait between the lanes."""
+    result = list(ways)
+    for place in sorted({place for way in ways for place in way.places}):
+        both = [way for way in result if place in way.places]
+        if len(both) != 2 or not all(way.marked and way.crossed for way in both):
+            continue
+        one, other = (w if (w.places[0] == place) == k else _turned(w) for k, w in enumerate(both))
+        if len({place, one.places[0], other.places[1]}) < 3:
+            continue
+        room = sum(
+            min(
+                shapely.LineString(driven[i].centreline).distance(shapely.Point(tip)) - driven[i].width_m / 2
+                for i, _ in way.crossed
+            )
+            for way, tip in ((one, one.shape[-1]), (other, other.shape[0]))
+        )
+        bent = abs(turn(heading(one.shape, end=True), heading(other.shape, end=False)))
+        if room < REFUGE_M and bent < MAX_BEND_RAD:
+            whole = replace(
+                one,
+                lanelets=one.lanelets + other.lanelets,
+                shape=join([one.shape, other.shape]),
+                width=min(one.width, other.width),
+                places=(one.places[0], other.places[1]),
+                crossed=one.crossed + other.crossed,
+            )
+            result = [whole if way is both[0] else way for way in result if way is not both[1]]
+    return result
+
+
+def _turned(way: Footway) -> Footway:
+    return replace(way, shape=way.shape[::-1], places=way.places[::-1])
 
 
 def crossed_zones(ways: list[Footway]) -> list[Zone]:
@@ -147,6 +185,8 @@ def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRt
         across = shapely.get_coordinates(part) - along(footway.centreline, np.array(at))
         ahead = along(footway.centreline, np.array(at) + 0.1) - along(footway.centreline, np.array(at) - 0.1)
         offset = (ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]) / np.hypot(*ahead.T)
+        if np.ptp(offset) > np.ptp(at):
+            continue  # a lane across, which begins or ends on the crosswalk
         if offset.mean() > 0:
             left = min(left, float(offset.min()) - PASS_M)
         else:
@@ -166,7 +206,7 @@ def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRt
 
 
 def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:
-    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    area, middle = _reach(footway, lines), shapely.LineString(footway.centreline)
     ids = list(driven)
     for k in np.sort(lines.query(area, predicate="intersects")).tolist():
         i, line = ids[k], lines.geometries[k]
@@ -178,6 +218,27 @@ def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) 
             ends = sorted(float(line.project(shapely.Point(part.coords[k]))) for k in (0, -1))
             s, half = float(middle.project(shapely.shortest_line(part, middle).centroid)), lane.width_m / 2
             yield _Crossed(lane=i, span=(ends[0], ends[1]), walked=(s - half, s + half))
+
+
+def _reach(footway: Lane, lines: shapely.STRtree) -> shapely.Geometry:
+    """Area of a footway; a crosswalk that ends before the middle of a lane is lengthened over that lane."""
+    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    if not _marked(footway):
+        return area
+    longer, size = _lengthened(footway.centreline), length_of(footway.centreline)
+    low, high = 0.0, size
+    clipped = [area.intersection(lines.geometries[k]) for k in lines.query(area, predicate="intersects")]
+    clipped = [part for part in clipped if part.length >= SHORTEST_M and not part.intersects(middle)]
+    for k in lines.query(longer, predicate="intersects") if clipped else ():
+        for met in shapely.points(shapely.get_coordinates(longer.intersection(lines.geometries[k]))):
+            near = min(met.distance(part) for part in clipped) < OVER_M
+            if near and _slant(longer, lines.geometries[k], met)[0] > MIN_SINE:
+                s = float(longer.project(met)) - OVER_M
+                low, high = min(low, s - PASS_M), max(high, s + PASS_M)
+    if (low, high) == (0.0, size):
+        return area
+    over = cut(shapely.get_coordinates(longer), max(low + OVER_M, 0.0), high + OVER_M)
+    return area.union(shapely.LineString(over).buffer(footway.width_m / 2, cap_style="flat"))
 
 
 def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
@@ -201,6 +262,9 @@ _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, i
 
 SPEED_MPS = 2.78  # SUMO's own for sidewalks
 TIP_M = 0.5  # of a footway, for its direction
+OVER_M = 3.0  # how far a crosswalk may end before the middle of a lane that it crosses
+ASIDE_M = 0.6  # along a slanted crossing, between people at its sides and those in its middle
+ISLAND_END_M = 0.25  # of the shortest walking area between two crosswalks
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
 STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
 
@@ -272,14 +336,31 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
     crossings: list[Crossing] = []
     sidewalks: list[_Sidewalk] = []
     corner: dict[int, list[FloatArray]] = {}
+    met_twice = [place for way in crosswalks for place in way.places]
+    over = {
+        way.name: _over_lanes(way, across[way.name], layout, [met_twice.count(p) > 1 for p in way.places])
+        for way in crosswalks
+    }
+    beyond = {
+        place: reach
+        for way in crosswalks
+        for place, reach in zip(way.places, over[way.name].beyond, strict=True)
+    }
     for way in ways:
         start, end = way.places
         areas = (area.get(start, ""), area.get(end, ""))
-        size = length_of(way.shape)
-        off = min(TRIM_M, size / 4)
-        shape = cut(way.shape, off * bool(areas[0]), size - off * bool(areas[1]))
+        if way.name in over:
+            shape, width = over[way.name].shape, over[way.name].width
+        else:
+            size, width = length_of(way.shape), way.width
+            first, last = (
+                min(TRIM_M + beyond.get(place, 0.0), size / 2 - TRIM_M / 2 if beyond.get(place) else size / 4)
+                * bool(name)
+                for place, name in zip(way.places, areas, strict=True)
+            )
+            shape = cut(way.shape, first, size - last)
         for place, last in ((start, False), (end, True)):
-            corner.setdefault(place, []).append(corners(shape, way.width, end=last, reach=TIP_M))
+            corner.setdefault(place, []).append(corners(shape, width, end=last, reach=TIP_M))
         name = (
             f":{across[way.name][0]}_c{next(crossed[across[way.name][0]])}"
             if way.name in across
@@ -289,9 +370,9 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
             name=f"{name}_0",
             shape=shape,
             length=length_of(shape),
-            width=way.width,
+            width=width,
             speed=SPEED_MPS,
-            starts=() if way.lanelet is None else ((way.lanelet, 0.0),),
+            starts=tuple((lanelet, 0.0) for lanelet in way.lanelets),
             allow="pedestrian",
         )
         if way.name in across:
@@ -314,6 +395,63 @@ def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | No
             edges = dict.fromkeys(_nearer_edge(node.connections[k], way.shape) for k in links)
             return node.name, tuple(links), tuple(edges)
     return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Over:
+    shape: FloatArray
+    width: float
+    beyond: tuple[float, float]  # by how much the crossing is longer than the crosswalk at each end, m
+
+
+def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequence[bool]) -> _Over:
+    """Return the line and the width of a crossing.
+
+    Walking areas take the ends of a crosswalk, but nothing of the lanes, except where it is ``shared`` with
+    another crosswalk. SUMO's cars do not see people on a crossing whose line ends before the middle of their
+    lane, nor people aside on a wide crossing that is slanted to it.
+    """
+    size, width = length_of(way.shape), way.width
+    off = min(TRIM_M, size / 4)
+    low, high = off, size - off
+    least, most = (min(ISLAND_END_M, off) if both else -OVER_M for both in shared)
+    line = _lengthened(way.shape)
+    connections = next(node.connections for node in layout.nodes if node.name == across[0])
+    for k in across[1] if way.marked else ():
+        lane = connections[k].internal
+        met = line.intersection(shapely.LineString(lane.shape))
+        for point in shapely.points(shapely.get_coordinates(met)):
+            sine, cosine = _slant(line, shapely.LineString(lane.shape), point)
+            if sine < MIN_SINE:
+                continue
+            s, reach = float(line.project(point)) - OVER_M, max(lane.width / 2, PASS_M) / sine
+            low, high = min(low, s - reach), max(high, s + reach)
+            width = min(width, 2 * ASIDE_M * sine / max(cosine, 1e-6))
+    low, high = max(low, least), min(high, size - most)
+    return _Over(
+        shape=cut(shapely.get_coordinates(line), low + OVER_M, high + OVER_M),
+        width=min(max(width, TWO_ABREAST_M), way.width),
+        beyond=(max(-low, 0.0), max(high - size, 0.0)),
+    )
+
+
+def _slant(one: shapely.LineString, other: shapely.LineString, at: shapely.Point) -> tuple[float, float]:
+    """Return sine and cosine of the angle at which two lines cross."""
+    ways = []
+    for line in (one, other):
+        s = float(line.project(at))
+        a, b = (line.interpolate(max(s + step, 0.0)) for step in (-TIP_M, TIP_M))
+        ways.append(math.atan2(b.y - a.y, b.x - a.x))
+    angle = ways[1] - ways[0]
+    return abs(math.sin(angle)), abs(math.cos(angle))
+
+
+def _lengthened(crosswalk: FloatArray) -> shapely.LineString:
+    first, last = (
+        OVER_M * np.array([math.cos(angle), math.sin(angle)])
+        for angle in (heading(crosswalk, end=False), heading(crosswalk, end=True))
+    )
+    return shapely.LineString(np.vstack([crosswalk[0] - first, crosswalk, crosswalk[-1] + last]))
 
 
 def _nearer_edge(link: Connection, crosswalk: FloatArray) -> str:
@@ -343,7 +481,7 @@ def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterat
                 outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
                 yield Footway(
                     name=f"{way.name}#{k}",
-                    lanelet=None,
+                    lanelets=(),
                     shape=np.array([outer, tip]),
                     width=way.width,
                     places=(next(fresh), place),

@@ -30,6 +30,7 @@ class Link:
         entry: heading where the path enters the node, rad.
         bend: signed change of heading along the path, rad, positive to the left.
         on: lanelets whose rules apply: those of the path and of the approach.
+        across: lanelets of the path within the node.
         foes: indices of links in the way of this one.
         response: indices of foes that this link gives way to.
         state: SUMO's link state, e.g. ``M`` (priority), ``m`` (yields), ``Z`` (zipper).
@@ -39,6 +40,7 @@ class Link:
     entry: float
     bend: float
     on: frozenset[int]
+    across: frozenset[int]
     on_ring: bool = False
     foes: set[int] = field(default_factory=set)
     response: set[int] = field(default_factory=set)
@@ -121,7 +123,7 @@ def set_right_of_way(
 
 def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
     """Return ``yields``, ``has priority``, ``both`` (all-way stop) or nothing, for link a against link b."""
-    mine, theirs = 0, 0
+    mine = theirs = certain = 0
     for rule in rules:
         if rule.kind == "all_way_stop":
             stopping = {*rule.lanes, *rule.yielding}
@@ -129,20 +131,23 @@ def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
                 return "both"
             continue
         yielding = set(rule.yielding) or (set(rule.lanes) if rule.kind in ("stop", "yield") else set())
-        mine = max(mine, _weight(a, b, yielding, set(rule.priority)))
-        theirs = max(theirs, _weight(b, a, yielding, set(rule.priority)))
+        sides = yielding, set(rule.priority)
+        mine, theirs = max(mine, _weight(a.on, b.on, *sides)), max(theirs, _weight(b.on, a.on, *sides))
+        certain += (_weight(a.across, b.across, *sides) == 2) - (_weight(b.across, a.across, *sides) == 2)
+    if mine == theirs:  # rules of the approaches for other ways across: those of these two ways decide
+        mine, theirs = max(certain, 0), max(-certain, 0)
     if mine == theirs:
         return ""
     return "yields" if mine > theirs else "has priority"
 
 
-def _weight(a: Link, b: Link, yielding: set[int], priority: set[int]) -> int:
-    if not a.on & yielding or (a.on & priority and not b.on & priority):
+def _weight(a: frozenset[int], b: frozenset[int], yielding: set[int], priority: set[int]) -> int:
+    if not a & yielding or (a & priority and not b & priority):
         return 0
     # A rule for a whole junction may name b on both sides: it yields to others, but not to a.
-    if b.on & priority and not (b.on & yielding and a.on & priority):
+    if b & priority and not (b & yielding and a & priority):
         return 2
-    return 0 if b.on & yielding else 1
+    return 0 if b & yielding else 1
 
 
 def _zippers(links: Sequence[Link], merging: set[frozenset[int]], ruled: set[frozenset[int]]) -> set[int]:
