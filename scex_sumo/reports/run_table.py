@@ -86,7 +86,7 @@ def human_above(run: Run) -> str:
         return ""
     pairs: list[tuple[str, Interval, Interval]] = []
     if run.outcomes and human.outcomes:
-        pairs.append(("collision", run.p_collision, human.p_collision))
+        pairs.append(("collision", run.p_collision.best, human.p_collision.best))
     always = _always(run)
     columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in always]
     pairs += [(metric_of(c).words, run.p_critical(c), human.p_critical(c)) for c in columns]

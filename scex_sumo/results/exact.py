@@ -166,6 +166,13 @@ class CollisionShare(Interval):
         return None if self.tables is None else self.tables.p_collision()
 
     @property
+    def best(self) -> Interval:
+        """The exact probability, else the estimate of rare collisions, else the share."""
+        if self.exact is not None:
+            return Interval(value=self.exact, low=self.exact, high=self.exact, count=self.count)
+        return self if self.rare is None else self.rare
+
+    @property
     def percent(self) -> str:
         """In words, e.g. ``12 % [9–16]``, ``12.5 %`` if it is exact, or that of the rare collisions."""
         if self.rare is not None:

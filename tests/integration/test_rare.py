@@ -64,6 +64,7 @@ def test_pairs_share_the_probability(run: Run) -> None:
     assert run.rare.of(2, 1) == values[0] and run.rare.of(1, 3) == 0.0
     assert max(values) <= run.rare.value <= sum(values) + 1e-12
     assert run.rare.mostly() and run.p_collision.percent == run.rare.percent
+    assert run.p_collision.best == run.rare
 
 
 def test_workers_and_interruptions_change_no_byte(
