@@ -58,10 +58,15 @@ class Rare(Interval):
     weights_error: float
     pairs: tuple[RarePair, ...] = ()
 
+    def pair(self, one: int, other: int) -> RarePair | None:
+        """Return the estimate of two vehicles; None if they collide in no future."""
+        ids = (min(one, other), max(one, other))
+        return next((p for p in self.pairs if (p.track_id, p.other_id) == ids), None)
+
     def of(self, one: int, other: int) -> float:
         """Return the probability that two vehicles collide; 0 if they do so in no future."""
-        pair = (min(one, other), max(one, other))
-        return next((p.value for p in self.pairs if (p.track_id, p.other_id) == pair), 0.0)
+        pair = self.pair(one, other)
+        return 0.0 if pair is None else pair.value
 
     @property
     def short(self) -> str:

@@ -83,8 +83,8 @@ class Interval:
 
     @property
     def percent(self) -> str:
-        """In words, e.g. ``12 % [9–16]``; with one decimal if the interval is below 2 % wide."""
-        digits = 0 if self.high - self.low >= 0.02 else 1
+        """In words, e.g. ``12 % [9–16]``; one decimal below 1 % or if the interval is below 2 %."""
+        digits = 1 if self.high - self.low < 0.02 or 0 < self.value < 0.01 else 0
         value, low, high = (f"{100 * x:.{digits}f}" for x in (self.value, self.low, self.high))
         return f"{value} %" if self.low == self.high else f"{value} % [{low}–{high}]"
 

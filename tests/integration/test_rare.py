@@ -13,6 +13,7 @@ import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.extrapolation import rare_futures
 from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.reports.encounter_rows import with_rare
 from scex_sumo.results.rare import Rare, RarePair, probability_words
 from scex_sumo.results.run import Run
 from tests.exact.queues import queues
@@ -65,6 +66,8 @@ def test_pairs_share_the_probability(run: Run) -> None:
     assert max(values) <= run.rare.value <= sum(values) + 1e-12
     assert run.rare.mostly() and run.p_collision.percent == run.rare.percent
     assert run.p_collision.best == run.rare
+    row = {"track_id": 2, "other_id": 1, "collision": 0.5, "ttc": 0.25}
+    assert with_rare(row, run.rare)["collision"] == values[0] and with_rare(row, None) == row
 
 
 def test_workers_and_interruptions_change_no_byte(

@@ -165,16 +165,17 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 "child": row["child"] + (run.children if is_human else 0),
                 "step": round(row["time_s"] / STEP_S),
                 "worst": one in worst,
-                **(_story(one) if one in worst else {}),
+                **(_story(one, run.reference) if one in worst else {}),
             }
         )
     known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
     return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
 
 
-def _story(one: Meeting) -> dict[str, Any]:
+def _story(one: Meeting, human: Run | None) -> dict[str, Any]:
     """Return what happens in a worst encounter: question, words, kind and place, drivers, exact share."""
     question, happens = event_of(one.row)
+    pair = human.rare.pair(*one.pair) if human and human.rare and question == "collision" else None
     found = Encounter(row=one.row, run=one.run)
     table = found.table if question == "collision" else None
     tracks = [one.row["track_id"], one.row["other_id"]]
@@ -191,6 +192,7 @@ def _story(one: Meeting) -> dict[str, Any]:
         if ways
         else f"typically {', '.join(drivers)}",
         "exact": "" if table is None else f"{100 * table.probability():.4g} %",
+        "rare": pair and {"value": pair.value, "low": pair.low, "high": pair.high},
     }
 
 
