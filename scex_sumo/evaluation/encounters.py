@@ -150,7 +150,7 @@ def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
         "min_pet": np.where(crosses, encounters.pet, np.nan),
     }
     arrays = [
-        pa.array(values[rows].astype(kind.type.to_pandas_dtype()))
+        pa.array(values[rows]).cast(kind.type, safe=False)
         for values, kind in zip(columns.values(), OUTCOMES_SCHEMA, strict=True)
     ]
     return pa.table(arrays, schema=OUTCOMES_SCHEMA)
