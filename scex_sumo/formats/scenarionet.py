@@ -112,7 +112,8 @@ def _admitted() -> dict[tuple[str, str], Any]:
         ("_codecs", "encode"): encode,
         ("__builtin__", "bytes"): no_bytes,
         ("__builtin__", "set"): set,
-        ("numpy", "ndarray"): np.ndarray,
+        # An argument of `array`, not to be called: from raw bytes it would make pointers to objects.
+        ("numpy", "ndarray"): None,
         ("numpy", "dtype"): Dtype,
         ("builtins", "set"): set,
         ("builtins", "frozenset"): frozenset,

@@ -108,6 +108,7 @@ HOSTILE = {
     "times": np.zeros(2, "M8[s]"),
     "a getter": _Call(getattr, {}, "clear"),
     "many zeros": _Call(np.zeros, 10**12),
+    "pointers of bytes": _Call(np.ndarray, (1,), "O", b"\x41" * 8),
 }
 
 
