@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -22,9 +22,6 @@ from scex_sumo.road import Road
 from scex_sumo.roads.places import places_of
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
-
-if TYPE_CHECKING:
-    from scex_sumo.results.run import Run
 
 ENCOUNTERS: Final = "encounters.parquet"
 QUESTIONS: Final = ("collision", "ttc", "pet", "drac", "critical")
@@ -154,11 +151,6 @@ def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
         for values, kind in zip(columns.values(), OUTCOMES_SCHEMA, strict=True)
     ]
     return pa.table(arrays, schema=OUTCOMES_SCHEMA)
-
-
-def pair_outcomes(run: Run) -> pa.Table:
-    """Return TTC, DRAC and PET of a run's pairs by future, with the columns of ``OUTCOMES_SCHEMA``."""
-    return run.pair_outcomes
 
 
 def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int], float]:

@@ -55,6 +55,27 @@ class InfluenceTable:
     shares: FloatArray
     checked: int
 
+    @classmethod
+    def of_cubes(
+        cls,
+        cubes: Iterable[Mapping[int, int]],
+        track_ids: Sequence[int],
+        models: Sequence[str],
+        shares: FloatArray,
+        checked: int,
+    ) -> InfluenceTable:
+        """Build a table from partial assignments, level by track id, under which the event happens."""
+        outcomes = np.zeros((len(models),) * len(track_ids), dtype=np.bool_)
+        for cube in cubes:
+            outcomes[tuple(cube.get(track, slice(None)) for track in track_ids)] = True
+        return cls(
+            track_ids=tuple(track_ids),
+            models=tuple(models),
+            outcomes=outcomes,
+            shares=shares,
+            checked=checked,
+        )
+
     @property
     def remainder(self) -> float:
         """Share of assignments that the table may get wrong, at most, with 95 %; see `remainder_of`."""

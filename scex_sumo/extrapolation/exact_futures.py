@@ -5,7 +5,6 @@ The drawn futures stay as they are: they say where to look, and check the tables
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from collections.abc import Iterable, Sequence
 from typing import Final
@@ -20,14 +19,15 @@ from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.exact.search import MAX_VEHICLES, Search
 from scex_sumo.exact.tables import InfluenceTable, reduced
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
-from scex_sumo.extrapolation.job import Job, batch_size, batches_of
+from scex_sumo.extrapolation.extra_futures import DrawnModels, ExtraFutures
+from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.situations import plan_inputs_of
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.exact import EVENTS, Exact
 from scex_sumo.results.folder import assignments_table
-from scex_sumo.results.parts import Parts
+from scex_sumo.results.parts import PARTS
 
 MAX_FUTURES: Final = 385
 """Futures that are run for the tables, at most, and no more than twice those that the run draws."""
@@ -44,7 +44,6 @@ SECOND: Final = 150
 FOLDER: Final = "exact"
 """Folder of the extra futures, in that of the run."""
 
-PLAIN_WORLDS = ("sumo", "checked")  # worlds with the same result as arrays alone, if SUMO drives nobody
 _Key = tuple[int, int, str]
 
 
@@ -71,24 +70,24 @@ def find_exact(job: Job, drawn: pa.Table, workers: Workers) -> Exact:
         job: of the finished run.
         drawn: encounters of its futures, as `encounter_rows`.
     """
-    space = _Space(job)
-    futures = _Futures(job, space, workers)
+    drawn_models = DrawnModels(job)
+    futures = _Futures(job, drawn_models, workers)
     seen = futures.answers(drawn, 0, len(job.assignment))
     most = min(MAX_FUTURES, 2 * len(job.assignment))
     known: set[_Key] = set(seen)
     while True:
         keys = sorted(known, key=lambda key: (EVENTS.index(key[2]), key))
-        search = _searched(space, futures, seen, keys, most)
+        search = _searched(drawn_models, futures, seen, keys, most)
         found = {key for key in futures.happened if key[2] == EVENTS[0]} - known
         if not found or futures.count >= most:
             break
         known |= found  # pairs that collide in extra futures alone
-    tables, sampled = _believed(space, futures, search, seen, keys, most)
+    tables, sampled = _believed(drawn_models, futures, search, seen, keys, most)
     sampled |= {key: "collides in futures run for other pairs only" for key in found}
     futures.keep()
     return Exact(
-        models=space.models,
-        shares=space.shares,
+        models=drawn_models.names,
+        shares=drawn_models.shares,
         tables=tables,
         sampled=sampled,
         checked=len(job.assignment),
@@ -96,41 +95,12 @@ def find_exact(job: Job, drawn: pa.Table, workers: Workers) -> Exact:
     )
 
 
-class _Space:
-    """Assignments of a run as levels: those of the models that are drawn; 0 for fixed vehicles."""
-
-    def __init__(self, job: Job) -> None:
-        drawn, self.seed = job.models.drawn, job.settings.seed
-        self.index = np.array([k for k, spec in enumerate(drawn) if spec.weight > 0], dtype=np.int64)
-        weight = np.array([drawn[k].weight for k in self.index], dtype=np.float64)
-        self.shares = weight / weight.sum()
-        self.models = tuple(str(drawn[k]) for k in self.index)
-        self.track_ids = [int(track) for track in job.scene.track_ids]
-        self.fixed = np.isin(job.scene.track_ids, list(job.models.fixed))
-        self._first = job.assignment[0]
-        self.levels = np.where(self.fixed, 0, np.searchsorted(self.index, job.assignment))
-        self.each = [np.ones(1) if fixed else self.shares for fixed in self.fixed.tolist()]
-
-    def assignment(self, levels: IntArray) -> IntArray:
-        """Return the models (R, V) of levels."""
-        return np.where(self.fixed, self._first, self.index[levels])
-
-
 class _Futures:
-    """Extra futures of a run, run by its workers and kept in a folder of their own."""
+    """Extra futures of chosen assignments, and what happens in them."""
 
-    def __init__(self, job: Job, space: _Space, workers: Workers) -> None:
-        settings = dataclasses.replace(
-            job.settings,
-            metrics=("gap",),
-            keep_plans=False,
-            thresholds={},
-            world="plain" if job.settings.world in PLAIN_WORLDS else job.settings.world,
-        )
-        self._job = dataclasses.replace(job, settings=settings, folder=job.folder / FOLDER, gui=False)
-        (self._job.folder / ".parts").mkdir(parents=True, exist_ok=True)
-        self._space, self._workers = space, workers
-        self._start = len(job.assignment)
+    def __init__(self, job: Job, drawn: DrawnModels, workers: Workers) -> None:
+        self._extra, self._drawn = ExtraFutures(job, job.folder / FOLDER, workers), drawn
+        self._start, self.seed = len(job.assignment), job.settings.seed
         self._levels = np.empty((0, job.scene.vehicles), dtype=np.int64)
         self.happened: set[_Key] = set()
         self._answers: dict[_Key, BoolArray] = {}
@@ -157,32 +127,20 @@ class _Futures:
         ]
 
     def _run(self, levels: IntArray) -> None:
-        first = self._start + self.count
         self._levels = np.concatenate([self._levels, levels])
-        assignment = np.concatenate(
-            [self._job.assignment[: self._start], self._space.assignment(self._levels)]
-        )
-        self._job = dataclasses.replace(self._job, assignment=assignment)
-        stop = self._start + self.count
-        done = set(Parts(self._job.folder).children.tolist())
-        left = [child for child in range(first, stop) if child not in done]
-        few = dataclasses.replace(self._job, assignment=assignment[first:])
-        size = batch_size(few, self._workers.processes if len(left) >= 64 else 1)
-        for _ in self._workers.run(self._job, batches_of(left, size, apart=self._job.apart)):
-            pass
-        rows = Parts(self._job.folder).read(first, stop, plans=False).encounters
-        assert rows is not None
-        found = self.answers(rows, first, stop)
-        self.happened |= set(found)
-        for key in self._answers.keys() | found.keys():
-            before = self._answers.get(key, np.zeros(first - self._start, dtype=np.bool_))
-            now = found.get(key, np.zeros(stop - first, dtype=np.bool_))
-            self._answers[key] = np.concatenate([before, now])
+        assignment = np.concatenate([self._extra.job.assignment, self._drawn.assignment(levels)])
+        for first, stop, rows in self._extra.run(assignment):
+            found = self.answers(rows, first, stop)
+            self.happened |= set(found)
+            for key in self._answers.keys() | found.keys():
+                before = self._answers.get(key, np.zeros(first - self._start, dtype=np.bool_))
+                now = found.get(key, np.zeros(stop - first, dtype=np.bool_))
+                self._answers[key] = np.concatenate([before, now])
 
     def answers(self, rows: pa.Table, first: int, stop: int) -> dict[_Key, BoolArray]:
         """Return (C,) whether each event happens in children ``first`` to ``stop - 1``, if it does in any."""
         encounters = encounters_of_rows(rows)
-        ids = np.array(self._space.track_ids)
+        ids = np.array(self._drawn.track_ids)
         low, high = (np.sort([ids[encounters.first], ids[encounters.second]], axis=0)).tolist()
         found: dict[_Key, BoolArray] = {}
         answers = answers_of(encounters)
@@ -198,9 +156,10 @@ class _Futures:
         """Write the assignments and outcomes of the futures; their parts are removed."""
         from pyarrow import parquet
 
-        folder = self._job.folder
-        table = assignments_table(
-            self._job.scene, self._job.assignment[self._start :], self._job.models.names
+        job = self._extra.job
+        folder, table = (
+            job.folder,
+            assignments_table(job.scene, job.assignment[self._start :], job.models.names),
         )
         child = np.asarray(table["child"]) + self._start
         parquet.write_table(table.set_column(0, "child", pa.array(child)), folder / "assignments.parquet")
@@ -212,33 +171,33 @@ class _Futures:
         numbers = [(name, pa.int64()) for name in ("child", "track_id", "other_id")]
         schema = pa.schema([*numbers, ("event", pa.string())])
         parquet.write_table(pa.Table.from_pylist(rows, schema=schema), folder / "outcomes.parquet")
-        shutil.rmtree(folder / ".parts", ignore_errors=True)
+        shutil.rmtree(folder / PARTS, ignore_errors=True)
 
 
 def _searched(
-    space: _Space,
+    drawn: DrawnModels,
     futures: _Futures,
     seen: dict[_Key, BoolArray],
     keys: Sequence[_Key],
     most: int,
 ) -> Search:
-    never = np.zeros(len(space.levels), dtype=np.bool_)
+    never = np.zeros(len(drawn.levels), dtype=np.bool_)
     search = Search(
-        space.each,
-        space.levels,
+        drawn.each,
+        drawn.levels,
         np.stack([seen.get(key, never) for key in keys], axis=1)
         if keys
         else np.empty((len(never), 0), dtype=np.bool_),
-        [[space.track_ids.index(track) for track in key[:2]] for key in keys],
+        [[drawn.track_ids.index(track) for track in key[:2]] for key in keys],
         rank=[int(key[2] != EVENTS[0]) for key in keys],
-        rng=child_generator(space.seed, 0, EXACT_STREAM),
+        rng=child_generator(futures.seed, 0, EXACT_STREAM),
     )
     search.run(lambda rows: futures.run(rows, keys), most=most - SECOND)
     return search
 
 
 def _believed(
-    space: _Space,
+    drawn: DrawnModels,
     futures: _Futures,
     search: Search,
     seen: dict[_Key, BoolArray],
@@ -272,22 +231,13 @@ def _believed(
             many = len(search.influence(event)) > MAX_VEHICLES or event in search.failed
             sampled[key] = f"more than {MAX_VEHICLES} vehicles decide it" if many else "it needs more futures"
         else:
-            tables[key] = _table(space, search, event, FRESH if event in learned else len(space.levels))
+            tables[key] = _table(drawn, search, event, FRESH if event in learned else len(drawn.levels))
     return tables, sampled
 
 
-def _table(space: _Space, search: Search, event: int, checked: int) -> InfluenceTable:
+def _table(drawn: DrawnModels, search: Search, event: int, checked: int) -> InfluenceTable:
     vehicles = search.influence(event)
-    vehicles = sorted(vehicles, key=lambda v: space.track_ids[v])
-    outcomes = np.zeros((len(space.models),) * len(vehicles), dtype=np.bool_)
-    for cube in search.cubes(event):
-        given = dict(cube)
-        outcomes[tuple(given.get(v, slice(None)) for v in vehicles)] = True
-    whole = InfluenceTable(
-        track_ids=tuple(space.track_ids[v] for v in vehicles),
-        models=space.models,
-        outcomes=outcomes,
-        shares=space.shares,
-        checked=checked,
-    )
-    return reduced(whole)
+    vehicles = sorted(vehicles, key=lambda v: drawn.track_ids[v])
+    cubes = [{drawn.track_ids[v]: level for v, level in cube} for cube in search.cubes(event)]
+    tracks = [drawn.track_ids[v] for v in vehicles]
+    return reduced(InfluenceTable.of_cubes(cubes, tracks, drawn.names, drawn.shares, checked))

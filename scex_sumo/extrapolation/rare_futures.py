@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from typing import Final
 
@@ -16,11 +15,10 @@ from scex_sumo.behaviors.models.likely_draws import likely_variables
 from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
 from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.assignments import RARE_STREAM, child_generator, route_draws
-from scex_sumo.extrapolation.exact_futures import PLAIN_WORLDS
-from scex_sumo.extrapolation.job import Job, batch_size, batches_of
+from scex_sumo.extrapolation.extra_futures import ExtraFutures
+from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.results.parts import Parts
 from scex_sumo.results.rare import Rare, RarePair
 from scex_sumo.statistics.importance import Outcomes, Sampled, Variables, joined, sample_rare
 
@@ -30,7 +28,6 @@ FREQUENT: Final = 10
 FOLDER: Final = "rare"
 """Folder of the extra futures, in that of the run."""
 
-_AT_ONCE = 2000  # children that are read at once
 _CAUSE = 0.5  # mean score of the futures with a collision from which on it is named
 _SURE = 3.5  # standard errors
 
@@ -71,48 +68,25 @@ def find_rare(job: Job, drawn: pa.Table, workers: Workers, extra: int) -> Rare |
 
 
 class _Futures:
-    """Extra futures, run by the workers of a run and numbered after its own."""
+    """Extra futures whose vehicles have tilted numbers."""
 
     def __init__(self, job: Job, workers: Workers, extra: int) -> None:
-        settings = dataclasses.replace(
-            job.settings,
-            metrics=("gap",),
-            keep_plans=False,
-            thresholds={},
-            world="plain" if job.settings.world in PLAIN_WORLDS else job.settings.world,
-        )
         self.path = job.folder / FOLDER
         # Another number of futures has other ones.
-        self._job = dataclasses.replace(job, settings=settings, folder=self.path / str(extra), gui=False)
-        (self._job.folder / ".parts").mkdir(parents=True, exist_ok=True)
-        self._workers, self._first = workers, len(job.assignment)
-        self._draw = np.zeros((self._first, job.scene.vehicles))
+        self._extra = ExtraFutures(job, self.path / str(extra), workers)
+        self._draw = np.zeros((len(job.assignment), job.scene.vehicles))
 
     def run(self, draw: FloatArray) -> Outcomes:
-        """Run futures whose vehicles have numbers (N, V); those of an interrupted run are kept."""
-        first, stop = len(self._draw), len(self._draw) + len(draw)
+        """Run futures whose vehicles have numbers (N, V)."""
         self._draw = np.concatenate([self._draw, draw])
-        assignment = np.broadcast_to(self._job.assignment[:1], self._draw.shape)
-        self._job = dataclasses.replace(self._job, assignment=assignment, route_draw=self._draw)
-        done = set(Parts(self._job.folder).children.tolist())
-        left = [child for child in range(first, stop) if child not in done]
-        few = dataclasses.replace(self._job, assignment=assignment[first:])
-        size = batch_size(few, self._workers.processes if len(left) >= 64 else 1)
-        for _ in self._workers.run(self._job, batches_of(left, size, apart=self._job.apart)):
-            pass
-        parts, found = Parts(self._job.folder), []
-        for start in range(first, stop, _AT_ONCE):
-            end = min(start + _AT_ONCE, stop)
-            rows = parts.read(start, end, plans=False).encounters
-            assert rows is not None
-            found.append(_outcomes(rows, start, end))
-        return joined(found)
+        assignment = np.broadcast_to(self._extra.job.assignment[:1], self._draw.shape)
+        return joined([_outcomes(rows, *ends) for *ends, rows in self._extra.run(assignment, self._draw)])
 
     def keep(self, found: Sampled) -> None:
         """Write weight, proposal and draws of each future with a collision, and drop all others."""
         hit = np.flatnonzero(found.outcomes.hits())
         pairs = [proposal.pair for proposal in found.proposals]
-        ids = self._job.scene.track_ids
+        ids = self._extra.job.scene.track_ids
         of = [found.proposal[future] for future in hit.tolist()]
         columns = {
             "future": pa.array(hit),

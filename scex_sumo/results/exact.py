@@ -340,18 +340,10 @@ def read_exact(folder: Path) -> Exact | None:
         models, shares = tuple(content["models"]), np.array(content["shares"], dtype=np.float64)
         tables = {}
         for entry in content["events"]:
-            vehicles = tuple(int(track) for track in entry["vehicles"])
-            outcomes = np.zeros((len(models),) * len(vehicles), dtype=np.bool_)
-            for cut_set in entry["cut_sets"]:
-                given = {int(track): int(level) for track, level in cut_set}
-                outcomes[tuple(given.get(track, slice(None)) for track in vehicles)] = True
-            tables[entry["track_id"], entry["other_id"], entry["event"]] = InfluenceTable(
-                track_ids=vehicles,
-                models=models,
-                outcomes=outcomes,
-                shares=shares,
-                checked=int(entry["checked"]),
-            )
+            vehicles = [int(track) for track in entry["vehicles"]]
+            cubes = [{int(track): int(level) for track, level in cut_set} for cut_set in entry["cut_sets"]]
+            table = InfluenceTable.of_cubes(cubes, vehicles, models, shares, int(entry["checked"]))
+            tables[entry["track_id"], entry["other_id"], entry["event"]] = table
         sampled = {(e["track_id"], e["other_id"], e["event"]): e["why"] for e in content["sampled"]}
         checked, extra = int(content["checked"]), int(content["extra"])
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:

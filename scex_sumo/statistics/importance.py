@@ -36,15 +36,14 @@ class Variables:
         score: (K, B) values of the classes, with mean 0 and variance 1; 0 where a variable is constant.
         classes: function that returns the class (n,) of a variable for numbers (n,).
         words: (K, 2) what low and high scores mean; empty where nothing is to be said.
-        exclusive: variables that depend on each other; a proposal tilts at most one.
-        inattentive: those of them of which a high class means an inattentive driver.
+        inattentive: variables that depend on each other, of which a high class means an inattentive driver; a
+            proposal tilts at most one.
     """
 
     words: tuple[tuple[str, str], ...]
     prior: FloatArray
     score: FloatArray
     classes: Callable[[FloatArray, int], IntArray]
-    exclusive: tuple[int, ...] = ()
     inattentive: tuple[int, ...] = ()
 
     def scores(self, draw: FloatArray) -> FloatArray:
@@ -57,7 +56,7 @@ class Variables:
         The ratio is exp(θ·score) / E[exp(θ·score)]. Means are lowered if the product of the largest ratios
         exceeds `MAX_RATIO`.
         """
-        mean, group = mean.copy(), list(self.exclusive)
+        mean, group = mean.copy(), list(self.inattentive)
         if group:
             mean[np.delete(group, np.argmax(np.abs(mean[group])))] = 0.0
         while True:
@@ -408,7 +407,7 @@ def _of_pair(
         mean = scale * np.clip(means, -_MAX_MEAN, _MAX_MEAN)
         if away is not None:
             best = group[np.argmax(mean[away, group])]
-            mean[away, list(variables.exclusive)] = 0.0
+            mean[away, group] = 0.0
             mean[away, best] = _AWAY_MEAN
         ratio = np.stack([variables.tilted(one) for one in mean])
         result.append(Proposal(vehicles=pair, ratio=ratio, pair=pair, share=part * share))

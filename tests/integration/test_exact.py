@@ -10,7 +10,6 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.evaluation.encounters import pair_outcomes
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
@@ -55,7 +54,7 @@ def test_other_weights_follow_from_the_tables(roundabout: Run) -> None:
 
 
 def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(roundabout: Run) -> None:
-    table = pair_outcomes(roundabout)
+    table = roundabout.pair_outcomes
     ids = np.stack([np.asarray(table["track_a"]), np.asarray(table["track_b"])])
     assert (ids[0] < ids[1]).all()
     critical = {"ttc": ("min_ttc_path", -1.5), "pet": ("min_pet", -1.0), "drac": ("max_drac", 3.4)}

@@ -59,14 +59,12 @@ def likely_variables(profile: LikelyProfile) -> Variables:
         return looks_away(draw, time, profile.inattention)[:, 0].astype(np.int64)
 
     count = len(_UNIFORM)
-    away_columns = tuple(range(count, count + len(AWAY_S)))
     return Variables(
         words=(*(words for _, _, words in _UNIFORM), *[("", "inattentive")] * len(AWAY_S)),
         prior=np.concatenate([np.broadcast_to(prior, (count, len(prior))), share]),
         score=np.concatenate([np.broadcast_to(score, (count, len(score))), away_score]),
         classes=classes,
-        exclusive=away_columns,
-        inattentive=away_columns,
+        inattentive=tuple(range(count, count + len(AWAY_S))),
     )
 
 

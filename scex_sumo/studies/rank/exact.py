@@ -10,7 +10,7 @@ Source: control variates, Hammersley and Handscomb 1964, 5.5.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Final, TypeAlias
@@ -22,6 +22,7 @@ from scex_sumo.exact.search import BASE_ROWS, Search
 from scex_sumo.exact.tables import InfluenceTable, remainder_of, union_probability
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
 from scex_sumo.extrapolation.exact_futures import MAX_FUTURES, MIN_CHECKED, why_not_exact
+from scex_sumo.extrapolation.extra_futures import DrawnModels, encounters_only
 from scex_sumo.extrapolation.job import Job, parts_in_memory
 from scex_sumo.studies.moments.run import built
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, worth_of
@@ -83,15 +84,16 @@ def find_exact_score(job: Job, pairs: Sequence[IntArray], by: str) -> ExactScore
         pairs: critical encounters of each drawn child, as of `pairs_of`.
         by: order of the ranking: its events are searched first.
     """
-    futures, tracks, count = _Futures(job, by), job.scene.track_ids.tolist(), len(pairs)
-    levels, seen = np.searchsorted(futures.index, job.assignment), futures.events(pairs)
+    drawn = DrawnModels(job)
+    futures, tracks, count = _Futures(job, drawn, by), drawn.track_ids, len(pairs)
+    levels, seen = drawn.levels, futures.events(pairs)
     open_ = known = set(seen)
     rank = {event: number for number, event in enumerate(_wanted(by))}
     right: dict[_Key, dict[_Path, float]] = {}
     while open_ and len(futures.known) < (most := min(MAX_FUTURES, 2 * count)):
         keys = sorted(known, key=lambda key: (rank[key[2]], key))
         search = Search(
-            [futures.shares] * len(tracks),
+            drawn.each,
             levels[:count],
             _happens(seen, keys, count),
             [[tracks.index(track) for track in key[:2]] for key in keys],
@@ -106,7 +108,7 @@ def find_exact_score(job: Job, pairs: Sequence[IntArray], by: str) -> ExactScore
         if happened <= known:
             break
         known = known | happened  # events of extra futures alone
-    return _score(futures, levels, right, known - right.keys(), by, count, tracks)
+    return _score(futures, right, known - right.keys(), by, count)
 
 
 _Path: TypeAlias = tuple[tuple[int, int], ...]  # vehicles and their levels
@@ -114,22 +116,21 @@ _Path: TypeAlias = tuple[tuple[int, int], ...]  # vehicles and their levels
 
 def _score(
     futures: _Futures,
-    levels: IntArray,
     right: Mapping[_Key, Mapping[_Path, float]],
     open_: set[_Key],
     by: str,
     count: int,
-    tracks: Sequence[int],
 ) -> ExactScore:
+    drawn, levels = futures.drawn, futures.drawn.levels
     predicted, mean, tables, each = np.zeros(len(levels)), 0.0, [], []
     for key, leaves in right.items():
-        shares = {path: prod(float(futures.shares[level]) for _, level in path) for path in leaves}
+        shares = {path: prod(float(drawn.shares[level]) for _, level in path) for path in leaves}
         mean += sum(shares[path] * worth for path, worth in leaves.items())
         each.append((*key, sum(shares.values())))
         for path, worth in leaves.items():
             predicted += worth * np.all([levels[:, v] == level for v, level in path] or [True], axis=0)
         if key[2] == COLLISION:
-            tables.append(_table(futures, leaves, tracks, count))
+            tables.append(_table(drawn, leaves, count))
     collides = any(key[2] == COLLISION for key in open_)
     return ExactScore(
         mean=mean,
@@ -142,33 +143,21 @@ def _score(
     )
 
 
-def _table(
-    futures: _Futures, leaves: Mapping[_Path, float], tracks: Sequence[int], count: int
-) -> InfluenceTable:
-    vehicles = sorted({v for path in leaves for v, _ in path}, key=lambda v: tracks[v])
-    outcomes = np.zeros((len(futures.models),) * len(vehicles), dtype=np.bool_)
-    for path in leaves:
-        outcomes[tuple(dict(path).get(v, slice(None)) for v in vehicles)] = True
-    ids = tuple(tracks[v] for v in vehicles)
-    shares, models = futures.shares, futures.models
-    return InfluenceTable(track_ids=ids, models=models, outcomes=outcomes, shares=shares, checked=count)
+def _table(drawn: DrawnModels, leaves: Iterable[_Path], count: int) -> InfluenceTable:
+    cubes = [{drawn.track_ids[v]: level for v, level in path} for path in leaves]
+    return InfluenceTable.of_cubes(cubes, sorted(set().union(*cubes)), drawn.names, drawn.shares, count)
 
 
 class _Futures:
     """Futures that were run for tables.
 
     Attributes:
-        index: models that vehicles draw, with ``shares``.
         known: critical encounters by assignment.
     """
 
-    def __init__(self, job: Job, by: str) -> None:
-        run, drawn = job.settings, job.models.drawn
-        settings = dataclasses.replace(run, metrics=("gap",), keep_plans=False, thresholds={}, world="plain")
-        self._job, self._by = dataclasses.replace(job, settings=settings), by
-        self.index = np.array([k for k, spec in enumerate(drawn) if spec.weight > 0], dtype=np.int64)
-        weight = np.array([drawn[k].weight for k in self.index], dtype=np.float64)
-        self.shares, self.models = weight / weight.sum(), tuple(str(drawn[k]) for k in self.index)
+    def __init__(self, job: Job, drawn: DrawnModels, by: str) -> None:
+        self._job, self._by = dataclasses.replace(job, settings=encounters_only(job.settings)), by
+        self.drawn = drawn
         self.known: dict[bytes, IntArray] = {}
 
     def run(self, rows: IntArray, keys: Sequence[_Key]) -> BoolArray:
@@ -176,7 +165,7 @@ class _Futures:
         asked = {row.tobytes(): row for row in rows}
         new = {code: row for code, row in asked.items() if code not in self.known}
         if new:
-            job = dataclasses.replace(self._job, assignment=self.index[np.array([*new.values()])])
+            job = dataclasses.replace(self._job, assignment=self.drawn.assignment(np.array([*new.values()])))
             parts = parts_in_memory(job, range(len(new)))
             found = [pairs for part in parts for pairs in critical_pairs(part, job.scene.track_ids)]
             self.known |= dict(zip(new, found, strict=True))

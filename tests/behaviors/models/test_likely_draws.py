@@ -26,8 +26,8 @@ def test_shares_of_classes_are_those_of_drawn_numbers(inattention: float) -> Non
 def test_variables_are_independent_but_for_those_that_exclude_each_other() -> None:
     found = likely_variables(LikelyProfile())
     score = found.scores(DRAW)
-    for chosen in found.exclusive:
-        free = [k for k in range(len(found.prior)) if k == chosen or k not in found.exclusive]
+    for chosen in found.inattentive:
+        free = [k for k in range(len(found.prior)) if k == chosen or k not in found.inattentive]
         together = np.corrcoef(score[:, free].T) - np.eye(len(free))
         assert np.abs(together).max() < 5 / np.sqrt(len(DRAW))
 

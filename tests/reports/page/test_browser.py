@@ -11,7 +11,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo import example_path
-from scex_sumo.evaluation.encounters import pair_outcomes
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.reports.page import contents
@@ -186,7 +185,7 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
 def critical_futures(run: Run, pair: set[int]) -> dict[str, set[int]]:
     """Return the futures in which a pair is critical, by question."""
     hits = {r["child"] for r in run.collisions.to_pylist() if {r["track_id"], r["other_id"]} == pair}
-    met = [r for r in pair_outcomes(run).to_pylist() if {r["track_a"], r["track_b"]} == pair]
+    met = [r for r in run.pair_outcomes.to_pylist() if {r["track_a"], r["track_b"]} == pair]
     found = {
         "collision": hits,
         "ttc": hits | {r["child"] for r in met if r["min_ttc_path"] < 1.5},

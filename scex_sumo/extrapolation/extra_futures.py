@@ -1,0 +1,98 @@
+"""Extra futures of a run: chosen ones beside those that it draws, of which only encounters count."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.extrapolation.job import Job, batch_size, batches_of
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.results.parts import PARTS, Parts
+
+PLAIN_WORLDS: Final = ("sumo", "checked")
+"""Worlds with the same result as arrays alone, if SUMO drives nobody."""
+
+_AT_ONCE = 2000  # children that are read at once
+
+
+class DrawnModels:
+    """Models that the vehicles of a run draw, and its assignments as levels of them.
+
+    Attributes:
+        index: (M,) of the models of the job.
+        shares: (M,) of the models.
+        fixed: (V,) vehicles that draw none.
+        levels: (C, V) of the drawn futures; 0 for fixed vehicles.
+        each: (V) share of each level by vehicle.
+    """
+
+    def __init__(self, job: Job) -> None:
+        drawn = job.models.drawn
+        self.index = np.array([k for k, spec in enumerate(drawn) if spec.weight > 0], dtype=np.int64)
+        weight = np.array([drawn[k].weight for k in self.index], dtype=np.float64)
+        self.shares = weight / weight.sum()
+        self.names = tuple(str(drawn[k]) for k in self.index)
+        self.track_ids = [int(track) for track in job.scene.track_ids]
+        self.fixed = np.isin(job.scene.track_ids, list(job.models.fixed))
+        self.levels = np.where(self.fixed, 0, np.searchsorted(self.index, job.assignment))
+        self.each = [np.ones(1) if fixed else self.shares for fixed in self.fixed.tolist()]
+        self._first = job.assignment[0]
+
+    def assignment(self, levels: IntArray) -> IntArray:
+        """Return the models (R, V) of levels."""
+        return np.where(self.fixed, self._first, self.index[levels])
+
+
+def encounters_only(settings: RunSettings) -> RunSettings:
+    """Return the settings of futures of which only encounters count."""
+    world = "plain" if settings.world in PLAIN_WORLDS else settings.world
+    return dataclasses.replace(settings, metrics=("gap",), keep_plans=False, thresholds={}, world=world)
+
+
+class ExtraFutures:
+    """Extra futures, run by the workers of a run and numbered after its own.
+
+    Attributes:
+        job: of the run and its extra futures so far, in a folder of their own.
+    """
+
+    def __init__(self, job: Job, folder: Path, workers: Workers) -> None:
+        self.job = dataclasses.replace(job, settings=encounters_only(job.settings), folder=folder, gui=False)
+        self._workers = workers
+        (folder / PARTS).mkdir(parents=True, exist_ok=True)
+
+    def run(
+        self, assignment: IntArray, route_draw: FloatArray | None = None
+    ) -> Iterator[tuple[int, int, pa.Table]]:
+        """Run more futures, and return first child, child after the last, and encounters of some at a time.
+
+        Those that an interrupted run has finished are not run again.
+
+        Args:
+            assignment: (C, V) of all futures; those that are not in the job yet are run.
+            route_draw: (C, V), as of `Job`.
+        """
+        first, stop = len(self.job.assignment), len(assignment)
+        self.job = dataclasses.replace(self.job, assignment=assignment, route_draw=route_draw)
+        done = set(Parts(self.job.folder).children.tolist())
+        left = [child for child in range(first, stop) if child not in done]
+        few = dataclasses.replace(self.job, assignment=assignment[first:])
+        size = batch_size(few, self._workers.processes if len(left) >= 64 else 1)
+        for _ in self._workers.run(self.job, batches_of(left, size, apart=self.job.apart)):
+            pass
+        return self._encounters(first, stop)
+
+    def _encounters(self, first: int, stop: int) -> Iterator[tuple[int, int, pa.Table]]:
+        parts = Parts(self.job.folder)
+        for start in range(first, stop, _AT_ONCE):
+            end = min(start + _AT_ONCE, stop)
+            rows = parts.read(start, end, plans=False).encounters
+            assert rows is not None
+            yield start, end, rows
