@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.driving.paths import seed_paths
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.inputs import Surroundings, predictor_inputs
@@ -28,9 +28,10 @@ from scex_sumo.environment.agent import (
 )
 from scex_sumo.extrapolation.assignments import child_generator, random_assignments, route_draws
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.rollout import checked_plan, history_at
+from scex_sumo.extrapolation.rollout import checked_plan, groups_of, history_at
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.situations import plans_of
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
 from scex_sumo.scenarios.seeds import read_seed
@@ -162,7 +163,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             self._renew(np.flatnonzero(begins))
         self._way, offset = self._on_path()
         after, seconds = self._agent_now(), self.hold * STEP_S
-        turn = np.angle(np.exp(1j * (after.heading - before.heading)))
+        turn = wrap(after.heading - before.heading)
         done = AgentSteps(
             collided=collided,
             progress=self._way - came_from,
@@ -215,14 +216,8 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         for age in np.unique(self._age[due]).tolist():
             envs = np.flatnonzero(due & (self._age == age))
             history = self._history(envs, age)
-            assignment, plan = (
-                self._assignment[envs],
-                States.empty((len(envs), self.scene.vehicles, self.replan)),
-            )
-            groups = [
-                VehicleIndex(child=c, vehicle=v)
-                for c, v in (np.nonzero(assignment == m) for m in range(len(self._models.built)))
-            ]
+            plan = States.empty((len(envs), self.scene.vehicles, self.replan))
+            groups = groups_of(self._assignment[envs], len(self._models.built))
             generators = [self._generators[env] for env in envs.tolist()]
             for m, made in plans_of(self._models.built, groups, history, self.road, generators):
                 usable = checked_plan(made, len(groups[m]), self.replan, self._models.names[m])
@@ -258,12 +253,12 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     def _on_path(self) -> tuple[FloatArray, FloatArray]:
         """Return (N,) arc lengths and offsets of the agents on their path, m."""
         now, start = self._agent_now(), float(self.scene.now.speed[self._vehicle])
-        expected = 20.0 + self._age * STEP_S * (start + now.speed) / 2
+        expected = BEHIND_M + self._age * STEP_S * (start + now.speed) / 2
         way, offset, _ = foot_points(self._paths, self._row, now.x, now.y, expected)
         return way, offset
 
     def _speed_limit(self) -> FloatArray:
-        at = np.clip((self._way / 0.5).astype(np.int64), 0, self._paths.samples - 1)
+        at = np.clip((self._way / DS_M).astype(np.int64), 0, self._paths.samples - 1)
         limit: FloatArray = self._paths.speed_limit[self._row, at]
         return limit
 

@@ -101,10 +101,7 @@ def roll_out(
     count, vehicles = batch.assignment.shape
     window = scene.history.repeat(count)
     override = batch.overridden[batch.assignment]
-    groups = [
-        VehicleIndex(child=c, vehicle=v)
-        for c, v in (np.nonzero(batch.assignment == m) for m in range(len(batch.models)))
-    ]
+    groups = groups_of(batch.assignment, len(batch.models))
     rounds = -(-steps // replan)
     plan_x = np.empty((count, rounds, vehicles, PLAN_STEPS))
     plan_y = np.empty_like(plan_x)
@@ -168,6 +165,12 @@ def _read_only(values: FloatArray) -> FloatArray:
     view = values.view()
     view.flags.writeable = False
     return view
+
+
+def groups_of(assignment: IntArray, models: int) -> list[VehicleIndex]:
+    """Return the vehicles of each model, by assignments (C, V)."""
+    drivers = (np.nonzero(assignment == model) for model in range(models))
+    return [VehicleIndex(child=child, vehicle=vehicle) for child, vehicle in drivers]
 
 
 def checked_plan(made: Plan, count: int, steps: int, name: str) -> States:

@@ -223,6 +223,22 @@ def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
             yield left.popleft()
 
 
+def in_other_process(function: Callable[[], T], *, where: str, died: str) -> T:
+    """Call a function in another process, and return what it returns.
+
+    Raises:
+        SimulationError: two processes died over it; ``died`` tells so.
+    """
+    with Workers(2) as workers:
+        future = workers.submit(function, where=where)
+        assert future is not None
+        try:
+            result: T = future.result()
+        except WorkersDied as error:
+            raise SimulationError(f"{died} ({error.args[1][-1]})") from None
+    return result
+
+
 class _Worker:
     def __init__(self, folder: str) -> None:
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")

@@ -253,12 +253,19 @@ class Encounter:
         struck = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0)
         child = [np.asarray(hits["child"])[(pair == struck.T).all(axis=1)]]
         own = (np.asarray(outcomes["track_a"]) == pair[0]) & (np.asarray(outcomes["track_b"]) == pair[1])
-        for name, (column, limit, side) in _LIMITS.items():
+        for name, critical in critical_outcomes(outcomes).items():
             if event in (name, "critical"):
-                beyond = own & (side * np.asarray(outcomes[column]) > side * limit)
-                child.append(np.asarray(outcomes["child"])[beyond])
+                child.append(np.asarray(outcomes["child"])[own & critical])
         found: BoolArray = np.isin(np.arange(self.run.children), np.concatenate(child))
         return found
+
+
+def critical_outcomes(outcomes: pa.Table) -> dict[str, BoolArray]:
+    """Return by event the rows (N,) of `Run.pair_outcomes` in which it happens; not of collisions."""
+    return {
+        name: side * np.asarray(outcomes[column]) > side * limit
+        for name, (column, limit, side) in _LIMITS.items()
+    }
 
 
 def future_weights(run: RunTables, weights: Weights) -> FloatArray:

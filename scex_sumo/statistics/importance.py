@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.special import gammaincinv, ndtr, ndtri
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, mean_ranks
 from scex_sumo.statistics.density import CONFIDENCE, Interval
 
 EDGES: Final = np.arange(-2.5, 2.51, 0.5)
@@ -383,11 +383,7 @@ def _first_proposals(
         for side, vehicle in enumerate(pair):
             if tiltable[vehicle]:
                 score = variables.scores(draw[misses, vehicle])
-                ordered = np.sort(gap)
-                above = np.searchsorted(ordered, gap, side="left") + np.searchsorted(
-                    ordered, gap, side="right"
-                )
-                together = -_correlation(score, ndtri(above / (2 * len(gap))))
+                together = -_correlation(score, ndtri((mean_ranks(gap) - 0.5) / len(gap)))
                 means[side] = _LIKELY_SDS * _shrunk(together, 1 / np.sqrt(len(gap)))
         share = np.exp(close[0][0] - sds)
         if share > _MIN_SHARE:

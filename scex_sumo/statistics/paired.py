@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, mean_ranks
 
 ROUNDING: Final = 1e-9  # in the metric's unit
 
@@ -26,14 +26,13 @@ def signed_rank(one: FloatArray, two: FloatArray) -> float:
     Wilcoxon 1945, Pratt 1959.
     """
     from scipy.special import ndtr
-    from scipy.stats import rankdata
 
     direction = signs(one, two)
     if not direction.any():
         return float("nan")
     finite = np.isfinite(one) & np.isfinite(two)
     size = np.where(finite, np.abs(np.where(finite, one, 0.0) - np.where(finite, two, 0.0)), np.inf)
-    rank = rankdata(np.where(direction == 0, 0.0, size))
+    rank = mean_ranks(np.where(direction == 0, 0.0, size))
     total = float((direction * rank).sum())
     return float(2 * ndtr(-abs(total) / np.sqrt(float((rank[direction != 0] ** 2).sum()))))
 

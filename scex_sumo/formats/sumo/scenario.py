@@ -15,7 +15,7 @@ from scex_sumo.base.programs import program, user_sumo
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.extrapolation.workers import Workers, WorkersDied
+from scex_sumo.extrapolation.workers import in_other_process
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.private import PrivateRun, net_of
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder
@@ -111,13 +111,8 @@ def _read(
     paths: Sequence[Path], *, net: Path | None = None, window: Window = (None, None)
 ) -> tuple[TrackTable, tuple[str, ...]]:
     path = paths[0].absolute()
-    with Workers(2) as workers:
-        future = workers.submit(partial(simulate, path, window), where="in the simulation")
-        assert future is not None
-        try:
-            recorded: Recorded = future.result()
-        except WorkersDied as died:
-            raise SimulationError(f"{path}: SUMO crashed twice in it ({died.args[1][-1]})") from None
+    run = partial(simulate, path, window)
+    recorded = in_other_process(run, where="in the simulation", died=f"{path}: SUMO crashed twice in it")
     return recorded.tracks(path)
 
 

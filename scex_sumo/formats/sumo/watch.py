@@ -16,7 +16,7 @@ from scex_sumo.converters.datasets.recordings import LoadedRecording, seed_at
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.extrapolation.workers import Workers, WorkersDied
+from scex_sumo.extrapolation.workers import in_other_process
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Recorder
 from scex_sumo.formats.sumo.scenario import SCENARIO, refuse_mesoscopic
@@ -124,18 +124,9 @@ class Watch:
         temporary = TemporaryFolder() if out is None else None
         folder = Path(temporary.name) / "run" if temporary else Path(str(out)).absolute()
         own = dict(behaviors._registered), dict(metrics._registered)
-        with Workers(2) as workers:
-            future = workers.submit(
-                partial(_extrapolate, scene, folder, options, *own), where="in the futures"
-            )
-            assert future is not None
-            try:
-                notes = future.result()
-            except WorkersDied as died:
-                raise SimulationError(
-                    f"{folder}: a process of the futures died twice ({died.args[1][-1]})"
-                ) from None
-        warn_notes(notes)
+        run = partial(_extrapolate, scene, folder, options, *own)
+        died = f"{folder}: a process of the futures died twice"
+        warn_notes(in_other_process(run, where="in the futures", died=died))
         return Run(folder, temporary)
 
 

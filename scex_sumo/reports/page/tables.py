@@ -11,13 +11,12 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.evaluation.encounters import event_of
 from scex_sumo.evaluation.outcomes import COLLISIONS
-from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.reports.encounter_rows import HUMAN_LIKE, Meeting, meetings, worst_of
 from scex_sumo.reports.encounter_table import HEADS, encounter_cells
 from scex_sumo.reports.page.study import table
 from scex_sumo.reports.run_table import expected_injuries
-from scex_sumo.results.exact import Encounter
+from scex_sumo.results.exact import Encounter, critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -112,8 +111,8 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
         tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, 15))]
         if (run.folder / PAIR_OUTCOMES).is_file():
             met = run.pair_outcomes
-            ttc, pet, drac = (np.asarray(met[name]) for name in ("min_ttc_path", "min_pet", "max_drac"))
-            bits = 2 * (ttc < CRITICAL_TTC_S) + 4 * (pet < CRITICAL_PET_S) + 8 * (drac > CRITICAL_DRAC)
+            critical = critical_outcomes(met)
+            bits = 2 * critical["ttc"] + 4 * critical["pet"] + 8 * critical["drac"]
             tables.append((met, ("track_a", "track_b"), bits))
         for rows, names, values in tables:
             at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray, mean_ranks
 from scex_sumo.statistics.density import CONFIDENCE
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.folder import MomentRef
@@ -55,10 +55,7 @@ def severity_share(values: FloatArray) -> FloatArray:
         return np.zeros(count)
     total = np.zeros(count)
     for column in values.T:
-        ordered = np.sort(column)
-        below = np.searchsorted(ordered, column, side="left")
-        not_above = np.searchsorted(ordered, column, side="right")
-        total += (below + not_above - 1) / 2  # without the moment itself
+        total += mean_ranks(column) - 1  # without the moment itself
     return np.asarray(total / (metrics * (count - 1)), dtype=np.float64)
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.commands.console import progress_bar, resumable, warn
+from scex_sumo.commands.console import run_study, warn
 from scex_sumo.commands.options import Cluster, Every, MinVehicles, Models, Processes, Roots, Seed
 from scex_sumo.commands.shared import Answer
 
@@ -37,25 +36,10 @@ def validate_command(
     ] = Path("out") / "validation",
 ) -> Answer:
     """Compare the forecasts of a mix of models with what really happened."""
+    options = {**locals(), "models": "likely" if models is None else models}
     from scex_sumo.studies.validate.validate import validate
 
-    with progress_bar("seeds") as tick, resumable("seeds", out):
-        done = validate(
-            roots,
-            out=out,
-            models=models if models is not None else "likely",
-            every=every,
-            children=children,
-            min_vehicles=min_vehicles,
-            part=part,
-            seed=seed,
-            workers=workers,
-            cluster=cluster,
-            overwrite=overwrite,
-            command=["scex-sumo", *sys.argv[1:]],
-            progress=tick,
-        )
-    warn(done.info["notes"])
+    done = run_study(validate, "seeds", **options)
     warn([f"{name}: failed: {reason}" for name, reason in list(done.info["failed"].items())[:5]])
     _print_scores(done)
     print(f"result: {out / 'events.parquet'}")
