@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.importing import import_object
 from scex_sumo.base.registry import Registry
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.tracks.rows import TrackTable
@@ -188,7 +189,7 @@ def _entries(kind: type[_Format]) -> tuple[_Format, ...]:
     entries = []
     for name in order:
         try:
-            entries.append(_checked(kind, f"{registry.kind} {name}", registry.load(name)))
+            entries.append(_checked(kind, f"{registry.kind} {name}", import_object(paths[name])))
         except UsageError as error:
             print(f"warning: {registry.kind} {name} is left out: {error}", file=sys.stderr)
     return tuple(entries)
