@@ -18,12 +18,12 @@ from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.exact.tables import remainder_of
-from scex_sumo.extrapolation.exact_futures import find_exact, why_not_exact
+from scex_sumo.extrapolation.extra.exact import find_exact, why_not_exact
+from scex_sumo.extrapolation.extra.rare import find_rare, likely_profile
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
-from scex_sumo.extrapolation.rare_futures import find_rare, likely_profile
 from scex_sumo.extrapolation.rollout import count_fallbacks
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers

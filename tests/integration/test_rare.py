@@ -11,7 +11,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.extrapolation import rare_futures
+from scex_sumo.extrapolation.extra import rare as rare_futures
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.reports.encounter_rows import with_rare
 from scex_sumo.results.rare import Rare, RarePair, probability_words

@@ -21,8 +21,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.exact.search import BASE_ROWS, Search
 from scex_sumo.exact.tables import InfluenceTable, remainder_of, union_probability
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
-from scex_sumo.extrapolation.exact_futures import MAX_FUTURES, MIN_CHECKED, why_not_exact
-from scex_sumo.extrapolation.extra_futures import DrawnModels, encounters_only
+from scex_sumo.extrapolation.extra.exact import MAX_FUTURES, MIN_CHECKED, why_not_exact
+from scex_sumo.extrapolation.extra.futures import DrawnModels, encounters_only
 from scex_sumo.extrapolation.job import Job, parts_in_memory
 from scex_sumo.studies.moments.run import built
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, worth_of

@@ -19,7 +19,7 @@ from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.exact.search import MAX_VEHICLES, Search
 from scex_sumo.exact.tables import InfluenceTable, reduced
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
-from scex_sumo.extrapolation.extra_futures import DrawnModels, ExtraFutures
+from scex_sumo.extrapolation.extra.futures import DrawnModels, ExtraFutures
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings

@@ -15,7 +15,7 @@ from scex_sumo.behaviors.models.likely_draws import likely_variables
 from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
 from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.assignments import RARE_STREAM, child_generator, route_draws
-from scex_sumo.extrapolation.extra_futures import ExtraFutures
+from scex_sumo.extrapolation.extra.futures import ExtraFutures
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.workers import Workers
