@@ -38,13 +38,8 @@ from scex_sumo.results.rare import probability_words
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.statistics.density import wilson
-from scex_sumo.statistics.importance import (
-    UNIFORM_EDGES,
-    Outcomes,
-    Variables,
-    normal_classes,
-    sample_rare,
-)
+from scex_sumo.statistics.importance import Outcomes, sample_rare
+from scex_sumo.statistics.tilting import UNIFORM_EDGES, Variables, normal_classes
 from scex_sumo.world.plain import PlainWorld
 
 CHECKED = (("Peach-3_1", "likely_driver"), ("Peach-2_1", "likely"), ("MONAMerge", "likely_driver"))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.converters.lanelet.tags import GERMANY, default_speed_mps
+from scex_sumo.formats.lane_links import Links, connected
 from scex_sumo.formats.sumo.net import beside
 from scex_sumo.geometry.polylines import (
     along,
@@ -30,7 +31,6 @@ from scex_sumo.geometry.polylines import (
 from scex_sumo.road import Area, Georeference, Lane, Marking, Regulation, Road
 from scex_sumo.roads.conflicts import overlapping
 
-GAP_M = 1.0  # a successor that begins farther away than this gets a note
 MAX_M = 1e8
 FAR_M = 1e5  # coordinates beyond this are moved by whole kilometres
 MIN_LENGTH_M = 0.01
@@ -38,84 +38,6 @@ WIDTH_M, WIDTHS_M = 3.5, (2.5, 5.0)  # without bounds: the usual width, and its 
 JOINT_M, JOINT_RAD = 0.5, math.radians(45.0)  # ends of lanes that follow each other
 BESIDE_M, BESIDE_RAD = 3.0, math.radians(20.0)  # along, of neighbours
 MIN_LIMIT_MPS, MAX_LIMIT_MPS = 1.0, 70.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Links:
-    """Relations of lanes by id, as a map names them; ids that are no vehicle lane are ignored."""
-
-    after: Mapping[int, Collection[int]]
-    before: Mapping[int, Collection[int]]
-    left: Mapping[int, int | None]
-    right: Mapping[int, int | None]
-
-
-def connected(
-    findings: Findings,
-    links: Links,
-    lanes: Mapping[int, Lane],
-    may_change: Callable[[int, int, bool], bool],
-) -> dict[int, Lane]:
-    """Add successors, predecessors and neighbours to vehicle lanes, each known to both sides.
-
-    ``may_change(left, right, leftwards)``: whether a change between two lanes is allowed.
-    """
-    driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
-    pairs = _successors(findings, links, lanes, driven)
-    left_of = _left_neighbours(findings, links, driven)
-    right_of = {j: i for i, j in left_of.items()}
-    after: dict[int, list[int]] = {i: [] for i in lanes}
-    before: dict[int, list[int]] = {i: [] for i in lanes}
-    for a, b in sorted(pairs):
-        after[a].append(b)
-        before[b].append(a)
-    result = {}
-    for i, lane in lanes.items():
-        left, right = left_of.get(i), right_of.get(i)
-        result[i] = replace(
-            lane,
-            successors=tuple(after[i]),
-            predecessors=tuple(before[i]),
-            adjacent_left=left,
-            adjacent_right=right,
-            left=left if left and may_change(left, i, True) else None,
-            right=right if right and may_change(i, right, False) else None,
-        )
-    return result
-
-
-def _successors(
-    findings: Findings, links: Links, lanes: Mapping[int, Lane], driven: set[int]
-) -> set[tuple[int, int]]:
-    ahead = {(i, j) for i in driven for j in driven.intersection(links.after[i])}
-    behind = {(j, i) for i in driven for j in driven.intersection(links.before[i])}
-    for i, j in ahead ^ behind:
-        findings.note("successors that only one of the two lanelets knows, kept", f"{i}-{j}")
-    for i, j in ahead | behind:
-        if np.hypot(*(lanes[i].centreline[-1] - lanes[j].centreline[0])) > GAP_M:
-            findings.note(f"successors that begin more than {GAP_M:g} m from the end", f"{i}-{j}")
-    return ahead | behind
-
-
-def _left_neighbours(findings: Findings, links: Links, driven: set[int]) -> dict[int, int]:
-    beside_it = {(i, j) for i in driven if (j := links.left[i]) in driven and j is not None}
-    other = {(i, j) for j in driven if (i := links.right[j]) in driven and i is not None}
-    for i, j in beside_it ^ other:
-        findings.note("neighbours that only one of the two lanelets knows, left out", f"{i}-{j}")
-    left_of = dict(sorted(beside_it & other))
-    for i in [i for i in left_of if _in_ring(left_of, i)]:
-        findings.note("neighbours in a ring, left out", i)
-        del left_of[i]
-    return left_of
-
-
-def _in_ring(left_of: Mapping[int, int], start: int) -> bool:
-    lane: int | None = left_of.get(start)
-    for _ in left_of:
-        if lane is None or lane == start:
-            break
-        lane = left_of.get(lane)
-    return lane == start
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

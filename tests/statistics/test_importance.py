@@ -10,18 +10,8 @@ from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.models.population import uniforms
-from scex_sumo.statistics.importance import (
-    UNIFORM_EDGES,
-    Outcomes,
-    Proposal,
-    Sampled,
-    Variables,
-    joined,
-    normal_classes,
-    sample_rare,
-    weighted_interval,
-    weights,
-)
+from scex_sumo.statistics.importance import Outcomes, Sampled, joined, sample_rare, weighted_interval
+from scex_sumo.statistics.tilting import UNIFORM_EDGES, Proposal, Variables, normal_classes, weights
 
 PLAIN, VEHICLES, COUNT = 117, 3, 4
 

@@ -9,7 +9,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.models.attention import EVERY_S, GLANCE_S, GLANCE_SPREAD, MANNER, looks_away
 from scex_sumo.behaviors.models.likely_driver import DRIVER, PATH, START, STARTS, LikelyProfile
 from scex_sumo.behaviors.models.population import uniforms
-from scex_sumo.statistics.importance import UNIFORM_EDGES, Variables, normal_classes
+from scex_sumo.statistics.tilting import UNIFORM_EDGES, Variables, normal_classes
 
 _SPEED, _NOTHING = ("slows down", "speeds up"), ("", "")
 _UNIFORM = (

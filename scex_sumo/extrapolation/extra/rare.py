@@ -20,7 +20,8 @@ from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.rare import Rare, RarePair
-from scex_sumo.statistics.importance import Outcomes, Sampled, Variables, joined, sample_rare
+from scex_sumo.statistics.importance import Outcomes, Sampled, joined, sample_rare
+from scex_sumo.statistics.tilting import Variables
 
 FREQUENT: Final = 10
 """Drawn futures with a collision from which on it is not rare, and no more futures are run."""

@@ -25,7 +25,7 @@ from scex_sumo.formats.commonroad.lanes import (
     with_reverse,
 )
 from scex_sumo.formats.commonroad.rules import Sign
-from scex_sumo.formats.lane_map import Links, connected
+from scex_sumo.formats.lane_links import Links, connected
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import overlapping
 
