@@ -19,9 +19,10 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.allowed import allowed_content
 from scex_sumo.converters.net.lanelets import lane_places
+from scex_sumo.converters.net.plan.footways import crossed_zones, footways
 from scex_sumo.converters.net.plan.layout import NetLayout, plan_net
 from scex_sumo.converters.net.plan.lights import Programme, fixed_programmes, with_crossings
-from scex_sumo.converters.net.plan.pedestrians import crossed_zones, footways, plan_walks
+from scex_sumo.converters.net.plan.pedestrians import plan_walks
 from scex_sumo.converters.net.reader import net_root
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, lane_table, net_file, read_ends
 from scex_sumo.converters.net.topology.borders import add_approaches, add_entries
