@@ -17,13 +17,15 @@ from scex_sumo.behaviors.learned.driver import LearnedDriver
 from scex_sumo.behaviors.learned.surface import Surface, path_room, surface_of
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.converters.datasets.split import Split
+from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex
-from scex_sumo.training.closed_loop import drive_all
+from scex_sumo.training.closed_loop import REPLAN, drive_all
 from scex_sumo.training.data.dataset import part_scenes
 from scex_sumo.training.data.perturb import Perturbation, perturbed
 from scex_sumo.training.data.targets import smooth_return
+from scex_sumo.world.plain import PlainWorld
 
 MOVING_MPS = 0.5
 CHANGE_MPS = 3.0
@@ -141,6 +143,59 @@ def _distances(scene: SeedScene, vehicle: IntArray, x: FloatArray, y: FloatArray
     steps = slice(0, PLAN_STEPS)
     distance: FloatArray = np.hypot(x - scene.future.x[vehicle, steps], y - scene.future.y[vehicle, steps])
     return distance
+
+
+JOINT = ("minJointADE", "minJointFDE", "minJointMR", "cMR", "collided", "recorded")
+"""Figures of `joint_figures`."""
+
+
+def drawn_futures(test: TestScene, model: Behavior, count: int = GUESSES) -> States:
+    """(C, H, V) futures of a scene with a model that drives everybody, a new plan every 0.5 s."""
+    vehicles = test.scene.vehicles
+    batch = Batch(
+        children=np.arange(count),
+        assignment=np.zeros((count, vehicles), dtype=np.int64),
+        models=(model,),
+        names=("model",),
+        overridden=np.array([True]),
+        route_draw=np.random.default_rng(zlib.crc32(test.scene.name.encode())).random((count, vehicles)),
+        generators=[np.random.default_rng([0, child]) for child in range(count)],
+    )
+    world = PlainWorld(count, vehicles)
+    return roll_out(world, test.road, test.scene, batch, steps=PLAN_STEPS, replan=REPLAN).states
+
+
+def joint_figures(test: TestScene, futures: States, vehicle: IntArray) -> FloatArray:
+    """The figures `JOINT` of some futures (C, H, V), as INTERPRET defines them; errors in m.
+
+    A vehicle is missed if it ends more than 1 m sideways, or 1 to 2 m along (by speed), from where it ended.
+    `cMR` is the smallest share of missed vehicles among futures without a collision, 1 if all have one;
+    `collided` and `recorded` are shares of vehicles that collide in the futures and in the recording.
+    """
+    scene, recorded = test.scene, test.scene.future
+    assert recorded is not None
+    future = recorded[vehicle, :PLAN_STEPS]
+    made = futures.swapaxes(1, 2)[:, vehicle]
+    dx, dy = made.x - future.x, made.y - future.y
+    off = np.hypot(dx, dy)
+    cos, sin = np.cos(future.heading[:, -1]), np.sin(future.heading[:, -1])
+    along, aside = cos * dx[..., -1] + sin * dy[..., -1], cos * dy[..., -1] - sin * dx[..., -1]
+    limit = np.interp(future.speed[:, -1], (1.4, 11.0), (1.0, 2.0))
+    missed = ((np.abs(along) > limit) | (np.abs(aside) > 1.0)).mean(1)
+    counts = np.zeros((scene.vehicles, PLAN_STEPS), dtype=np.bool_)
+    counts[vehicle] = True
+    hits = [_collided(scene, scene, futures[c].swapaxes(0, 1), counts)[vehicle] for c in range(len(missed))]
+    free = ~np.array([hit.any() for hit in hits])
+    return np.array(
+        [
+            off.mean((1, 2)).min(),
+            off[..., -1].mean(1).min(),
+            missed.min(),
+            missed[free].min() if free.any() else 1.0,
+            np.mean(hits),
+            _collided(scene, scene, recorded[:, :PLAN_STEPS], counts)[vehicle].mean(),
+        ]
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,8 +14,12 @@ from scex_sumo.base.sumo_models import SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.corridors import GuardProfile
 from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
-from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
+from scex_sumo.behaviors.learned.profiles import (
+    GraphImagePredictorProfile,
+    GraphPredictorProfile,
+    JointPredictorProfile,
+)
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver, IdmProfile
 from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
 from scex_sumo.behaviors.models.simple import (
@@ -51,7 +55,7 @@ from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 SUMO = "sumo"
 # Without learned models, so that new weights do not change default results.
-PAPER_MODELS = ",".join((DEFAULT_MODELS, *LEARNED))
+PAPER_MODELS = f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor"
 LIKELY_MODELS = "likely_driver"
 SETS: Mapping[str, str] = {"likely": LIKELY_MODELS, "rules": DEFAULT_MODELS, "paper": PAPER_MODELS}
 
@@ -114,6 +118,11 @@ _MODELS: Mapping[str, tuple[Callable[[Any], Behavior], Any, str]] = {
         GraphImagePredictor,
         GraphImagePredictorProfile(),
         "learned: motion from the scene graph and the road seen from above, weighed by attention",
+    ),
+    "joint_predictor": (
+        JointPredictor,
+        JointPredictorProfile(),
+        "learned: the motion of all vehicles drawn together, every 0.5 s",
     ),
     "replay": (Replay, ReplayProfile(), "repeats the recorded future, then constant velocity along its path"),
 }

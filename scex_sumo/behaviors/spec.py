@@ -13,7 +13,7 @@ from scex_sumo.behaviors.base import MAX_PARAMETER, MIN_PARAMETER
 from scex_sumo.behaviors.plug_in.user_model import EMPTY, UserModel
 
 GUARD = "guard"  # a parameter of every model but SUMO's
-LEARNED = ("graph_predictor", "graph_image_predictor")
+LEARNED = ("graph_predictor", "graph_image_predictor", "joint_predictor")
 
 
 @dataclass(frozen=True, kw_only=True)

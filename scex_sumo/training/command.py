@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from scex_sumo.converters.datasets.recordings import Recording
     from scex_sumo.training.train import Progress, Trainer
 
-NETWORKS = ("graph", "hybrid")
+NETWORKS = ("graph", "hybrid", "joint")
 EXAMPLE = "graph --data INTERACTION --out mine.safetensors"
 
 
 def train_command(
-    kind: Annotated[str, Argument(metavar="graph|hybrid", help="Network.", show_default=False)],
+    kind: Annotated[str, Argument(metavar="graph|hybrid|joint", help="Network.", show_default=False)],
     data: Annotated[
         list[Path] | None, Option(metavar="ROOT", help="Folder with recordings; repeatable.")
     ] = None,

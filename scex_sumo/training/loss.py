@@ -11,6 +11,7 @@ from torch.nn.functional import log_softmax, relu
 from scex_sumo.scene import STEP_S
 from scex_sumo.training.data.batches import Batch
 from scex_sumo.training.networks.graph import ModeTensors
+from scex_sumo.training.networks.joint import TokenTensors, token_errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,7 @@ class LossWeights:
     mode: float = 0.15
     path: float = 0.3
     free: float = 0.5
+    motion: float = 1.0  # negative log probability of the next 0.5 s (joint)
     final: float = 0.5  # weight of the last step besides the mean over all
     sharp_m: float = 0.1  # difference of errors that separates two modes, m
     round_m: float = 0.2  # smaller errors count by their square, m
@@ -49,9 +51,17 @@ def trajectory_errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Ten
     return distance.mean(2) + weights.final * distance[..., -1]
 
 
-def loss(modes: ModeTensors, batch: Batch, weights: LossWeights) -> tuple[Tensor, dict[str, float]]:
+def loss(
+    modes: ModeTensors | TokenTensors, batch: Batch, weights: LossWeights
+) -> tuple[Tensor, dict[str, float]]:
     """Return the loss of a batch, and its parts for the log."""
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
+    if isinstance(modes, TokenTensors):
+        parts = {
+            "motion": weights.motion * _mean(token_errors(modes, batch), share, total),
+            "path": weights.path * _path_entropy(modes.path_logit, batch),
+        }
+        return _whole(parts)
     way = displacement(batch.start[:, 0], modes.acceleration)
     off = trajectory_errors(way - batch.s[:, None], modes.offset - batch.d[:, None], weights)
     parts = {
@@ -65,6 +75,10 @@ def loss(modes: ModeTensors, batch: Batch, weights: LossWeights) -> tuple[Tensor
         gap = modes.free - batch.xy[:, None]
         free = trajectory_errors(gap[..., 0], gap[..., 1], weights)
         parts["free"] = weights.free * _mean(free[:, 0] + _winner(free, weights), share, total)
+    return _whole(parts)
+
+
+def _whole(parts: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
     whole = torch.stack(list(parts.values())).sum()
     return whole, {name: float(part.detach()) for name, part in parts.items()}
 

@@ -20,7 +20,7 @@ from scex_sumo.training.loss import LossWeights
 from scex_sumo.training.networks.graph import ScalerModule
 from scex_sumo.training.networks.graph_image import Net
 
-Kind: TypeAlias = Literal["graph", "hybrid"]
+Kind: TypeAlias = Literal["graph", "hybrid", "joint"]
 
 
 @dataclass(frozen=True, kw_only=True)

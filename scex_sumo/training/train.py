@@ -26,6 +26,7 @@ from scex_sumo.training.data.samples import TrainingSamples, load_samples, save_
 from scex_sumo.training.loss import loss
 from scex_sumo.training.networks.graph import ModeTensors
 from scex_sumo.training.networks.graph_image import NETWORKS, Net, save_net
+from scex_sumo.training.networks.joint import JointPredictorNet
 from scex_sumo.training.options import (
     TrainOptions,
     copied,
@@ -95,6 +96,8 @@ class Trainer:
         torch.manual_seed(options.seed)
         self.net: Net = NETWORKS[options.kind](Architecture(**options.sizes))
         fit_scales(self.net, dataset.train)
+        if isinstance(self.net, JointPredictorNet):
+            self.net.fit_tokens(dataset.train)
         self.net.to(device)
         self.mean = copied(self.net)
         roughen(self.net, options)

@@ -12,8 +12,9 @@ from torch import Tensor
 from scex_sumo.training.data.batches import Batch, Batches
 from scex_sumo.training.loss import LossWeights, displacement, loss
 from scex_sumo.training.networks.graph import ModeTensors
+from scex_sumo.training.networks.joint import TokenTensors, kept
 
-Predict = Callable[[Batch], ModeTensors]
+Predict = Callable[[Batch], ModeTensors | TokenTensors]
 GUESSES = 6
 NODES = 2000  # per batch, about
 
@@ -49,6 +50,8 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
         share = float(batch.share.sum())
         total += share * float(loss(modes, batch, weights)[0])
         count += share
+        if isinstance(modes, TokenTensors):
+            modes = kept(modes, batch, GUESSES)
         rows.append(_vehicles(modes, batch).cpu())
     every = torch.cat(rows).numpy()
     sites = [int(s) for s in np.unique(every[:, 0])]

@@ -14,6 +14,7 @@ from scex_sumo.behaviors.scene_graph.graph import EDGE_COLUMNS, HISTORY_COLUMNS,
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 
 KNOT_S = 0.5
+TOKEN_STEPS = 5  # of a motion that `JointNet` draws
 KNOTS = round(PLAN_STEPS * STEP_S / KNOT_S) + 1
 STRONGEST_BRAKING = 9.0  # m/s²
 STRONGEST_ACCELERATION = 5.0
@@ -64,6 +65,8 @@ class Architecture:
     layers: int = 2  # attention layers on the graph
     heads: int = 4  # attention heads
     modes: int = 6  # M
+    accelerations: int = 31  # A, classes of acceleration (joint only)
+    sideways: int = 7  # S, classes of sideways speed (joint only)
     edges: bool = True  # False removes the graph's edges
     free: bool = True  # with the head for free trajectories (hybrid only)
 
@@ -74,7 +77,7 @@ class Architecture:
 
 
 def shapes(kind: str, sizes: Architecture) -> Shapes:
-    """Return the shapes of a network's arrays by name; ``kind`` is ``graph`` or ``hybrid``."""
+    """Return the shapes of a network's arrays by name; ``kind`` is ``graph``, ``hybrid`` or ``joint``."""
     hidden, double, hybrid = sizes.hidden, 2 * sizes.hidden, kind == "hybrid"
     result = dict(_scene(sizes))
     result.update(_scale("path_scale", sizes.path_columns))
@@ -88,8 +91,12 @@ def shapes(kind: str, sizes: Architecture) -> Shapes:
         result.update(_mlp("own", sizes.path_columns - len(LEADER_COLUMNS), double, hidden))
         for name in ("graph_branch", "image_branch"):
             result.update(_mlp(name, double, double, hidden))
-    free = 2 * KNOTS if hybrid and sizes.free else 0
     result.update(_mlp("head.body", double, double, double))
+    if kind == "joint":
+        result["head.acceleration"], result["head.sideways"] = (sizes.accelerations,), (sizes.sideways,)
+        result.update(_linear("head.choice", double, sizes.accelerations * sizes.sideways + 1))
+        return result
+    free = 2 * KNOTS if hybrid and sizes.free else 0
     result.update(_linear("head.knots", double, sizes.modes * (2 * KNOTS - 1 + free)))
     result.update(_linear("head.choice", double, sizes.modes + 1 + len(PRESENT)))
     return result

@@ -13,6 +13,7 @@ from scex_sumo.behaviors.base import Sight
 from scex_sumo.behaviors.learned.profiles import (
     GraphImagePredictorProfile,
     GraphPredictorProfile,
+    JointPredictorProfile,
     weights_file,
 )
 from scex_sumo.road import Road
@@ -28,7 +29,9 @@ class LearnedModel:
     name: ClassVar[str]
     kind: ClassVar[str]  # of its network, as in `scex-sumo train`
 
-    def __init__(self, profile: GraphPredictorProfile | GraphImagePredictorProfile) -> None:
+    def __init__(
+        self, profile: GraphPredictorProfile | GraphImagePredictorProfile | JointPredictorProfile
+    ) -> None:
         self.profile = profile
         self.driver.meta  # noqa: B018  reports unusable weights before the run begins
 
@@ -80,3 +83,16 @@ class GraphImagePredictor(LearnedModel):
     """Drives with accelerations and offsets of a network of scene graph and road image."""
 
     name, kind = "graph_image_predictor", "hybrid"
+
+
+class JointPredictor(LearnedModel):
+    """Draws the next 0.5 s of all vehicles of a future together, again and again."""
+
+    name, kind = "joint_predictor", "joint"
+
+    @cached_property
+    def driver(self) -> LearnedDriver:
+        """The network."""
+        from scex_sumo.behaviors.learned.joint import JointDriver
+
+        return JointDriver(self.kind, weights_file(self.name, self.profile.weights), self.profile)

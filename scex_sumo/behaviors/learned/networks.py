@@ -84,8 +84,38 @@ class GraphImageNet:
         return self.head(both, path.features, free=free and self.sizes.free)
 
 
-Net: TypeAlias = GraphNet | GraphImageNet
-KINDS: Mapping[str, type[GraphNet] | type[GraphImageNet]] = {"graph": GraphNet, "hybrid": GraphImageNet}
+class JointNet:
+    """Network from scene graph, history and path ahead to the motion of the next 0.5 s."""
+
+    def __init__(self, state: State, sizes: Architecture) -> None:
+        self.sizes, self.scene = sizes, SceneEncoder(state, sizes)
+        self.path_scale, self.path = Scaler(state, "path_scale"), Mlp(state, "path")
+        self.body, self.choice = Mlp(state, "head.body"), Linear(state, "head.choice")
+        self.acceleration, self.sideways = state["head.acceleration"], state["head.sideways"]
+
+    def __call__(self, graph: SceneGraph, path: PathInputs) -> Tokens:
+        """Return tokens of n pairs of a vehicle and a path."""
+        way = relu(self.path(self.path_scale(path.features)))
+        h = relu(self.body(np.concatenate([self.scene(graph, path.node), way], axis=1)))
+        choice = self.choice(h)
+        return Tokens(choice[:, :-1], choice[:, -1], self.acceleration, self.sideways)
+
+
+Net: TypeAlias = GraphNet | GraphImageNet | JointNet
+KINDS: Mapping[str, type[GraphNet] | type[GraphImageNet] | type[JointNet]] = {
+    "graph": GraphNet,
+    "hybrid": GraphImageNet,
+    "joint": JointNet,
+}
+
+
+class Tokens(NamedTuple):
+    """Motions of the next 0.5 s: A classes of acceleration times S of sideways speed."""
+
+    logits: FloatArray  # (n, A * S)
+    path_logit: FloatArray  # (n,) of the path among those of its vehicle
+    acceleration: FloatArray  # (A,) m/s², ascending
+    sideways: FloatArray  # (S,) m/s along the path's normal, left positive, ascending
 
 
 class Modes(NamedTuple):

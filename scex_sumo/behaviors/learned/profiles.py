@@ -59,7 +59,32 @@ class GraphImagePredictorProfile:
             raise UsageError(f"head: got {self.head!r}; give {' or '.join(HEADS)}")
 
 
-def _check(profile: GraphPredictorProfile | GraphImagePredictorProfile) -> None:
+@dataclass(frozen=True, kw_only=True)
+class JointPredictorProfile:
+    """Parameters of `JointPredictor`.
+
+    Attributes:
+        path: as in `GraphPredictorProfile`; ``likeliest`` is drawn with its probability if ``mode=draw``.
+        mode: ``draw``, one motion for each vehicle every 0.5 s; or ``best``, the expected motion.
+        temperature: 1 draws with the network's probabilities; less prefers probable motions.
+        persistence: in [0, 1): share of a vehicle's draws that stays the same over time.
+        common: in [0, 1): share of it that all vehicles of a future have in common.
+    """
+
+    path: PathChoice | Literal["likeliest"] = "likeliest"
+    mode: str = "draw"
+    temperature: float = 1.0
+    persistence: float = 0.5
+    common: float = 0.0
+    radius: float = 100.0
+    weights: str = ""
+
+    def __post_init__(self) -> None:
+        _check(self)
+        check_positive(self, "temperature")
+
+
+def _check(profile: GraphPredictorProfile | GraphImagePredictorProfile | JointPredictorProfile) -> None:
     if profile.path != "likeliest":
         check_path(profile.path)
     if profile.mode not in MODES:

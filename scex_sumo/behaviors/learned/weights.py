@@ -26,7 +26,7 @@ MAX_NUMBER = 1024  # of an architecture: a false header must not cost memory
 _SWITCHES = ("edges", "free")
 FORMAT = "scex-sumo weights 2"
 ABOUT = "scex_sumo"  # name of the text in the header
-MODELS = {"graph": "graph_predictor", "hybrid": "graph_image_predictor"}
+MODELS = {"graph": "graph_predictor", "hybrid": "graph_image_predictor", "joint": "joint_predictor"}
 COLUMNS = {"node": NODE_COLUMNS, "edge": EDGE_COLUMNS, "path": PATH_COLUMNS}
 
 
@@ -45,7 +45,7 @@ def save_weights(
     """Write a network's weights as float32, with its architecture and origin.
 
     Args:
-        kind: ``graph`` or ``hybrid``.
+        kind: ``graph``, ``hybrid`` or ``joint``.
         meta: plain values: training command, data, figures. ``best`` is the mode of a driver with mode=best:
             ``expected`` (the default) or ``likeliest``, that with the largest logit.
     """
@@ -62,7 +62,7 @@ def save_weights(
 
 
 def load_weights(path: str | Path, kind: str) -> Weights:
-    """Read a network's weights; ``kind`` is ``graph`` or ``hybrid``.
+    """Read a network's weights; ``kind`` is ``graph``, ``hybrid`` or ``joint``.
 
     Raises:
         InputError: the file is missing, no file of weights, of the other network, or for other inputs.

@@ -33,6 +33,7 @@ from scex_sumo.training.networks.graph import (
     SceneModule,
     mlp,
 )
+from scex_sumo.training.networks.joint import JointPredictorNet
 
 
 class MapTensors(NamedTuple):
@@ -137,9 +138,9 @@ class GraphImagePredictorNet(nn.Module):
         return modes
 
 
-Net: TypeAlias = GraphPredictorNet | GraphImagePredictorNet
-NETWORKS: Mapping[str, type[GraphPredictorNet] | type[GraphImagePredictorNet]] = {
-    net.kind: net for net in (GraphPredictorNet, GraphImagePredictorNet)
+Net: TypeAlias = GraphPredictorNet | GraphImagePredictorNet | JointPredictorNet
+NETWORKS: Mapping[str, type[GraphPredictorNet] | type[GraphImagePredictorNet] | type[JointPredictorNet]] = {
+    net.kind: net for net in (GraphPredictorNet, GraphImagePredictorNet, JointPredictorNet)
 }
 
 

@@ -1,0 +1,128 @@
+"""Driver of `JointPredictor`: draws the next 0.5 s of all vehicles together, again and again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.learned.architecture import TOKEN_STEPS
+from scex_sumo.behaviors.learned.decoding import plan_along
+from scex_sumo.behaviors.learned.driver import OUTPUT_GRID, LearnedDriver
+from scex_sumo.behaviors.learned.networks import Tokens
+from scex_sumo.behaviors.learned.profiles import JointPredictorProfile
+from scex_sumo.behaviors.models.population import uniforms
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+
+PERSISTENT, COMMON, FRESH = 40, 41, 64  # salts of draws; each 0.5 s has its own from FRESH on
+
+
+class JointDriver(LearnedDriver):
+    """A network that rolls out all vehicles of each child in steps of 0.5 s."""
+
+    profile: JointPredictorProfile
+
+    def __init__(self, kind: str, file: Path, profile: JointPredictorProfile) -> None:
+        super().__init__(kind, file, profile, attention=1.0, free=False)
+
+    def _drive(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+    ) -> tuple[Plan, BoolArray]:
+        """Roll out all vehicles of the children of `who`; other models' vehicles are predicted, too."""
+        children, child = np.unique(who.child, return_inverse=True)
+        vehicles = history.scene.vehicles
+        here = replace(
+            history,
+            states=history.states[children],
+            children=history.children[children],
+            route_draw=history.route_draw[children],
+        )
+        everyone = VehicleIndex(
+            child=np.repeat(np.arange(len(children)), vehicles),
+            vehicle=np.tile(np.arange(vehicles), len(children)),
+        )
+        _, rows = self._paths(here, road, everyone)
+        rolled, finite = self._roll(here, road, everyone, paths, rows)
+        mine = child * vehicles + who.vehicle
+        chosen = finite[mine]
+        made = rolled[mine[chosen]]
+        return Plan(**vars(made)), chosen
+
+    def _roll(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+    ) -> tuple[States, BoolArray]:
+        children, vehicles, _ = history.states.shape
+        off_map = ~paths.on_road[who.vehicle]
+        finite, parts = np.ones(len(who), dtype=np.bool_), []
+        for _ in range(PLAN_STEPS // TOKEN_STEPS):
+            inputs, tokens = self.predict(history, road, who, paths, row)
+            acceleration, sideways = self._chosen(history, who, tokens)
+            finite &= np.isfinite(acceleration) & np.isfinite(sideways)
+            kept = off_map | ~finite
+            acceleration[kept], sideways[kept] = 0.0, 0.0
+            now = history.now[who.child, who.vehicle]
+            _, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+            later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
+            made = plan_along(
+                history,
+                who,
+                paths,
+                row,
+                np.repeat(acceleration[:, None], TOKEN_STEPS, axis=1),
+                offset[:, None] + sideways[:, None] * later,
+                road=road,
+                clear=self.clear,
+            )
+            parts.append(made)
+            states = States.concatenate(
+                [history.states[:, :, TOKEN_STEPS:], made.map(lambda a: a.reshape(children, vehicles, -1))], 2
+            )
+            history = replace(history, states=states, step=history.step + TOKEN_STEPS)
+        return States.concatenate(parts, 1), finite
+
+    def _chosen(
+        self, history: SceneHistory, who: VehicleIndex, tokens: Tokens
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (n,) accelerations, m/s², and (n,) sideways speeds, m/s, of the next 0.5 s."""
+        logits = np.round(tokens.logits / OUTPUT_GRID) * OUTPUT_GRID
+        temperature = self.profile.temperature if self.profile.mode == "draw" else 1.0
+        weight = np.exp((logits - logits.max(1, keepdims=True)) / temperature)
+        weight = weight.reshape(len(who), len(tokens.acceleration), len(tokens.sideways))
+        along = weight.sum(2)
+        along = along / along.sum(1, keepdims=True)
+        if self.profile.mode == "best":
+            aside = weight.sum(1)
+            aside = aside / aside.sum(1, keepdims=True)
+            return _snapped(along @ tokens.acceleration), _snapped(aside @ tokens.sideways)
+        draw = self._draws(history, who)
+        a = _drawn(along, draw[:, 0])
+        part = weight[np.arange(len(who)), a]
+        return tokens.acceleration[a], tokens.sideways[_drawn(part / part.sum(1, keepdims=True), draw[:, 1])]
+
+    def _draws(self, history: SceneHistory, who: VehicleIndex) -> FloatArray:
+        """Return (n, 2) numbers in (0, 1) for a time: they follow from child, vehicle and step alone."""
+        draw = history.route_draw[who.child, who.vehicle]
+        fresh = ndtri(uniforms(draw, 2, FRESH + history.step // TOKEN_STEPS))
+        own = ndtri(uniforms(draw, 2, PERSISTENT))
+        first = history.route_draw[who.child, 0]
+        common = ndtri(uniforms(first, 2, COMMON))
+        keep, share = self.profile.persistence, self.profile.common
+        steady = np.sqrt(share) * common + np.sqrt(1 - share) * own
+        return np.asarray(ndtr(np.sqrt(keep) * steady + np.sqrt(1 - keep) * fresh))
+
+
+def _drawn(share: FloatArray, draw: FloatArray) -> IntArray:
+    upper = np.cumsum(share, axis=1)[:, :-1]
+    return np.asarray((draw[:, None] >= upper).sum(1))
+
+
+def _snapped(values: FloatArray) -> FloatArray:
+    snapped: FloatArray = np.round(values / OUTPUT_GRID) * OUTPUT_GRID
+    return snapped

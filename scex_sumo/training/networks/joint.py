@@ -1,0 +1,133 @@
+"""Network of the joint predictor, as `scex_sumo.behaviors.learned.networks.JointNet`, with its loss."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import log_softmax
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.learned.architecture import Architecture
+from scex_sumo.scene import STEP_S
+from scex_sumo.training.data.batches import Batch
+from scex_sumo.training.data.samples import TrainingSamples
+from scex_sumo.training.networks.graph import (
+    ModeTensors,
+    PathBatch,
+    SceneBatch,
+    ScalerModule,
+    SceneModule,
+    mlp,
+)
+
+LABEL_STEPS = 10  # of the recorded way that an acceleration is fitted to: half of it is too noisy
+ROUNDS = 30  # of k-means
+
+
+class TokenTensors(NamedTuple):
+    """Tokens of n pairs as tensors, see `scex_sumo.behaviors.learned.networks.Tokens`."""
+
+    logits: Tensor
+    path_logit: Tensor
+    acceleration: Tensor
+    sideways: Tensor
+
+
+class JointHead(nn.Module):
+    """Logits of all classes of motion, and of the path."""
+
+    acceleration: Tensor
+    sideways: Tensor
+
+    def __init__(self, sizes: Architecture) -> None:
+        super().__init__()
+        double = 2 * sizes.hidden
+        self.body = mlp(double, double, double)
+        self.choice = nn.Linear(double, sizes.accelerations * sizes.sideways + 1)
+        self.register_buffer("acceleration", torch.zeros(sizes.accelerations))
+        self.register_buffer("sideways", torch.zeros(sizes.sideways))
+
+    def forward(self, h: Tensor) -> TokenTensors:
+        """Return tokens of (n, inner) vectors."""
+        choice = self.choice(torch.relu(self.body(h)))
+        return TokenTensors(choice[:, :-1], choice[:, -1], self.acceleration, self.sideways)
+
+
+class JointPredictorNet(nn.Module):
+    """Network from scene graph, history and path ahead to the motion of the next 0.5 s."""
+
+    kind = "joint"
+
+    def __init__(self, sizes: Architecture) -> None:
+        super().__init__()
+        self.sizes = replace(sizes, free=False)
+        self.scene, self.path_scale = SceneModule(sizes), ScalerModule(sizes.path_columns)
+        self.path = mlp(sizes.path_columns, 2 * sizes.hidden, sizes.hidden)
+        self.head = JointHead(sizes)
+
+    def forward(self, scene: SceneBatch, path: PathBatch) -> TokenTensors:
+        """Return tokens of n pairs."""
+        way = torch.relu(self.path(self.path_scale(path.features)))
+        tokens: TokenTensors = self.head(torch.cat([self.scene(scene, path.node), way], 1))
+        return tokens
+
+    def fit_tokens(self, samples: TrainingSamples) -> None:
+        """Cluster the recorded motions of the samples into the classes."""
+        right = samples.right
+        along, aside = motions(
+            *(torch.as_tensor(np.asarray(a)[right]) for a in (samples.s, samples.d, samples.start))
+        )
+        for buffer, values in ((self.head.acceleration, along), (self.head.sideways, aside)):
+            buffer.copy_(torch.as_tensor(_clusters(values.numpy().astype(np.float64), len(buffer))))
+
+
+def motions(s: Tensor, d: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
+    """Return (n,) accelerations, m/s², and (n,) sideways speeds, m/s, of targets as in `TrainingSamples`."""
+    t = STEP_S * LABEL_STEPS
+    speed = start[:, 0].clamp(min=0.0)
+    acceleration = 2 * (s[:, LABEL_STEPS - 1] - speed * t) / t**2
+    sideways = (d[:, LABEL_STEPS - 1] - start[:, 1]) / t
+    return acceleration, sideways
+
+
+def _clusters(values: FloatArray, count: int) -> FloatArray:
+    low, high = np.quantile(values, [0.0005, 0.9995])
+    values = np.sort(np.clip(values, low, high))
+    # Between quantiles, which are dense around 0, and an even grid, which reaches rare motions.
+    even = (np.arange(count) + 0.5) / count
+    centres = (np.quantile(values, even) + low + (high - low) * even) / 2
+    for _ in range(ROUNDS):
+        edges = np.searchsorted(values, (centres[1:] + centres[:-1]) / 2)
+        parts = np.split(values, edges)
+        centres = np.array([p.mean() if len(p) else c for p, c in zip(parts, centres, strict=True)])
+    return np.sort(centres)
+
+
+def token_errors(tokens: TokenTensors, batch: Batch) -> Tensor:
+    """Return (n,) negative log probabilities of the recorded motions."""
+    along, aside = motions(batch.s, batch.d, batch.start)
+    a = (along[:, None] - tokens.acceleration).abs().argmin(1)
+    wanted = a * len(tokens.sideways) + (aside[:, None] - tokens.sideways).abs().argmin(1)
+    return -log_softmax(tokens.logits, 1).gather(1, wanted[:, None])[:, 0]
+
+
+def kept(tokens: TokenTensors, batch: Batch, guesses: int) -> ModeTensors:
+    """Return the expected motion and the likeliest ones, each kept for 3 s, for validation."""
+    likely = torch.softmax(tokens.logits, 1).unflatten(1, (len(tokens.acceleration), -1))
+    logits, best = tokens.logits.topk(guesses, 1)
+    along, aside = tokens.acceleration[best // likely.shape[2]], tokens.sideways[best % likely.shape[2]]
+    expected = likely.sum(2) @ tokens.acceleration, likely.sum(1) @ tokens.sideways
+    along, aside = torch.cat([expected[0][:, None], along], 1), torch.cat([expected[1][:, None], aside], 1)
+    time = STEP_S * torch.arange(1, PLAN_STEPS + 1, device=along.device)
+    return ModeTensors(
+        torch.cat([torch.full_like(logits[:, :1], -torch.inf), logits], 1),
+        along[..., None].expand(-1, -1, PLAN_STEPS),
+        batch.start[:, 1, None, None] + aside[..., None] * time,
+        tokens.path_logit,
+        None,
+    )
