@@ -149,7 +149,7 @@ JOINT = ("minJointADE", "minJointFDE", "minJointMR", "cMR", "collided", "recorde
 """Figures of `joint_figures`."""
 
 
-def drawn_futures(test: TestScene, model: Behavior, count: int = GUESSES) -> States:
+def drawn_futures(test: TestScene, model: Behavior, count: int = GUESSES, replan: int = REPLAN) -> States:
     """(C, H, V) futures of a scene with a model that drives everybody, a new plan every 0.5 s."""
     vehicles = test.scene.vehicles
     batch = Batch(
@@ -162,7 +162,7 @@ def drawn_futures(test: TestScene, model: Behavior, count: int = GUESSES) -> Sta
         generators=[np.random.default_rng([0, child]) for child in range(count)],
     )
     world = PlainWorld(count, vehicles)
-    return roll_out(world, test.road, test.scene, batch, steps=PLAN_STEPS, replan=REPLAN).states
+    return roll_out(world, test.road, test.scene, batch, steps=PLAN_STEPS, replan=replan).states
 
 
 def joint_figures(test: TestScene, futures: States, vehicle: IntArray) -> FloatArray:
@@ -170,7 +170,8 @@ def joint_figures(test: TestScene, futures: States, vehicle: IntArray) -> FloatA
 
     A vehicle is missed if it ends more than 1 m sideways, or 1 to 2 m along (by speed), from where it ended.
     `cMR` is the smallest share of missed vehicles among futures without a collision, 1 if all have one;
-    `collided` and `recorded` are shares of vehicles that collide in the futures and in the recording.
+    `collided` and `recorded` are the shares of futures, and of recordings, in which two vehicles collide.
+    No vehicle is the ego, which INTERPRET leaves out.
     """
     scene, recorded = test.scene, test.scene.future
     assert recorded is not None
@@ -192,8 +193,8 @@ def joint_figures(test: TestScene, futures: States, vehicle: IntArray) -> FloatA
             off[..., -1].mean(1).min(),
             missed.min(),
             missed[free].min() if free.any() else 1.0,
-            np.mean(hits),
-            _collided(scene, scene, recorded[:, :PLAN_STEPS], counts)[vehicle].mean(),
+            1 - free.mean(),
+            _collided(scene, scene, recorded[:, :PLAN_STEPS], counts)[vehicle].any(),
         ]
     )
 

@@ -19,6 +19,7 @@ EXPORTERS: Final = Registry(
     kind="export format",
     builtin={
         "interaction": "scex_sumo.exporters.tracks:write_interaction",
+        "interpret": "scex_sumo.exporters.tracks:write_interpret",
         "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
         "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
         "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",

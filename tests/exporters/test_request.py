@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyarrow import csv
 
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.exporters.registry import EXPORTERS
@@ -50,7 +51,7 @@ def test_a_map_that_is_gone_is_asked_for(run: Run, tmp_path: Path) -> None:
 def test_an_exporter_of_ones_own_is_named_by_its_import_path(run: Run) -> None:
     write = EXPORTERS.load("tests.exporters.test_request:write_nothing")
     assert write(Request(run=run, children=(1,))) == [Path("1")]
-    with pytest.raises(UsageError, match="known: interaction, fcd, openscenario, sumo"):
+    with pytest.raises(UsageError, match="known: interaction, interpret, fcd, openscenario, sumo"):
         EXPORTERS.load("word")
 
 
@@ -63,3 +64,17 @@ def test_all_children_are_cases_of_one_interaction_file(run: Run, tmp_path: Path
     lines = file.read_text().splitlines()
     assert len(lines) == 1 + 4 * run.scene.vehicles * 40
     assert lines[0].startswith("case_id,track_id,frame_id")
+
+
+def test_six_children_are_the_modalities_of_an_interpret_case(run: Run, tmp_path: Path) -> None:
+    children = (3, 0, 1, 2)
+    (file,) = EXPORTERS.load("interpret")(Request(run=run, children=children, out=tmp_path / "x_sub.csv"))
+    rows = csv.read_csv(file).to_pandas()
+    assert len(rows) == 30 * run.scene.vehicles and list(rows.columns[-3:]) == ["x4", "y4", "psi_rad4"]
+    track = run.scene.track_ids[1]
+    mine = rows[rows["track_id"] == track]
+    assert mine["frame_id"].tolist() == list(range(11, 41)) and (mine["timestamp_ms"] % 100 == 0).all()
+    for number, child in enumerate(children, start=1):
+        future = run.states(child)[1, 10:40]
+        assert np.array_equal(mine[f"x{number}"], future.x)
+        assert np.array_equal(mine[f"psi_rad{number}"], future.heading)

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
@@ -21,7 +20,7 @@ from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
-PERSISTENT, COMMON, FRESH = 40, 41, 64  # salts of draws; each 0.5 s has its own from FRESH on
+FIRST_SALT = 64  # of the draws of the first 0.5 s
 
 
 class JointDriver(LearnedDriver):
@@ -101,21 +100,11 @@ class JointDriver(LearnedDriver):
             aside = weight.sum(1)
             aside = aside / aside.sum(1, keepdims=True)
             return _snapped(along @ tokens.acceleration), _snapped(aside @ tokens.sideways)
-        draw = self._draws(history, who)
+        salt = FIRST_SALT + history.step // TOKEN_STEPS  # so a plan and the next one draw the same
+        draw = uniforms(history.route_draw[who.child, who.vehicle], 2, salt)
         a = _drawn(along, draw[:, 0])
         part = weight[np.arange(len(who)), a]
         return tokens.acceleration[a], tokens.sideways[_drawn(part / part.sum(1, keepdims=True), draw[:, 1])]
-
-    def _draws(self, history: SceneHistory, who: VehicleIndex) -> FloatArray:
-        """Return (n, 2) numbers in (0, 1) for a time: they follow from child, vehicle and step alone."""
-        draw = history.route_draw[who.child, who.vehicle]
-        fresh = ndtri(uniforms(draw, 2, FRESH + history.step // TOKEN_STEPS))
-        own = ndtri(uniforms(draw, 2, PERSISTENT))
-        first = history.route_draw[who.child, 0]
-        common = ndtri(uniforms(first, 2, COMMON))
-        keep, share = self.profile.persistence, self.profile.common
-        steady = np.sqrt(share) * common + np.sqrt(1 - share) * own
-        return np.asarray(ndtr(np.sqrt(keep) * steady + np.sqrt(1 - keep) * fresh))
 
 
 def _drawn(share: FloatArray, draw: FloatArray) -> IntArray:

@@ -67,15 +67,11 @@ class JointPredictorProfile:
         path: as in `GraphPredictorProfile`; ``likeliest`` is drawn with its probability if ``mode=draw``.
         mode: ``draw``, one motion for each vehicle every 0.5 s; or ``best``, the expected motion.
         temperature: 1 draws with the network's probabilities; less prefers probable motions.
-        persistence: in [0, 1): share of a vehicle's draws that stays the same over time.
-        common: in [0, 1): share of it that all vehicles of a future have in common.
     """
 
     path: PathChoice | Literal["likeliest"] = "likeliest"
     mode: str = "draw"
     temperature: float = 1.0
-    persistence: float = 0.5
-    common: float = 0.0
     radius: float = 100.0
     weights: str = ""
 
