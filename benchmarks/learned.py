@@ -28,9 +28,9 @@ from scex_sumo.extrapolation.rollout import Batch, history_at, roll_out
 from scex_sumo.scene import SeedScene, States, VehicleIndex
 from scex_sumo.world.plain import PlainWorld
 
-MODELS = {"graph_predictor": "graph", "graph_image_predictor": "hybrid"}
+MODELS = {"graph_predictor": "graph", "graph_image_predictor": "hybrid", "joint_predictor": "joint"}
 PARTS = ("scene_graph", "path_inputs", "network", "plan_along", "the rest")
-GOAL_MS = {"graph_predictor": 5.0, "graph_image_predictor": 10.0}
+GOAL_MS = {"graph_predictor": 5.0, "graph_image_predictor": 10.0, "joint_predictor": 20.0}
 
 
 class Watch:

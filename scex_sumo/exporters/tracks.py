@@ -55,7 +55,9 @@ def write_interpret(request: Request) -> list[Path]:
     """
     scene, info = request.scene, request.run.info
     if info["steps"] < _PREDICTED_STEPS:
-        raise UsageError(f"{request.run.folder}: has {info['steps']} steps; a submission needs 30, so run with 3 s")
+        raise UsageError(
+            f"{request.run.folder}: has {info['steps']} steps; a submission needs 30, so run with 3 s"
+        )
     path = request.out if request.out is not None else Path(f"{scene.location}_sub.csv")
     if path.is_dir():
         raise UsageError(f"-o {path}: is a folder; give a file.csv")
@@ -63,7 +65,7 @@ def write_interpret(request: Request) -> list[Path]:
     count, frames = scene.vehicles, LOGGED_HISTORY + np.arange(1, _PREDICTED_STEPS + 1)
     frame = np.tile(frames, count)
     columns = {
-        "case_id": np.full(len(frame), float(scene.source.get("case_id") or 1)),
+        "case_id": np.full(len(frame), float(scene.source.get("case") or 1)),
         "track_id": np.repeat(scene.track_ids, _PREDICTED_STEPS),
         "frame_id": frame,
         "timestamp_ms": 100 * frame,

@@ -146,6 +146,17 @@ def test_the_hybrid_learns_from_turned_maps(small: Dataset) -> None:
     assert sum(log[-1].parts.values()) < sum(log[0].parts.values())
 
 
+def test_the_joint_network_learns_motions_of_the_recordings(small: Dataset) -> None:
+    run, log = trained(
+        small, options(kind="joint", epochs=4, sizes={**SMALL, "accelerations": 9, "sideways": 3})
+    )
+    assert log[-1].parts["motion"] < log[0].parts["motion"] < 2 * np.log(27)
+    assert log[-1].score.loss < log[0].score.loss
+    head = run.finished().head
+    assert (np.diff(head.acceleration) > 0).all() and (np.diff(head.sideways) > 0).all()
+    assert head.acceleration[0] < 0 < head.acceleration[-1]
+
+
 def test_a_turned_or_mirrored_map_shows_the_vehicle_that_is_turned_with_it_the_same_road(
     small: Dataset,
 ) -> None:
@@ -216,7 +227,7 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
     def train(**given: Any) -> None:
         train_command(**{"kind": "graph", "data": [tmp_path], "out": tmp_path / "w.safetensors", **given})
 
-    with pytest.raises(UsageError, match="unknown network; known: graph, hybrid"):
+    with pytest.raises(UsageError, match="unknown network; known: graph, hybrid, joint"):
         train(kind="transformer")
     with pytest.raises(UsageError, match="needs --out"):
         train(out=None)

@@ -19,8 +19,8 @@ from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.networks.graph import (
     ModeTensors,
     PathBatch,
-    SceneBatch,
     ScalerModule,
+    SceneBatch,
     SceneModule,
     mlp,
 )

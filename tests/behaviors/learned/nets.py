@@ -18,7 +18,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from tests.behaviors import roads
 
-KIND_OF = {"graph_predictor": "graph", "graph_image_predictor": "hybrid"}
+KIND_OF = {"graph_predictor": "graph", "graph_image_predictor": "hybrid", "joint_predictor": "joint"}
 State = dict[str, np.ndarray]
 
 
@@ -41,7 +41,11 @@ def drawn(kind: str, scene: SeedScene, road: Road, sizes: Architecture, *, loud:
     fit(state, "scene.history_scale", graph.history.reshape(len(graph.history), -1))
     fit(state, "scene.edge_scale", graph.edge)
     fit(state, "path_scale", inputs.features)
-    state["head.knots.weight"] *= loud
+    if kind == "joint":
+        state["head.acceleration"] = np.linspace(-4.0, 3.0, sizes.accelerations)
+        state["head.sideways"] = np.linspace(-0.5, 0.5, sizes.sideways)
+    else:
+        state["head.knots.weight"] *= loud
     state["head.choice.weight"] *= loud
     return {name: values.astype(np.float32) for name, values in state.items()}
 

@@ -25,6 +25,7 @@ from tests.behaviors import roads
 from tests.behaviors.learned import nets
 
 NAMES = ("graph_predictor", "graph_image_predictor")
+ALL = (*NAMES, "joint_predictor")
 DRAWN = "graph_predictor:mode=draw"
 ROAD = roads.fork()
 STATES = ("x", "y", "heading", "speed")
@@ -79,7 +80,7 @@ def test_who_stands_starts_behind_one_that_moves_or_after_three_seconds(tmp_path
         assert starts(alone, step=30)
 
 
-@pytest.mark.parametrize("text", [*NAMES, "graph_image_predictor:attention=0", "graph_predictor:mode=draw"])
+@pytest.mark.parametrize("text", [*ALL, "graph_image_predictor:attention=0", "graph_predictor:mode=draw"])
 def test_nobody_reverses_and_every_box_stays_on_the_road(tmp_path: Path, text: str) -> None:
     straight = roads.straight()
     scene = roads.scene_of(*[(20.0 + 15 * k, 0.1 * (k % 5 - 2), 0.0, float(k)) for k in range(12)])
@@ -90,7 +91,10 @@ def test_nobody_reverses_and_every_box_stays_on_the_road(tmp_path: Path, text: s
     assert surface_of(straight).at(made.x, made.y).min() > 0
 
 
-@pytest.mark.parametrize("text", [*NAMES, "graph_image_predictor:head=free", DRAWN, f"{DRAWN}:guard=true"])
+@pytest.mark.parametrize(
+    "text",
+    [*ALL, "joint_predictor:mode=best", "graph_image_predictor:head=free", DRAWN, f"{DRAWN}:guard=true"],
+)
 def test_a_child_gets_the_same_bytes_in_any_batch_from_any_process(tmp_path: Path, text: str) -> None:
     model = driver(tmp_path, text)
     history = apart(64)
@@ -133,7 +137,7 @@ def test_matrices_are_multiplied_on_one_thread_and_the_number_is_as_before_after
     assert all(number == 1 for found in threads for number in found)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ALL)
 def test_who_else_is_asked_for_does_not_matter(tmp_path: Path, name: str) -> None:
     model = driver(tmp_path, name)
     history = apart(5)
@@ -143,7 +147,7 @@ def test_who_else_is_asked_for_does_not_matter(tmp_path: Path, name: str) -> Non
     assert same(whole, roads.plan(model, ROAD, history, who), some)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ALL)
 def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
     tmp_path: Path, name: str
 ) -> None:
@@ -158,7 +162,7 @@ def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
     assert same(made, alone, np.array([1, 4]))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ALL)
 def test_a_scene_off_the_map_altogether_still_drives(tmp_path: Path, name: str) -> None:
     scene = roads.scene_of((20.0, 60.0, 1.0, 5.0))
     made = roads.plan(driver(tmp_path, name), ROAD, roads.present(scene))

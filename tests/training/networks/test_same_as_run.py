@@ -15,7 +15,7 @@ from scex_sumo.behaviors.learned.architecture import Architecture, shapes  # noq
 from scex_sumo.behaviors.learned.driver import OUTPUT_GRID, image_of  # noqa: E402
 from scex_sumo.behaviors.learned.layers import exact, snapped  # noqa: E402
 from scex_sumo.behaviors.learned.networks import KINDS as RUN  # noqa: E402
-from scex_sumo.behaviors.learned.networks import GraphNet, Modes  # noqa: E402
+from scex_sumo.behaviors.learned.networks import GraphNet, JointNet, Modes, Tokens  # noqa: E402
 from scex_sumo.behaviors.learned.path_inputs import path_inputs  # noqa: E402
 from scex_sumo.behaviors.learned.raster import raster_of  # noqa: E402
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
@@ -39,7 +39,9 @@ def apart(children: int) -> SceneHistory:
     return history
 
 
-def both(kind: str, net: Net, state: Any, sizes: Architecture, kept: torch.dtype) -> tuple[Modes, Modes]:
+def both(
+    kind: str, net: Net, state: Any, sizes: Architecture, kept: torch.dtype
+) -> tuple[Modes | Tokens, Modes | Tokens]:
     """What torch and NumPy say of some children, every third vehicle asked for."""
     history = apart(5)
     who, graph = roads.every(history)[np.arange(0, 15, 3)], scene_graph(history, ROAD)
@@ -64,8 +66,9 @@ def both(kind: str, net: Net, state: Any, sizes: Architecture, kept: torch.dtype
         )
     with torch.inference_mode():
         trained = net.to(kept).eval()(*given)
-    theirs = Modes(*(None if part is None else part.numpy() for part in trained))
-    if isinstance(running, GraphNet):
+    every = (None if part is None else part.numpy() for part in trained)
+    theirs = Tokens(*every) if kind == "joint" else Modes(*every)
+    if isinstance(running, GraphNet | JointNet):
         return theirs, running(graph, path)
     return theirs, running(
         graph, path, image_of(ROAD, running, ""), pose, np.arange(len(who)), 0.3, free=True
@@ -85,7 +88,13 @@ def on_grids(net: Net) -> None:
         net.image.convolve.register_forward_hook(lambda module, given, made: snap(module, (made,))[0])
 
 
-CASES = [("graph", {}), ("graph", {"edges": False}), ("hybrid", {}), ("hybrid", {"free": False, "layers": 1})]
+CASES = [
+    ("graph", {}),
+    ("graph", {"edges": False}),
+    ("hybrid", {}),
+    ("hybrid", {"free": False, "layers": 1}),
+    ("joint", {}),
+]
 
 
 @pytest.mark.parametrize(("kind", "numbers"), CASES)
@@ -100,7 +109,7 @@ def test_the_network_that_runs_is_the_one_that_was_trained(kind: str, numbers: d
         if kept == torch.float64:
             on_grids(net)
         theirs, ours = both(kind, net, state, sizes, kept)
-        for name, one, other in zip(Modes._fields, theirs, ours, strict=True):
+        for name, one, other in zip(theirs._fields, theirs, ours, strict=True):
             if one is None or other is None:
                 assert name in ("offset", "free")
                 assert one is other
@@ -119,7 +128,7 @@ def test_shapes_are_those_of_the_modules(kind: str, numbers: dict[str, Any]) -> 
     assert shapes(kind, sizes) == {name: tuple(values.shape) for name, values in state.items()}
 
 
-@pytest.mark.parametrize("kind", ["graph", "hybrid"])
+@pytest.mark.parametrize("kind", ["graph", "hybrid", "joint"])
 def test_trained_weights_come_back_from_their_file(tmp_path: Any, kind: str) -> None:
     torch.manual_seed(0)
     net = NETWORKS[kind](nets.small())

@@ -1,0 +1,119 @@
+"""The joint predictor: all vehicles of a future are rolled out together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
+from tests.behaviors import roads
+from tests.behaviors.learned import nets
+
+ROAD = roads.fork()
+SCENE = roads.scene_of(
+    (8.0, 0.3, 0.02, 6.0), (20.0, -0.2, 0.0, 5.0), (35.0, 0.0, 0.0, 4.0), (50.0, 0.0, 0.0, 9.0)
+)
+STATES = ("x", "y", "heading", "speed")
+DRAWS = np.random.default_rng(5).random((6, SCENE.vehicles))
+CLOSE = 1e-6  # m and rad: rounding of coordinates
+
+
+def model(folder: Path, text: str = "joint_predictor", **numbers: int) -> Behavior:
+    file = nets.untrained(folder, "joint_predictor", SCENE, ROAD, **numbers)
+    return build(parse_models(f"{text}:weights={file}")[0])
+
+
+def drawn(scene: SeedScene = SCENE, draws: np.ndarray = DRAWS) -> SceneHistory:
+    return roads.present(scene, len(draws), draws)
+
+
+def ends(plan: Plan, children: int) -> np.ndarray:
+    """(C, V) ways of the vehicles in 3 s, along x."""
+    return plan.x[:, -1].reshape(children, -1)
+
+
+@pytest.mark.parametrize("numbers", [{}, {"accelerations": 5, "sideways": 3}])
+def test_a_plan_has_thirty_steps_and_follows_from_the_draws(tmp_path: Path, numbers: dict[str, int]) -> None:
+    made = roads.plan(model(tmp_path, **numbers), ROAD, drawn())
+    assert made.x.shape == made.speed.shape == (6 * SCENE.vehicles, 30)
+    again = roads.plan(model(tmp_path, **numbers), ROAD, drawn())
+    assert all(np.array_equal(getattr(made, key), getattr(again, key)) for key in STATES)
+    assert ends(made, 6).std(axis=0).min() > 0.1  # futures differ
+
+
+def test_the_plan_is_what_closed_loop_then_drives(tmp_path: Path) -> None:
+    driver = model(tmp_path)
+    planned = roads.plan(driver, ROAD, roads.present(SCENE))
+    driven = roads.closed_loop(driver, ROAD, SCENE, steps=30, replan=5)
+    for key in STATES:
+        assert np.array_equal(getattr(driven, key)[0], getattr(planned, key))
+
+
+def test_the_order_of_the_vehicles_does_not_matter(tmp_path: Path) -> None:
+    driver, order = model(tmp_path), [2, 0, 3, 1]
+    made = roads.plan(driver, ROAD, drawn())
+    other = roads.plan(driver, ROAD, drawn(SCENE.reordered(order, name="other"), DRAWS[:, order]))
+    for key in STATES:
+        values = getattr(made, key).reshape(6, SCENE.vehicles, 30)[:, order]
+        assert np.abs(values - getattr(other, key).reshape(values.shape)).max() < CLOSE
+
+
+@pytest.mark.parametrize(("turn", "shift"), [(0.0, (1000.0, -500.0)), (2.0, (30.0, 7.0))])
+def test_the_place_of_the_map_does_not_matter(
+    tmp_path: Path, turn: float, shift: tuple[float, float]
+) -> None:
+    cos, sin = np.cos(turn), np.sin(turn)
+
+    def line(points: np.ndarray) -> np.ndarray:
+        return points @ np.array([[cos, sin], [-sin, cos]]) + shift
+
+    def moved(states: States) -> States:
+        x, y = np.moveaxis(line(np.stack([states.x, states.y], -1)), -1, 0)
+        return States(x=x, y=y, heading=wrap(states.heading + turn), speed=states.speed)
+
+    lanes = {
+        key: replace(
+            one,
+            centreline=line(one.centreline),
+            left_bound=line(one.left_bound),
+            right_bound=line(one.right_bound),
+        )
+        for key, one in ROAD.lanes.items()
+    }
+    driver = model(tmp_path, "joint_predictor:mode=best")
+    here = moved(roads.plan(driver, ROAD, drawn()))
+    scene = replace(SCENE, history=moved(SCENE.history))
+    there = roads.plan(driver, Road(name="moved", lanes=lanes), drawn(scene))
+    # Rounded numbers of the network may fall to the other side, and the surface is a grid.
+    assert np.hypot(here.x - there.x, here.y - there.y).max() < 0.15
+    assert np.abs(here.speed - there.speed).max() < 0.1
+
+
+def test_other_models_vehicles_are_seen_where_they_are(tmp_path: Path) -> None:
+    driver, history = model(tmp_path, "joint_predictor:mode=best"), drawn()
+    mine = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    states = history.states.map(np.copy)
+    states.x[:, 1] -= 5.0
+    near = roads.plan(driver, ROAD, replace(history, states=states), mine)
+    far = roads.plan(driver, ROAD, history, mine)
+    assert np.abs(near.x - far.x).max() > 1e-3
+
+
+def test_the_shipped_follower_goes_with_its_leader_and_drawn_modes_do_not() -> None:
+    scene = roads.scene_of((60.0, 0.0, 0.0, 8.0), (71.0, 0.0, 0.0, 7.0))
+    draws = np.random.default_rng(0).random((300, 2))
+    history = roads.present(scene, len(draws), draws)
+
+    def agreement(text: str) -> float:
+        follower, leader = ends(roads.plan(build(parse_models(text)[0]), roads.straight(), history), 300).T
+        return float(np.corrcoef(follower, leader)[0, 1])
+
+    assert agreement("joint_predictor") > 0.15
+    assert abs(agreement("graph_predictor:mode=draw")) < 0.12
