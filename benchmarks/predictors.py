@@ -3,6 +3,7 @@
     python benchmarks/predictors.py OUT --data FOLDER... train    trains all networks that OUT does not have
     python benchmarks/predictors.py OUT --data FOLDER... errors   3 s of prediction on the test part
     python benchmarks/predictors.py OUT --data FOLDER... loop     10 s of closed loop from perturbed starts
+    python benchmarks/predictors.py OUT --data FOLDER... joint    six futures of whole scenes, as INTERPRET scores them
     python benchmarks/predictors.py OUT table                     the results so far as Markdown
 
 Everything is kept in OUT, and only what is missing there is done: weights as ``NAME.safetensors``, numbers in
@@ -15,6 +16,7 @@ recordings are too short to be cut, the files of `recorded_scenes.NGSIM_TEST`. N
 on. Vehicles with 1 s of recorded past and 3 s of recorded future, those that move and those that stand apart.
 Errors are those of the plan that the model drives, means over vehicles. Closed loop: all vehicles of a scene,
 put off by up to 0.7 m and 5 degrees, driven by the model for 10 s; with the guard also from where they were.
+Joint: all vehicles driven by the model for 3 s, in closed loop and, for `+once`, with the first plan.
 """
 
 from __future__ import annotations
@@ -34,10 +36,14 @@ from predictors_report import place, tables
 from recorded_scenes import ngsim_part
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor
-from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
+from scex_sumo.behaviors.learned.profiles import (
+    GraphImagePredictorProfile,
+    GraphPredictorProfile,
+    JointPredictorProfile,
+)
 from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.recordings import Recording, find_recordings
 from scex_sumo.scene import SeedScene
@@ -56,7 +62,10 @@ YARDSTICKS: dict[str, Callable[[SeedScene, IntArray], FloatArray]] = {
     "next_second_known_half": partial(measures.foreseen, kept=0.5),
 }
 RULES = ("calibrated_driver",)
-KINDS = ("graph", "hybrid")
+KINDS = ("graph", "hybrid", "joint")
+JOINT_EVERY_S = {"MONA": 4.0, "Peachtree": 0.5}
+JOINT_OFTEN_S = 1.0
+ALONE = ("likely_driver", "constant_velocity")  # drawn independently, like `graph`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,10 +110,14 @@ def train(out: Path, roots: Sequence[Path], names: Sequence[str], wanted: Sequen
         print(f"{training.name}: {time.process_time() - begun:.0f} s of processor time", flush=True)
 
 
-def learned(file: Path, kind: str, *, attention: float = 0.5, head: str = "bounded") -> Any:
+def learned(
+    file: Path, kind: str, *, attention: float = 0.5, head: str = "bounded", mode: str = "best"
+) -> Any:
     """A learned driver with a file of weights."""
+    if kind == "joint":
+        return JointPredictor(JointPredictorProfile(weights=str(file), mode=mode))
     if kind == "graph":
-        return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file)))
+        return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file), mode=mode))
     return GraphImagePredictor(
         GraphImagePredictorProfile(path="likeliest", weights=str(file), attention=attention, head=head)
     )
@@ -141,7 +154,8 @@ def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | str) 
             off = measures.planned(test, model, vehicle)
         driver = getattr(model, "driver", None)
         free = getattr(driver, "free", False)
-        best = None if driver is None or free else measures.best_of_six(test, driver, vehicle)
+        modes = driver is not None and not free and driver.kind != "joint"
+        best = measures.best_of_six(test, driver, vehicle) if modes else None
         moves = measures.moving(test.scene, vehicle)
         changes = moves & measures.changing(test.scene, vehicle)
         for group, chosen in (("standing", ~moves), ("moving", moves), ("changing", changes)):
@@ -151,6 +165,38 @@ def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | str) 
             entry[2] += float(off[chosen, -1].sum())
             entry[3] += float("nan") if best is None else float(best[chosen].sum())
     return sums
+
+
+def measure_joint(scenes: Sequence[measures.TestScene], model: Behavior, replan: int) -> dict[str, Any]:
+    """Sums by site: scenes, the figures `measures.JOINT`, moving vehicles, their errors and `straight_on`'s."""
+    sums: dict[str, Any] = {}
+    for test in scenes:
+        vehicle = learnable(test.scene)
+        futures = measures.drawn_futures(test, model, replan=replan)
+        moves = measures.moving(test.scene, vehicle)
+        off = measures.final_errors(test, futures, vehicle)[:, moves].mean(0)
+        straight = measures.straight_on(test.scene, vehicle)[moves, -1]
+        row = [1, *measures.joint_figures(test, futures, vehicle), moves.sum(), off.sum(), straight.sum()]
+        entry = sums.setdefault(f"{place(test.site)}|{test.site}", [0.0] * len(row))
+        entry[:] = [float(old + new) for old, new in zip(entry, row, strict=True)]
+    return sums
+
+
+def joint_variants(out: Path, seeds: int, sites: Sequence[str]) -> Iterator[tuple[str, str, Any, int]]:
+    """(name, site or "", model, steps of a plan that are driven) of all that `measure_joint` measures."""
+    for name in ALONE:
+        yield name, "", build(ModelSpec(name=name)), measures.REPLAN
+    for training in trainings(sites, seeds):
+        file = out / f"{training.name}.safetensors"
+        if training.kind == "hybrid" or not file.exists():
+            continue
+        model = learned(file, training.kind, mode="draw")
+        # The plan of `joint` is what it drives in closed loop, so that one is enough.
+        once = PLAN_STEPS if training.kind == "joint" else measures.REPLAN
+        yield training.name, training.leave_out, model, once
+        if training.kind == "graph":
+            base, _, seed = training.name.rpartition("-")
+            yield f"{base}+once-{seed}", training.leave_out, model, PLAN_STEPS
 
 
 def measure_loop(
@@ -218,7 +264,7 @@ def _recordings(given: Sequence[Path]) -> tuple[tuple[Recording, ...], tuple[Pat
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("part", choices=("train", "errors", "loop", "table"))
+    parser.add_argument("part", choices=("train", "errors", "loop", "joint", "table"))
     parser.add_argument("--data", type=Path, action="append", default=[])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--only", default="")
@@ -235,12 +281,22 @@ def main() -> None:
         train(given.out, roots, [recording.name for recording in recordings], wanted)
         return
     looped = given.part == "loop"
-    every, often = (LOOP_EVERY_S, LOOP_OFTEN_S) if looped else (ERRORS_EVERY_S, ERRORS_OFTEN_S)
+    every, often = {
+        "loop": (LOOP_EVERY_S, LOOP_OFTEN_S),
+        "errors": (ERRORS_EVERY_S, ERRORS_OFTEN_S),
+        "joint": (JOINT_EVERY_S, JOINT_OFTEN_S),
+    }[given.part]
     scenes = [
         scene
         for recording in recordings
         for scene in measures.test_scenes(recording, every.get(place(recording.site), often))
     ]
+    if given.part == "joint":
+        for name, site, model, replan in joint_variants(given.out, given.seeds, sites):
+            if given.only in name:
+                some = _of_site(scenes, site)
+                results.add(f"joint|{name}", lambda: measure_joint(some, model, replan))  # noqa: B023
+        return
     if looped:
         results.add("loop|recorded", lambda: measure_loop(scenes, None))
         results.add("calm|recorded", lambda: measure_loop(scenes, None, perturbs=False))

@@ -149,8 +149,8 @@ JOINT = ("minJointADE", "minJointFDE", "minJointMR", "cMR", "collided", "recorde
 """Figures of `joint_figures`."""
 
 
-def drawn_futures(test: TestScene, model: Behavior, count: int = GUESSES, replan: int = REPLAN) -> States:
-    """(C, H, V) futures of a scene with a model that drives everybody, a new plan every 0.5 s."""
+def drawn_futures(test: TestScene, model: Behavior, count: int = 2 * GUESSES, replan: int = REPLAN) -> States:
+    """(C, H, V) futures of a scene with a model that drives everybody, a new plan every `replan` steps."""
     vehicles = test.scene.vehicles
     batch = Batch(
         children=np.arange(count),
@@ -165,14 +165,27 @@ def drawn_futures(test: TestScene, model: Behavior, count: int = GUESSES, replan
     return roll_out(world, test.road, test.scene, batch, steps=PLAN_STEPS, replan=replan).states
 
 
+def final_errors(test: TestScene, futures: States, vehicle: IntArray) -> FloatArray:
+    """(C, k) distances of vehicles after 3 s in futures (C, H, V) to what they did, m."""
+    assert test.scene.future is not None
+    end, true = futures[:, -1, vehicle], test.scene.future[vehicle, PLAN_STEPS - 1]
+    off: FloatArray = np.hypot(end.x - true.x, end.y - true.y)
+    return off
+
+
 def joint_figures(test: TestScene, futures: States, vehicle: IntArray) -> FloatArray:
-    """The figures `JOINT` of some futures (C, H, V), as INTERPRET defines them; errors in m.
+    """The figures `JOINT` of futures (C, H, V) in groups of six, as INTERPRET defines them; errors in m.
 
     A vehicle is missed if it ends more than 1 m sideways, or 1 to 2 m along (by speed), from where it ended.
     `cMR` is the smallest share of missed vehicles among futures without a collision, 1 if all have one;
     `collided` and `recorded` are the shares of futures, and of recordings, in which two vehicles collide.
     No vehicle is the ego, which INTERPRET leaves out.
     """
+    groups = [futures[k : k + GUESSES] for k in range(0, len(futures.x), GUESSES)]
+    return np.mean([_figures_of_six(test, six, vehicle) for six in groups], axis=0)
+
+
+def _figures_of_six(test: TestScene, futures: States, vehicle: IntArray) -> FloatArray:
     scene, recorded = test.scene, test.scene.future
     assert recorded is not None
     future = recorded[vehicle, :PLAN_STEPS]

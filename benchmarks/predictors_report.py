@@ -32,6 +32,7 @@ def tables(numbers: Mapping[str, Any]) -> str:
         *(_errors(numbers, group) for group in WORDS),
         _left_out(numbers),
         *(_loops(numbers, part) for part in STARTS),
+        _joint(numbers),
     )
     return "\n\n".join(part for part in parts if part)
 
@@ -124,5 +125,31 @@ def _loops(numbers: Mapping[str, Any], part: str) -> str:
                 each.append(100 * np.atleast_1d(total)[1:] / max(np.atleast_1d(total)[0], 1))
             shares = [f"{value:.1f}" for value in np.mean(each, axis=0)]
             cells.append(" / ".join(shares))
+        lines.append(f"| {name} | {len(runs)} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) if len(lines) > 4 else ""
+
+
+def _joint(numbers: Mapping[str, Any]) -> str:
+    lines = [
+        "**Six futures of a scene: minJointFDE (ADE) m, minJointMR / consistent, collisions** (% of futures; in "
+        "recordings; error of a drawn future of moving vehicles as a share of `straight_on`)",
+        "",
+        "| driver | trainings | " + " | ".join(NAMES) + " |",
+        "|---|---|" + "---|" * len(NAMES),
+    ]
+    for name, runs in _runs(numbers, "joint").items():
+        cells = []
+        for begin in NAMES:
+            found = [[np.array(v) for k, v in run.items() if k.startswith(f"{begin}|")] for run in runs]
+            if not any(found):
+                cells.append("")
+                continue
+            totals = np.array([np.sum(rows, axis=0) for rows in found if rows])
+            ade, fde, mr, consistent, hit, recorded = np.mean(totals[:, 1:7] / totals[:, :1], axis=0)
+            share = np.mean(totals[:, 8] / totals[:, 9])
+            cells.append(
+                f"{fde:.2f} ({ade:.2f}), {mr:.2f} / {consistent:.2f}, "
+                f"{100 * hit:.0f} ({100 * recorded:.0f}); {share:.2f}"
+            )
         lines.append(f"| {name} | {len(runs)} | " + " | ".join(cells) + " |")
     return "\n".join(lines) if len(lines) > 4 else ""

@@ -38,7 +38,8 @@ def export_command(
         str,
         Option(
             metavar="FORMAT",
-            help="interaction, interpret, fcd, openscenario, commonroad, scenarionet, sumo, ssm, collisions, mp4, gif.",
+            help="interaction, interpret, fcd, openscenario, commonroad, scenarionet, sumo, ssm, collisions, "
+            "mp4, gif.",
             autocompletion=_complete_formats,
         ),
     ] = "interaction",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.learned.weights import MODELS
 from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # that a driver drives before a sample is made
 MAX_SCENES = 10  # of a site and round
+MORE_SCENES = 4  # times as many for `joint`, whose plan is a rollout already
 EVERY_S = 1.0
 
 
@@ -38,6 +39,7 @@ def closed_loop(
     """Return the function that makes the samples of a round."""
 
     def drift(file: Path, number: int) -> TrainingSamples | None:
+        rolls = options.kind == "joint"
         rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
         parts = []
         for index, site in enumerate(dataset.sites):
@@ -46,11 +48,13 @@ def closed_loop(
                 if recording.site == site:
                     loaded = load_recording(recording)
                     here += part_scenes(loaded, "train", split=sampling.split, every_s=EVERY_S)
-            chosen = rng.permutation(len(here))[:MAX_SCENES]
+            chosen = rng.permutation(len(here))[: MAX_SCENES * (MORE_SCENES if rolls else 1)]
             for k in sorted(chosen.tolist()):
                 road = here[k].road
                 assert road is not None
-                samples = drifted_samples(here[k], road, model, sampling.perturbation, rng)
+                samples = drifted_samples(
+                    here[k], road, model, sampling.perturbation, rng, PLAN_STEPS if rolls else REPLAN
+                )
                 shift = map_shift(dataset.roads[index], road)
                 parts += [one.at(index, shift) for one in samples]
         return TrainingSamples.concatenate(parts) if parts else None
@@ -64,7 +68,12 @@ def driver(kind: str, file: Path) -> Behavior:
 
 
 def drifted_samples(
-    scene: SeedScene, road: Road, model: Behavior, perturbation: Perturbation, rng: np.random.Generator
+    scene: SeedScene,
+    road: Road,
+    model: Behavior,
+    perturbation: Perturbation,
+    rng: np.random.Generator,
+    replan: int = REPLAN,
 ) -> list[TrainingSamples]:
     """Make samples where a driver drifts to; targets are the way back, or a stop behind standing vehicles."""
     starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
@@ -72,7 +81,9 @@ def drifted_samples(
     drifted = []
     for start, blocked in [*starts, *([] if stop is None else [stop])]:
         held = start.vehicles - scene.vehicles
-        driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held).swapaxes(1, 2)
+        driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held, replan=replan).swapaxes(
+            1, 2
+        )
         whole = States.concatenate([start.history.repeat(1), driven], 2)
         for step in DRIFT_STEPS:
             window = whole[:, :, step : step + HISTORY_STEPS + 1]
@@ -81,7 +92,9 @@ def drifted_samples(
     return drifted
 
 
-def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0) -> States:
+def drive_all(
+    scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0, replan: int = REPLAN
+) -> States:
     """Let one model drive all vehicles, (1, steps, V); the last ``held`` ones keep their velocity."""
     mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)
     batch = Batch(
@@ -93,4 +106,4 @@ def drive_all(scene: SeedScene, road: Road, model: Behavior, *, steps: int, held
         route_draw=np.random.default_rng(0).random((1, scene.vehicles)),
         generators=[np.random.default_rng([0, 0])],
     )
-    return roll_out(PlainWorld(1, scene.vehicles), road, scene, batch, steps=steps, replan=REPLAN).states
+    return roll_out(PlainWorld(1, scene.vehicles), road, scene, batch, steps=steps, replan=replan).states

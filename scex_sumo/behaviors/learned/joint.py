@@ -61,7 +61,7 @@ class JointDriver(LearnedDriver):
         off_map = ~paths.on_road[who.vehicle]
         finite, parts = np.ones(len(who), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
-            inputs, tokens = self.predict(history, road, who, paths, row)
+            _, tokens = self.predict(history, road, who, paths, row)
             acceleration, sideways = self._chosen(history, who, tokens)
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             kept = off_map | ~finite
