@@ -3,7 +3,7 @@
     python benchmarks/predictors.py OUT --data FOLDER... train    trains all networks that OUT does not have
     python benchmarks/predictors.py OUT --data FOLDER... errors   3 s of prediction on the test part
     python benchmarks/predictors.py OUT --data FOLDER... loop     10 s of closed loop from perturbed starts
-    python benchmarks/predictors.py OUT --data FOLDER... joint    six futures of whole scenes, as INTERPRET scores them
+    python benchmarks/predictors.py OUT --data FOLDER... joint    six futures of whole scenes
     python benchmarks/predictors.py OUT table                     the results so far as Markdown
 
 Everything is kept in OUT, and only what is missing there is done: weights as ``NAME.safetensors``, numbers in
@@ -168,7 +168,7 @@ def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | str) 
 
 
 def measure_joint(scenes: Sequence[measures.TestScene], model: Behavior, replan: int) -> dict[str, Any]:
-    """Sums by site: scenes, the figures `measures.JOINT`, moving vehicles, their errors and `straight_on`'s."""
+    """Sums by site: scenes, figures `measures.JOINT`, moving vehicles, their errors, `straight_on`'s."""
     sums: dict[str, Any] = {}
     for test in scenes:
         vehicle = learnable(test.scene)

@@ -131,8 +131,8 @@ def _loops(numbers: Mapping[str, Any], part: str) -> str:
 
 def _joint(numbers: Mapping[str, Any]) -> str:
     lines = [
-        "**Six futures of a scene: minJointFDE (ADE) m, minJointMR / consistent, collisions** (% of futures; in "
-        "recordings; error of a drawn future of moving vehicles as a share of `straight_on`)",
+        "**Six futures of a scene: minJointFDE (ADE) m, minJointMR / consistent, collisions** "
+        "(% of futures; in recordings; error of moving vehicles in a future, as a share of `straight_on`)",
         "",
         "| driver | trainings | " + " | ".join(NAMES) + " |",
         "|---|---|" + "---|" * len(NAMES),

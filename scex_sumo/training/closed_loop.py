@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # that a driver drives before a sample is made
 MAX_SCENES = 10  # of a site and round
-MORE_SCENES = 4  # times as many for `joint`, whose plan is a rollout already
 EVERY_S = 1.0
 
 
@@ -39,7 +38,8 @@ def closed_loop(
     """Return the function that makes the samples of a round."""
 
     def drift(file: Path, number: int) -> TrainingSamples | None:
-        rolls = options.kind == "joint"
+        # The plan of `joint` is what it drives in closed loop.
+        replan = PLAN_STEPS if options.kind == "joint" else REPLAN
         rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
         parts = []
         for index, site in enumerate(dataset.sites):
@@ -48,13 +48,11 @@ def closed_loop(
                 if recording.site == site:
                     loaded = load_recording(recording)
                     here += part_scenes(loaded, "train", split=sampling.split, every_s=EVERY_S)
-            chosen = rng.permutation(len(here))[: MAX_SCENES * (MORE_SCENES if rolls else 1)]
+            chosen = rng.permutation(len(here))[:MAX_SCENES]
             for k in sorted(chosen.tolist()):
                 road = here[k].road
                 assert road is not None
-                samples = drifted_samples(
-                    here[k], road, model, sampling.perturbation, rng, PLAN_STEPS if rolls else REPLAN
-                )
+                samples = drifted_samples(here[k], road, model, sampling.perturbation, rng, replan)
                 shift = map_shift(dataset.roads[index], road)
                 parts += [one.at(index, shift) for one in samples]
         return TrainingSamples.concatenate(parts) if parts else None

@@ -61,14 +61,14 @@ def train_command(
     from scex_sumo.converters.datasets.split import Split
     from scex_sumo.training.closed_loop import closed_loop
     from scex_sumo.training.data.dataset import SampleOptions, make_dataset
-    from scex_sumo.training.options import TrainOptions
+    from scex_sumo.training.options import EPOCHS, TrainOptions
     from scex_sumo.training.train import Trainer, device_of
 
     options = TrainOptions(
         kind=kind,  # type: ignore[arg-type]  # checked above
         seed=seed,
         minutes=minutes,
-        epochs=TrainOptions.epochs if epochs is None else epochs,
+        epochs=EPOCHS[kind] if epochs is None else epochs,
         rounds=TrainOptions.rounds if rounds is None else rounds,
         sizes={} if edges else {"edges": False},
     )

@@ -15,11 +15,18 @@ from scex_sumo.behaviors.learned.architecture import TOKEN_STEPS
 from scex_sumo.behaviors.learned.decoding import plan_along
 from scex_sumo.behaviors.learned.driver import OUTPUT_GRID, LearnedDriver
 from scex_sumo.behaviors.learned.networks import Tokens
+from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS
 from scex_sumo.behaviors.learned.profiles import JointPredictorProfile
 from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
+SAFE_MPS2 = 8.0  # braking with which a vehicle can still stop behind its leader, which brakes as hard
+REACTION_S = 0.3
+SPEED, LEADER, GAP, LEADER_SPEED = (
+    PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
+)
+TINY = 1e-12  # keeps a motion to draw where the network holds all safe ones impossible
 FIRST_SALT = 64  # of the draws of the first 0.5 s
 
 
@@ -61,8 +68,8 @@ class JointDriver(LearnedDriver):
         off_map = ~paths.on_road[who.vehicle]
         finite, parts = np.ones(len(who), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
-            _, tokens = self.predict(history, road, who, paths, row)
-            acceleration, sideways = self._chosen(history, who, tokens)
+            inputs, tokens = self.predict(history, road, who, paths, row)
+            acceleration, sideways = self._chosen(history, who, tokens, _most(inputs.features))
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             kept = off_map | ~finite
             acceleration[kept], sideways[kept] = 0.0, 0.0
@@ -87,13 +94,15 @@ class JointDriver(LearnedDriver):
         return States.concatenate(parts, 1), finite
 
     def _chosen(
-        self, history: SceneHistory, who: VehicleIndex, tokens: Tokens
+        self, history: SceneHistory, who: VehicleIndex, tokens: Tokens, most: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return (n,) accelerations, m/s², and (n,) sideways speeds, m/s, of the next 0.5 s."""
+        """Return (n,) accelerations up to `most`, m/s², and (n,) sideways speeds, m/s, of the next 0.5 s."""
         logits = np.round(tokens.logits / OUTPUT_GRID) * OUTPUT_GRID
         temperature = self.profile.temperature if self.profile.mode == "draw" else 1.0
-        weight = np.exp((logits - logits.max(1, keepdims=True)) / temperature)
+        weight = np.exp((logits - logits.max(1, keepdims=True)) / temperature) + TINY
         weight = weight.reshape(len(who), len(tokens.acceleration), len(tokens.sideways))
+        beyond = tokens.acceleration > np.maximum(most, tokens.acceleration[0])[:, None]
+        weight[beyond] = 0.0
         along = weight.sum(2)
         along = along / along.sum(1, keepdims=True)
         if self.profile.mode == "best":
@@ -105,6 +114,14 @@ class JointDriver(LearnedDriver):
         a = _drawn(along, draw[:, 0])
         part = weight[np.arange(len(who)), a]
         return tokens.acceleration[a], tokens.sideways[_drawn(part / part.sum(1, keepdims=True), draw[:, 1])]
+
+
+def _most(features: FloatArray) -> FloatArray:
+    """Return (n,) accelerations, m/s², after which vehicles can stop behind their leaders (Krauss 1998)."""
+    gap, brake = features[:, GAP], SAFE_MPS2 * REACTION_S
+    safe = np.sqrt(brake**2 + features[:, LEADER_SPEED] ** 2 + 2 * SAFE_MPS2 * np.maximum(gap, 0.0)) - brake
+    follows = (features[:, LEADER] > 0) & (gap > 0)
+    return np.where(follows, (safe - features[:, SPEED]) / (TOKEN_STEPS * STEP_S), np.inf)
 
 
 def _drawn(share: FloatArray, draw: FloatArray) -> IntArray:

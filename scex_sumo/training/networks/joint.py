@@ -25,7 +25,7 @@ from scex_sumo.training.networks.graph import (
     mlp,
 )
 
-LABEL_STEPS = 10  # of the recorded way that an acceleration is fitted to: half of it is too noisy
+LABEL_STEPS = 15  # of the recorded way that gives a motion
 ROUNDS = 30  # of k-means
 
 

@@ -107,7 +107,7 @@ def test_other_models_vehicles_are_seen_where_they_are(tmp_path: Path) -> None:
 
 
 def test_the_shipped_follower_goes_with_its_leader_and_drawn_modes_do_not() -> None:
-    scene = roads.scene_of((60.0, 0.0, 0.0, 8.0), (71.0, 0.0, 0.0, 7.0))
+    scene = roads.scene_of((60.0, 0.0, 0.0, 8.0), (68.5, 0.0, 0.0, 6.0))
     draws = np.random.default_rng(0).random((300, 2))
     history = roads.present(scene, len(draws), draws)
 
@@ -115,5 +115,5 @@ def test_the_shipped_follower_goes_with_its_leader_and_drawn_modes_do_not() -> N
         follower, leader = ends(roads.plan(build(parse_models(text)[0]), roads.straight(), history), 300).T
         return float(np.corrcoef(follower, leader)[0, 1])
 
-    assert agreement("joint_predictor") > 0.15
+    assert agreement("joint_predictor") > 0.2
     assert abs(agreement("graph_predictor:mode=draw")) < 0.12
