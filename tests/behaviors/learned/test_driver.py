@@ -263,7 +263,7 @@ def test_weights_that_change_while_a_run_goes_on_are_not_mixed(tmp_path: Path) -
         roads.plan(pickle.loads(pickle.dumps(model)), ROAD, roads.present(SCENE))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ALL)
 @pytest.mark.parametrize("guard", ["", ":guard=true"])
 @pytest.mark.parametrize(("speed", "gap"), [(5.0, 15.0), (10.0, 30.0), (13.0, 50.0)])
 def test_the_shipped_drivers_stop_behind_a_standing_vehicle_and_need_no_guard_for_it(
