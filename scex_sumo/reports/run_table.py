@@ -28,7 +28,7 @@ MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 Head: TypeAlias = tuple[str, str, str]
 """Title, format and hint of a column in the terminal and on a page.
 
-Formats: text, names and words (left-aligned), real, percent, seconds, metres.
+Formats: text, names and words (left-aligned), real, percent, seconds, metres; in a terminal also ``.2f``.
 """
 _FORMS = {"real": "{:.2f}", "percent": "{:.1%}", "seconds": "{:.1f} s", "metres": "{:.1f} m"}
 
@@ -135,17 +135,30 @@ def _always(run: Run) -> list[str]:
 
 
 def console_table(
-    title: str, heads: Sequence[Head], rows: Sequence[Sequence[Any]], *, caption: str | None = None
+    title: str,
+    heads: Sequence[Head],
+    rows: Sequence[Sequence[Any]],
+    *,
+    caption: str | None = None,
+    grouped: bool = False,
 ) -> Table:
-    """Return a table for the terminal; None is a dash, and a column of words may fold."""
+    """Return a table for the terminal; None and NaN are dashes, and a column of words may fold.
+
+    ``grouped``: rows with the same first cell are a section, which names it once.
+    """
     table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     for name, form, _ in heads:
         left, words = form in ("names", "words"), form == "words"
         style: dict[str, Any] = {"overflow": "fold"} if words else {"no_wrap": True}
         table.add_column(Text(name), justify="left" if left else "right", **style)
-    forms = [_FORMS.get(form, "{}") for _, form, _ in heads]
+    forms = [f"{{:{form}}}" if form[:1] == "." else _FORMS.get(form, "{}") for _, form, _ in heads]
+    last = None
     for row in rows:
-        table.add_row(*(Text("–" if c is None else f.format(c)) for f, c in zip(forms, row, strict=True)))
+        cells = ["–" if c is None or c != c else form.format(c) for form, c in zip(forms, row, strict=True)]
+        if grouped and last not in (None, cells[0]):
+            table.add_section()
+        last, cells[0] = cells[0], "" if grouped and cells[0] == last else cells[0]
+        table.add_row(*map(Text, cells))
     return table
 
 
