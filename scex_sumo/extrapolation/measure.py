@@ -20,8 +20,8 @@ from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, OVERLAP_M2, Collisions, find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
-from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.scenes import Scenes
+from scex_sumo.metrics.registry import Metric
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
 

@@ -15,8 +15,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.registry import Registry
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
-from scex_sumo.results.densities import half_widths, metric_density
-from scex_sumo.results.design import column_of, intervals_of, is_critical
+from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
 from scex_sumo.results.exact import CollisionShare, Encounter, Exact, read_exact
 from scex_sumo.results.info import read_info
 from scex_sumo.results.rare import Rare, read_rare

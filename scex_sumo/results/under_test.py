@@ -14,8 +14,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.registry import column_named, side_of
-from scex_sumo.results.densities import metric_density
-from scex_sumo.results.design import is_critical
+from scex_sumo.results.design import is_critical, metric_density
 from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.statistics.paired import mcnemar, signed_rank, signs

@@ -14,7 +14,7 @@ from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.registry import DEFAULT_MODELS, parse_models
 from scex_sumo.extrapolation.assignments import all_assignments
 from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.results.provenance import digest
+from scex_sumo.results.info import digest
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import SeedScene
