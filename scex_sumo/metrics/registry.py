@@ -57,6 +57,11 @@ class Metric:
         return "left" if self.critical == "min" else "right"
 
     @property
+    def sign(self) -> Literal["≤", "≥"]:
+        """Sign before the threshold in words."""
+        return "≤" if self.critical == "min" else "≥"
+
+    @property
     def words(self) -> str:
         """Name in tables and pictures."""
         return self.label or self.name

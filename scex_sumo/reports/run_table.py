@@ -14,7 +14,7 @@ from rich.text import Text
 
 from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.extrapolation.rollout import fallback_lines
-from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of, side_of
+from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of
 from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.exact import CollisionShare
@@ -247,12 +247,11 @@ def _critical(run: Run, column: str, likely: Run | None) -> tuple[str, ...]:
     threshold = run.thresholds.get(column)
     if threshold is None:
         return ("–",) * (3 if likely is None else 4)
-    sign = "≤" if side_of(column) == "left" else "≥"
     human = (
         "–" if likely is None or not len(likely.samples(column)) else f"{likely.p_critical(column).value:.1%}"
     )
     shares = _shares(run.p_critical(column)) if len(run.samples(column)) else ("–", "–")
-    return f"{sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
+    return f"{metric_of(column).sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
 
 
 def _defined(run: Run, column: str, likely: Run | None) -> str:

@@ -175,13 +175,15 @@ class Run:
     @cached_property
     def baseline(self) -> Run | None:
         """The same children without the models under test; None if it was not run."""
-        folder = self.folder / BASELINE
-        return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
+        return self._within(BASELINE)
 
     @cached_property
     def reference(self) -> Run | None:
         """The reference with human-like drivers; None if it was not run."""
-        folder = self.folder / REFERENCE
+        return self._within(REFERENCE)
+
+    def _within(self, name: str) -> Run | None:
+        folder = self.folder / name
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
     @cached_property

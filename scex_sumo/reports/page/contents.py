@@ -180,7 +180,7 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
         "unit": metric.column_unit,
         "mean": column.endswith("_mean"),
         "side": side,
-        "sign": "≤" if side == "left" else "≥",
+        "sign": metric.sign,
         "threshold": threshold,
         "p": None if share is None else {"value": share.value, "low": share.low, "high": share.high},
         "tenth": _worst_tenth(samples, side),

@@ -117,8 +117,7 @@ def ranks(row: Row) -> str:
 def critical_words(column: str, limit: float) -> str:
     """Return when a metric column is critical, in words."""
     metric, mean = metric_of(column), ", mean" if column.endswith("_mean") else ""
-    sign = "≤" if metric.side == "left" else "≥"
-    return f"{metric.words}{mean} {sign} {limit:.3g} {metric.column_unit}".rstrip()
+    return f"{metric.words}{mean} {metric.sign} {limit:.3g} {metric.column_unit}".rstrip()
 
 
 def _collision(row: Row) -> str:
