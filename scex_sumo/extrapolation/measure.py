@@ -12,7 +12,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
-from scex_sumo.evaluation.severity import Severity, severity_of
+from scex_sumo.evaluation.outcomes import Severity, severity_of
 from scex_sumo.evaluation.tables import worst_table
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area

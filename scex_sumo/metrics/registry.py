@@ -21,8 +21,7 @@ from scex_sumo.metrics.formulas.crossing import gap_time, pet
 from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
 from scex_sumo.metrics.formulas.following import drac, pttc, thw, ttc
 from scex_sumo.metrics.formulas.tq import tq
-from scex_sumo.metrics.formulas.wttc import wttc
-from scex_sumo.metrics.formulas.wttc_path import least_wttc_path, wttc_path
+from scex_sumo.metrics.formulas.wttc import least_wttc_path, wttc, wttc_path
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 
 
