@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -135,16 +135,11 @@ def _always(run: Run) -> list[str]:
 
 
 def console_table(
-    title: str,
-    heads: Sequence[Head],
-    rows: Sequence[Sequence[Any]],
-    *,
-    caption: str | None = None,
-    grouped: bool = False,
+    title: str, heads: Sequence[Head], rows: Iterable[Sequence[Any] | None], *, caption: str | None = None
 ) -> Table:
     """Return a table for the terminal; None and NaN are dashes, and a column of words may fold.
 
-    ``grouped``: rows with the same first cell are a section, which names it once.
+    A row None begins a section.
     """
     table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     for name, form, _ in heads:
@@ -152,13 +147,12 @@ def console_table(
         style: dict[str, Any] = {"overflow": "fold"} if words else {"no_wrap": True}
         table.add_column(Text(name), justify="left" if left else "right", **style)
     forms = [f"{{:{form}}}" if form[:1] == "." else _FORMS.get(form, "{}") for _, form, _ in heads]
-    last = None
     for row in rows:
-        cells = ["–" if c is None or c != c else form.format(c) for form, c in zip(forms, row, strict=True)]
-        if grouped and last not in (None, cells[0]):
+        if row is None:
             table.add_section()
-        last, cells[0] = cells[0], "" if grouped and cells[0] == last else cells[0]
-        table.add_row(*map(Text, cells))
+        else:
+            cells = zip(forms, row, strict=True)
+            table.add_row(*(Text("–" if c is None or c != c else form.format(c)) for form, c in cells))
     return table
 
 
@@ -186,43 +180,39 @@ def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -
 def summary_table(run: Run, preset: str | None = None) -> Table:
     """Return recorded value, median, critical share and number of defined futures by metric."""
     scene, likely = run.info["seed_scene"], run.reference
-    table = Table(
-        title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}",
-        title_justify="left",
-        caption=f"median: of each future's worst value; {_interval_of(run)}",
-        caption_justify="left",
-    )
+    title = f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
     if likely is not None:
-        table.title = f"{table.title}, {likely.children} human-like ones"
+        title += f", {likely.children} human-like ones"
     if region := run.info.get("region"):
         inside = counted(len(region["vehicles"]), "vehicle")
-        table.title = f"{table.title}\nonly pairs with one of {inside} {region['words']}"
-    table.add_column("metric")
-    possible = "P(critical)" if likely is None else "stress test"
-    likely_head = () if likely is None else ("human-like",)
-    for name in ("recorded", "median", "critical if", *likely_head, possible, "95 %", "defined"):
-        table.add_column(name, justify="right", no_wrap=True)
+        title += f"\nonly pairs with one of {inside} {region['words']}"
+    shares = ("P(critical)",) if likely is None else ("human-like", "stress test")
+    heads = ("recorded", "median", "critical if", *shares, "95 %", "defined")
+    rows: list[Sequence[str] | None] = []
     if COLLISION in run.metrics.column_names:
         human = () if likely is None else (_human_share(likely),)
-        shares = _collision_shares(run.p_collision)
-        table.add_row("collision", _recorded_overlaps(run), "–", "any", *human, *shares, "all")
+        found = _collision_shares(run.p_collision)
+        rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *found, "all"))
     if (injuries := expected_injuries(run)) is not None:
         expected = None if likely is None else expected_injuries(likely)
         human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)
-        table.add_row(Text(SEVERITY), *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all")
-    main, folded = shown_columns(run, preset)
-    for part in (main, folded):
-        table.add_section()
+        rows.append((SEVERITY, *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all"))
+    for part in shown_columns(run, preset):
+        rows.append(None)
         for column in part:
             recorded, samples = run.recorded_value(column), run.samples(column)
-            table.add_row(
-                Text(metric_of(column).titled()),  # not markup: the unit is in brackets
-                _number(recorded if recorded is None or np.isfinite(recorded) else None),
-                _number(float(np.median(samples)) if len(samples) else None),
-                *_critical(run, column, likely),
-                _defined(run, column, likely),
+            rows.append(
+                (
+                    metric_of(column).titled(),
+                    _number(recorded if recorded is None or np.isfinite(recorded) else None),
+                    _number(float(np.median(samples)) if len(samples) else None),
+                    *_critical(run, column, likely),
+                    _defined(run, column, likely),
+                )
             )
-    return table
+    caption = f"median: of each future's worst value; {_interval_of(run)}"
+    named: list[Head] = [("metric", "names", ""), *((head, "text", "") for head in heads)]
+    return console_table(title, named, rows, caption=caption)
 
 
 def shown_columns(run: Run, preset: str | None) -> tuple[list[str], list[str]]:

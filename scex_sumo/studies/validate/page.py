@@ -58,15 +58,11 @@ _POSITION_COLUMNS = (
     Column("second", "after [s]"),
     Column(lambda row: "yes" if row["moving"] else "no", "moving", "text", _MOVING),
     Column("vehicles", "vehicles"),
-    Column(
-        "error_of_mean_m", "of the mean", "metres", "Distance of the futures' mean from the recorded place"
-    ),
+    Column("error_of_mean_m", "of the mean", "metres", _OF_MEAN),
     Column("mean_error_m", "mean", "metres", "Mean distance of a future from the recorded place"),
     Column("least_error_m", "least", "metres", "Distance of the nearest future"),
     Column("constant_velocity_error_m", "constant velocity", "metres", "Distance where all go on as they do"),
-    Column(
-        "along_coverage_driven", "along, within 5 – 95 %", "percent", "Recorded places within the futures'"
-    ),
+    Column("along_coverage_driven", "along, within 5 – 95 %", "percent", _WITHIN),
     Column("along_coverage", "as recorded", "percent", _AS_RECORDED),
     Column("across_coverage_driven", "across, within 5 – 95 %", "percent", "The same across the way"),
     Column("across_coverage", "as recorded", "percent", _AS_RECORDED),
