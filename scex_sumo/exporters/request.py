@@ -1,19 +1,44 @@
-"""Export request: children of a run, where to write them, and the run's map and scene."""
+"""Export request: children of a run, where to write them, the run's map and scene; registry of exporters.
+
+Packages add entry points in ``scex_sumo.exporters``; ``--to`` also takes ``package.module:function``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.registry import Registry
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.views.children import most_critical
+
+Exporter: TypeAlias = Callable[["Request"], list[Path]]
+
+EXPORTERS: Final = Registry(
+    group="scex_sumo.exporters",
+    kind="export format",
+    builtin={
+        "interaction": "scex_sumo.exporters.tracks:write_interaction",
+        "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
+        "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
+        "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
+        "ssm": "scex_sumo.exporters.conflicts:write_ssm",
+        "collisions": "scex_sumo.exporters.conflicts:write_collisions",
+        "mp4": "scex_sumo.exporters.video:write_mp4",
+        "gif": "scex_sumo.exporters.video:write_gif",
+        "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
+        "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
+    },
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,7 @@ from scex_sumo.views.crop import Box, crop_extras, crop_net
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.gui_drawings import (
     OTHER_RGB,
+    WINDOW_SIZE,
     ChildView,
     Frame,
     TiledChild,
@@ -32,8 +33,8 @@ from scex_sumo.world.gui_drawings import (
     legend_entries,
     letter_height,
     readable,
+    write_view_settings,
 )
-from scex_sumo.world.gui_settings import WINDOW_SIZE, write_view_settings
 from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 

@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 from scex_sumo.base.errors import MapError, MissingExtraError
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats.commonroad.file import CommonRoadFile, is_commonroad, open_commonroad
-from scex_sumo.formats.commonroad.lanelets import read_lanelets
+from scex_sumo.formats.commonroad.file import CommonRoadFile, is_commonroad, open_commonroad, read_lanelets
 from scex_sumo.formats.commonroad.lanes import (
+    Sign,
     drawn_areas,
     drawn_markings,
     driven_both_ways,
@@ -24,7 +24,6 @@ from scex_sumo.formats.commonroad.lanes import (
     rules_of,
     with_reverse,
 )
-from scex_sumo.formats.commonroad.rules import Sign
 from scex_sumo.formats.lane_links import Links, connected
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import overlapping
