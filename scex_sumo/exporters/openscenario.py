@@ -15,8 +15,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.base.files import write_atomic
+from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.exporters.request import Request
@@ -67,12 +67,8 @@ class _Participant:
 
 def write_openscenario(request: Request) -> list[Path]:
     """Write the road, a scenario for each child, and a README."""
-    try:
+    with extra_for("OpenSCENARIO needs scenariogeneration", "formats"):
         from scenariogeneration import xosc
-    except ImportError as error:
-        raise MissingExtraError(
-            f"OpenSCENARIO needs scenariogeneration ({error}); install it: pip install 'scex-sumo[formats]'"
-        ) from None
     road = request.folder / f"{request.road.name}.xodr"
     write_atomic(road, opendrive_text(request.road).encode())
     files = [road]

@@ -22,7 +22,7 @@ from scex_sumo.converters.cleaning.heading import FORWARD_MPS
 from scex_sumo.converters.lanelet.file import list_ids
 from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, Recording, recording_name
-from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows, track_table
 from scex_sumo.formats.commonroad.file import coordinate, element_id, is_commonroad, parse_commonroad
 from scex_sumo.geometry.polylines import wrap
 
@@ -74,14 +74,7 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
     last = max(track.states[-1, 0] for track in moving)
     steps = np.arange(first, last + 1)
     standing = [replace(track, states=_held(track.states[0], steps)) for track in standing]
-    table = TrackTable(
-        path=path,
-        cases=("",),
-        vehicles=_rows([track for track in moving if track.motor], step_s),
-        others=_rows([track for track in (*moving, *standing) if not track.motor], step_s),
-        step_s=step_s,
-    )
-    return table, (f"{left_out}: left out",) if left_out else ()
+    return _table(path, [*moving, *standing], step_s), (f"{left_out}: left out",) if left_out else ()
 
 
 def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
@@ -179,14 +172,16 @@ def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
     return states
 
 
-def _rows(tracks: list[_Track], step_s: float) -> TrackRows:
+def _table(path: Path, tracks: list[_Track], step_s: float) -> TrackTable:
     filled = [_filled(one.states, step_s) for one in tracks]
-    flat = np.concatenate(filled) if filled else np.empty((0, 5))
-    counts = [len(states) for states in filled]
-    return track_rows(
+    flat, counts = np.concatenate(filled), [len(states) for states in filled]
+    return track_table(
+        path,
+        np.repeat([one.motor for one in tracks], counts),
         np.repeat(np.arange(len(tracks)), counts),
         [str(one.label) for one in tracks],
         [one.kind for one in tracks],
+        step_s=step_s,
         frame_id=np.rint(flat[:, 0]).astype(np.int64),
         timestamp_ms=1000.0 * step_s * flat[:, 0],
         x=flat[:, 1],
@@ -324,8 +319,8 @@ def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable
                 f"{table.path}: its time step is {table.step_s:g} s, that of {before.path.name} "
                 f"{step_s:g} s; they are no chunks of one recording"
             )
-        begin, end = _chunk_span(before.path), _chunk_span(table.path)
-        assert begin is not None and end is not None
+        end = _chunk_span(table.path)
+        assert end is not None
         offsets_ms.append(1000.0 * step_s * (end[1] - _first_step(tables[0])))
     findings = tuple(f"{table.path.name}: {phrase}" for table, phrases in parts for phrase in phrases)
     vehicles = _joined([table.vehicles for table in tables], offsets_ms)

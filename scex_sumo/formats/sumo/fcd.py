@@ -93,8 +93,9 @@ def tracks_of(
     labels, track = np.unique(names, return_inverse=True)
     order = np.lexsort((table[:, 0], track))
     track, table = track[order].astype(np.int64), table[order]
-    words = np.array([_word(kind) for kind in kinds])[order]
-    step_s = _step(track, table[:, 0])
+    words = np.array([_word_and_size(kind)[0] for kind in kinds])[order]
+    steps = np.diff(table[:, 0])[np.diff(track) == 0]
+    step_s = float(np.median(steps)) if len(steps) else STEP_S
     if not MIN_STEP_S <= step_s <= MAX_STEP_S:
         limits = f"{MIN_STEP_S:g} to {MAX_STEP_S:g} s"
         raise TrackError(f"{path}: simulated in steps of {step_s:g} s, {limits} are read; simulate again")
@@ -103,7 +104,7 @@ def tracks_of(
         findings.append(f"simulated in steps of {step_s:g} s: filled in to {STEP_S:g} s along curves")
         step_s = STEP_S
     vehicle = ~np.isin(words, _OTHERS)
-    numbered = _numbers([str(label) for label in labels])
+    numbered = numbers_of([str(label) for label in labels])
     if any(str(number) != str(label) for number, label in zip(numbered, labels, strict=True)):
         findings.append("vehicles are numbered in the order of their names")
     return (
@@ -130,7 +131,7 @@ def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
 
 def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
     unknown = np.isnan(table[:, 5:7])
-    guessed = np.array([_size(kind) for kind in kinds])
+    guessed = np.array([_word_and_size(kind)[1] for kind in kinds])
     table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
     return (
         ["vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"]
@@ -191,26 +192,15 @@ def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
     )
 
 
-def _size(kind: str) -> tuple[float, float]:
+def _word_and_size(kind: str) -> tuple[str, tuple[float, float]]:
     if kind == "pedestrian":
-        return _PERSON
-    said = kind.lower()
-    return next((size for word, size in _SIZES if word in said), _CAR)
+        return kind, _PERSON
+    word, size = next((entry for entry in _SIZES if entry[0] in kind.lower()), ("car", _CAR))
+    return _KINDS.get(word, word), size
 
 
-def _word(kind: str) -> str:
-    if kind == "pedestrian":
-        return kind
-    word = next((word for word, _ in _SIZES if word in kind.lower()), "car")
-    return _KINDS.get(word, word)
-
-
-def _step(track: IntArray, time: FloatArray) -> float:
-    step = np.diff(time)[np.diff(track) == 0]
-    return float(np.median(step)) if len(step) else STEP_S
-
-
-def _numbers(labels: list[str]) -> list[int]:
+def numbers_of(labels: list[str]) -> list[int]:
+    """Return the numbers of vehicles by their distinct names in order: the names, if all are numbers."""
     if all(label.isdecimal() for label in labels):
         return [int(label) for label in labels]
     return list(range(1, len(labels) + 1))
