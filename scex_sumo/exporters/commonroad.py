@@ -5,7 +5,7 @@ The XML is written without commonroad-io, whose interface changes; tests read it
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import write_atomic
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.geometry.polylines import along, arc_lengths
 from scex_sumo.road import Lane, Regulation, Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
@@ -77,31 +77,23 @@ def _root(name: str, source: str) -> ET.Element:
 
 
 def _obstacles(request: Request, child: int, ego: int | None, used: set[int]) -> Iterable[ET.Element]:
-    scene, states = request.scene, request.run.states(child)
-    first = 0 if ego is None else LOGGED_HISTORY - 1
+    first, scene = 0 if ego is None else LOGGED_HISTORY - 1, request.scene
     free = max([*used, *scene.track_ids.tolist()]) + 1
-    for v, track_id in enumerate(scene.track_ids.tolist()):
-        if v != ego:
-            number = track_id if track_id > 0 and track_id not in used else free + v
-            size = float(scene.length[v]), float(scene.width[v])
-            yield _obstacle(number, scene.types[v], size, states[v, first:], 0)
-    others = scene.obstacles
-    for o, kind in enumerate(others.types if others is not None else ()):
-        assert others is not None
-        frames = request.obstacle_frames()
-        present = np.flatnonzero(others.present[o, frames][first:])
-        if len(present):
-            track = others.states[o, frames][first:][present[0] : present[-1] + 1]
-            size = float(others.length[o]), float(others.width[o])
-            yield _obstacle(free + scene.vehicles + o, kind, size, track, int(present[0]))
+    for one in request.participants(child):
+        there = np.flatnonzero(one.present[first:])
+        if len(there) and (one.vehicle is None or one.vehicle != ego):
+            number = free + one.index + (scene.vehicles if one.vehicle is None else 0)
+            if one.vehicle is not None and (track_id := int(one.name)) > 0 and track_id not in used:
+                number = track_id
+            yield _obstacle(number, one, one.states[first:][there[0] : there[-1] + 1], int(there[0]))
 
 
-def _obstacle(number: int, kind: str, size: Sequence[float], states: States, first: int) -> ET.Element:
+def _obstacle(number: int, one: Participant, states: States, first: int) -> ET.Element:
     element = ET.Element("dynamicObstacle", id=str(number))
-    add(element, "type", _TYPES.get(road_user(kind), road_user(kind)))
+    add(element, "type", _TYPES.get(road_user(one.kind), road_user(one.kind)))
     box = add(add(element, "shape"), "rectangle")
-    add(box, "length", number_text(size[0]))
-    add(box, "width", number_text(size[1]))
+    add(box, "length", number_text(one.length))
+    add(box, "width", number_text(one.width))
     rows = np.stack([states.x, states.y, states.heading, states.speed], axis=1)
     _state(add(element, "initialState"), rows[0], first)
     if len(rows) > 1:
