@@ -110,13 +110,8 @@ def check_driver(model: str, parameters: Mapping[str, str]) -> None:
 
 @cache
 def _known_parameters() -> frozenset[str]:
-    import sumo
-
-    schema = ElementTree.parse(Path(sumo.SUMO_HOME) / "data" / "xsd" / "types" / "route.xsd")
+    schema = ElementTree.parse(sumo_home() / "data" / "xsd" / "types" / "route.xsd")
     xsd = "{http://www.w3.org/2001/XMLSchema}"
-    types = [t for t in schema.iter(f"{xsd}complexType") if _is_vehicle_type(t.get("name", ""))]
-    return frozenset(a.get("name", "") for t in types for a in t.iter(f"{xsd}attribute"))
-
-
-def _is_vehicle_type(name: str) -> bool:
-    return name == "vTypeBaseType" or (name.startswith("cf") and name.endswith("Type"))
+    types = {kind.get("name", ""): kind for kind in schema.iter(f"{xsd}complexType")}
+    of_vehicles = [t for name, t in types.items() if re.fullmatch("vTypeBaseType|cf.*Type", name)]
+    return frozenset(a.get("name", "") for t in of_vehicles for a in t.iter(f"{xsd}attribute"))

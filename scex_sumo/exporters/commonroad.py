@@ -18,7 +18,7 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.geometry.polylines import along, arc_lengths
-from scex_sumo.road import Lane, Regulation, Road
+from scex_sumo.road import Lane, Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 _GOAL_M = (8.0, 4.0)  # length and width around the ego's last place
@@ -196,7 +196,8 @@ def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
         signals.refer(lanes, "trafficSignRef", free)
         free += 1
     for rule in road.regulations:
-        lanes = [i for i in _bound(rule) if i in numbers]
+        bound = rule.lanes if rule.kind == "traffic_light" else rule.yielding or rule.lanes
+        lanes = [i for i in bound if i in numbers]
         if not lanes:
             continue
         first = road.lanes[lanes[0]]
@@ -258,10 +259,6 @@ def _turn(lane: Lane) -> str:
     begin, end = np.diff(lane.centreline, axis=0)[[0, -1]] @ (1, 1j)
     angle = float(np.angle(end / begin))
     return "Straight" if abs(angle) < _STRAIGHT_RAD else "Left" if angle > 0 else "Right"
-
-
-def _bound(rule: Regulation) -> tuple[int, ...]:
-    return rule.lanes if rule.kind == "traffic_light" else rule.yielding or rule.lanes
 
 
 def _sign(number: int, kind: str, lane: Lane, value: str | None = None) -> ET.Element:

@@ -119,13 +119,13 @@ def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     if cut.any():
         tracks = len(np.unique(rows.track[cut]))
         found.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
-    rows = rows.with_columns(segment=segment).take(~drop)
-    new = np.append(0, np.cumsum((np.diff(rows.segment) != 0) | _gap(rows)))
-    return rows.with_columns(segment=new.astype(np.int64)), found
+    return _numbered_again(rows.with_columns(segment=segment).take(~drop)), found
 
 
-def _gap(rows: TrackRows) -> BoolArray:
-    return np.asarray(np.diff(segments_of(rows.track, rows.timestamp_ms)) != 0)
+def _numbered_again(rows: TrackRows) -> TrackRows:
+    """Number segments from 0 on after rows were left out; gaps that are too long now begin new ones."""
+    new = (np.diff(rows.segment) != 0) | (np.diff(segments_of(rows.track, rows.timestamp_ms)) != 0)
+    return rows.with_columns(segment=np.append(0, np.cumsum(new)).astype(np.int64)[: len(rows)])
 
 
 def _jumps(rows: TrackRows) -> BoolArray:
@@ -281,9 +281,7 @@ def drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
         found.append(f"{dropped} duplicate samples dropped (same track, same time stamp)")
     if shared.any():
         found.append(_shared_ids(rows, first[shared]))
-    taken = rows.take(keep)
-    new = (np.diff(taken.segment) != 0) | (np.diff(segments_of(taken.track, taken.timestamp_ms)) != 0)
-    return taken.with_columns(segment=np.append(0, np.cumsum(new)).astype(np.int64)[: len(taken)]), found
+    return _numbered_again(rows.take(keep)), found
 
 
 def _whole_runs(unclear: BoolArray, doubled: BoolArray, track: IntArray) -> BoolArray:
