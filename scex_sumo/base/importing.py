@@ -5,15 +5,25 @@ from __future__ import annotations
 import importlib
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.base.errors import ScexError, UsageError, reason_of
+from scex_sumo.base.errors import MissingExtraError, ScexError, UsageError, reason_of
 
 MAX_REASON = 200  # characters
 _PACKAGE = Path(__file__).resolve().parents[1]
 _STANDARD = Path(traceback.__file__).resolve().parent  # the standard library
+
+
+@contextmanager
+def extra_for(need: str, extra: str) -> Iterator[None]:
+    """Turn a failed import in the block into a `MissingExtraError`; ``need``: what needs which package."""
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtraError(f"{need} ({error}); install it: pip install 'scex-sumo[{extra}]'") from None
 
 
 def _raised(error: BaseException) -> str:

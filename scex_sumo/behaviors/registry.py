@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import own_error_reason
+from scex_sumo.base.programs import SUMO_MODELS, check_driver
 from scex_sumo.base.registry import Registry
-from scex_sumo.base.sumo_models import SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.corridors import GuardProfile
 from scex_sumo.behaviors.guard.guarded import Guarded
@@ -30,8 +30,9 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.files import FILES
 from scex_sumo.behaviors.plug_in.process import NAME as PROCESS
 from scex_sumo.behaviors.plug_in.process import split_command
-from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
 from scex_sumo.behaviors.plug_in.user_model import (
+    SingleVehicle,
+    SingleVehicleBehavior,
     UserModel,
     is_import_path,
     load_model,

@@ -1,19 +1,67 @@
-"""Export request: children of a run, where to write them, and the run's map and scene."""
+"""Export request: children of a run, where to write them, the run's map and scene; registry of exporters.
+
+Packages add entry points in ``scex_sumo.exporters``; ``--to`` also takes ``package.module:function``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.registry import Registry
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
-from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
+from scex_sumo.scene import LOGGED_HISTORY, Obstacles, SeedScene, States
 from scex_sumo.views.children import most_critical
+
+Exporter: TypeAlias = Callable[["Request"], list[Path]]
+
+EXPORTERS: Final = Registry(
+    group="scex_sumo.exporters",
+    kind="export format",
+    builtin={
+        "interaction": "scex_sumo.exporters.tracks:write_interaction",
+        "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
+        "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
+        "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
+        "ssm": "scex_sumo.exporters.conflicts:write_ssm",
+        "collisions": "scex_sumo.exporters.conflicts:write_collisions",
+        "mp4": "scex_sumo.exporters.video:write_mp4",
+        "gif": "scex_sumo.exporters.video:write_gif",
+        "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
+        "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
+    },
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Participant:
+    """Road user of a child.
+
+    Attributes:
+        name: track id of a vehicle, or that of a replayed pedestrian or cyclist.
+        vehicle: index in the seed scene; None for pedestrians and cyclists.
+        index: among the vehicles, or among the others.
+        states: (T,) from the first logged frame on; those of pedestrians and cyclists may end earlier.
+        present: (T,) whether it is there.
+    """
+
+    name: str
+    vehicle: int | None
+    index: int
+    kind: str
+    length: float
+    width: float
+    states: States
+    present: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +143,26 @@ class Request:
             raise UsageError(f"--ego {self.ego}: not in the seed scene; its vehicles: {vehicles}")
         return int(ids.index(self.ego))
 
-    def obstacle_frames(self) -> slice:
-        """Return the obstacles' frames during a child: their second one is its first."""
-        return slice(1, 1 + LOGGED_HISTORY + int(self.run.info["steps"]))
+    def participants(self, child: int) -> Iterator[Participant]:
+        """Yield the vehicles of a child, then the pedestrians and cyclists that are there at some time."""
+        scene, states = self.scene, self.run.states(child)
+        always = np.ones(states.shape[1], dtype=np.bool_)
+        for v, track in enumerate(scene.track_ids.tolist()):
+            yield Participant(
+                name=str(track), vehicle=v, states=states[v], present=always, **_kind_and_size(scene, v)
+            )
+        if (others := scene.obstacles) is not None:
+            frames = slice(1, 1 + len(always))  # their second frame is the first one of a child
+            for o in np.flatnonzero(others.present[:, frames].any(axis=1)).tolist():
+                own, present = others.states[o, frames], others.present[o, frames]
+                yield Participant(
+                    name=others.ids[o], vehicle=None, states=own, present=present, **_kind_and_size(others, o)
+                )
+
+
+def _kind_and_size(users: SeedScene | Obstacles, k: int) -> dict[str, Any]:
+    length, width = float(users.length[k]), float(users.width[k])
+    return {"index": k, "kind": users.types[k], "length": length, "width": width}
 
 
 def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:

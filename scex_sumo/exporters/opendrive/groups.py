@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import distances
@@ -108,18 +109,12 @@ def _meetings(
     lanes: Mapping[int, Lane], group_of: Mapping[int, Group]
 ) -> list[tuple[list[Group], list[Group], tuple[tuple[int, int], ...]]]:
     links = [(i, j) for i in group_of for j in lanes[i].successors if j in group_of]
-    parent: dict[tuple[Group, bool], tuple[Group, bool]] = {}
-
-    def root(key: tuple[Group, bool]) -> tuple[Group, bool]:
-        while parent.setdefault(key, key) != key:
-            key = parent[key]
-        return key
-
+    met = DisjointSet((group, end) for group in group_of.values() for end in (True, False))
     for i, j in links:
-        parent[root((group_of[i], True))] = root((group_of[j], False))
+        met.merge((group_of[i], True), (group_of[j], False))
     places: dict[tuple[Group, bool], list[tuple[int, int]]] = {}
     for i, j in links:
-        places.setdefault(root((group_of[i], True)), []).append((i, j))
+        places.setdefault(met[group_of[i], True], []).append((i, j))
     return [
         (_distinct(group_of[i] for i, _ in here), _distinct(group_of[j] for _, j in here), tuple(here))
         for here in places.values()

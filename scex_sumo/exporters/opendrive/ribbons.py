@@ -149,10 +149,7 @@ def ribbon_of(
         if edge is not None:
             lines[at] = [edge.moved_onto(line, end=at < 0) for line in lines[at]]
             directions[at] = edge.direction
-    free = tuple(
-        direction if edge is not None else None
-        for edge, direction in zip(ends, directions[:: len(directions) - 1], strict=True)
-    )
+    free = [None if edge is None else edge.direction for edge in ends]
     best: Ribbon | None = None
     for spacing_m, square in _TRIALS:
         chosen = directions if square else [free[0], *directions[1:-1], free[1]]

@@ -9,7 +9,7 @@ import bisect
 import dataclasses
 from array import array
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,7 +21,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.net.reader import net_root
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.sumo.fcd import tracks_of
+from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.imported import kept_net
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene
@@ -79,17 +79,10 @@ class Recorded:
         sizes = np.array([self.users[name][1:] for name in names]).reshape(-1, 2)
         table: FloatArray = np.column_stack([np.vstack(rows), sizes])
         tracks, findings = tracks_of(path, names, [self.users[name][0] for name in names], table)
-        numbers = dict(zip(tracks.vehicles.labels, _names_in_order(tracks, names), strict=True))
-        complete = _Completion(dataclasses.replace(self, frames=deque()), path, numbers)
+        ordered = np.unique(names).tolist()
+        simulated = dict(zip(map(str, numbers_of(ordered)), ordered, strict=True))
+        complete = _Completion(dataclasses.replace(self, frames=deque()), path, simulated)
         return dataclasses.replace(tracks, complete=complete), (*self.notes, *findings)
-
-
-def _names_in_order(tracks: TrackTable, names: Iterable[str]) -> list[str]:
-    """Return the names of the vehicles as simulated, in the order of their labels."""
-    ordered = np.unique(list(names)).tolist()
-    if all(name.isdecimal() for name in ordered):
-        return list(tracks.vehicles.labels)
-    return [ordered[int(label) - 1] for label in tracks.vehicles.labels]
 
 
 @dataclass(frozen=True, eq=False)
