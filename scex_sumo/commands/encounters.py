@@ -37,8 +37,10 @@ def encounters_command(
     from scex_sumo.results.run import open_run
 
     console = output_console(width=110)
-    entries = None if weights is None else weights.split(",")
-    asked = entries and numbers_by_name("--weights", entries, "MODEL=WEIGHT, e.g. standard_driver=0.9")
+    asked = None
+    if weights is not None:
+        form = "MODEL=WEIGHT, e.g. standard_driver=0.9"
+        asked = numbers_by_name("--weights", weights.split(","), form)
     with as_written(folder):
         run = open_run(folder)
         part = parse_region(region, around)

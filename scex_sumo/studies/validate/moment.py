@@ -24,7 +24,8 @@ from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, recording_moments
 from scex_sumo.converters.datasets.split import PARTS, Split, split_moments
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.extrapolation.job import Job, parts_in_memory
+from scex_sumo.evaluation.outcomes import collided
+from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Rollout
@@ -190,28 +191,19 @@ def _run(
     drawn = models.draw(scene.track_ids, children=count, seed=settings.seed, design=settings.design)
     counted = recorded_steps_of(scene, settings.steps)
     job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted, compared=compared)
-    parts = parts_in_memory(job, range(count))
-    hit = [
-        np.asarray(part.collisions["child"], dtype=np.int64) for part in parts if part.collisions is not None
-    ]
-    collided = np.zeros(count, dtype=bool)
-    for children in hit:
-        collided[children] = True
+    part, no_plans = run_in_memory(job, range(count)), np.empty(0)
+    assert part.collisions is not None
     return _Children(
-        collided=collided,
+        collided=collided(part.collisions, part.children),
         driven=Rollout(
-            children=np.concatenate([part.children for part in parts]),
-            states=States.concatenate([part.states for part in parts], axis=0),
-            plan_x=_joined([part.plan_x for part in parts]),
-            plan_y=_joined([part.plan_y for part in parts]),
+            children=part.children,
+            states=part.states,
+            plan_x=no_plans if part.plan_x is None else part.plan_x,
+            plan_y=no_plans if part.plan_y is None else part.plan_y,
             replan=settings.replan,
         ),
-        values=np.concatenate([np.where(part.defined, part.values, np.nan) for part in parts]),
+        values=np.where(part.defined, part.values, np.nan),
     )
-
-
-def _joined(plans: Sequence[FloatArray | None]) -> FloatArray:
-    return np.concatenate([plan for plan in plans if plan is not None] or [np.empty(0)])
 
 
 def _seen(
@@ -227,10 +219,8 @@ def _seen(
         counted=counted,
         limit_m2=OVERLAP_M2,
     )
-    collided = np.zeros(len(seen.children), dtype=bool)
-    collided[found.collisions.child] = True
     values = np.where(found.values.defined, found.values.values, np.nan)
-    return _Children(driven=seen, values=values, collided=collided)
+    return _Children(driven=seen, values=values, collided=found.collisions.any_of(len(seen.children)))
 
 
 def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
