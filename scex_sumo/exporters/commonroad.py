@@ -275,10 +275,7 @@ def _sign(number: int, kind: str, lane: Lane, value: str | None = None) -> ET.El
 def _lanelet(lane: Lane, numbers: Mapping[int, int], signals: _Signals, *, both: bool) -> ET.Element:
     element = ET.Element("lanelet", id=str(numbers[lane.lane_id]))
     left, right = point_by_point(lane.left_bound, lane.right_bound)
-    sides = (
-        ("left", left, lane.left, lane.adjacent_left),
-        ("right", right, lane.right, lane.adjacent_right),
-    )
+    sides = (("left", left, lane.left, lane.adjacent_left), ("right", right, lane.right, lane.adjacent_right))
     for side, points, free, near in sides:
         bound = add(element, f"{side}Bound")
         for point in points:

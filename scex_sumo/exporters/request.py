@@ -15,6 +15,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.files import write_atomic
 from scex_sumo.base.registry import Registry
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
@@ -123,15 +124,22 @@ class Request:
         """Return the name of a child's file without its ending."""
         return f"{self.name}_child{child:04d}"
 
-    def files(self, ending: str) -> list[Path]:
-        """Return the file of each child: ``out`` for one child, else files in the folder ``out``."""
-        if len(self.children) == 1:
-            path = self.out or Path(f"{self.file_stem(self.children[0])}{ending}")
-            if path.is_dir():
-                raise UsageError(f"-o {path}: is a folder; give a file{ending}")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            return [path]
-        return [self.folder / f"{self.file_stem(child)}{ending}" for child in self.children]
+    def file(self, stem: str, ending: str) -> Path:
+        """Return the file ``out``, else one named by a stem; its folder is made if missing."""
+        path = self.out or Path(f"{stem}{ending}")
+        if path.is_dir():
+            raise UsageError(f"-o {path}: is a folder; give a file{ending}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def write_each(self, ending: str, content: Callable[[int], bytes]) -> list[Path]:
+        """Write a file for each child: ``out`` for one child, else files in the folder ``out``."""
+        stems = [self.file_stem(child) for child in self.children]
+        one = len(stems) == 1
+        paths = [self.file(stem, ending) if one else self.folder / f"{stem}{ending}" for stem in stems]
+        for child, path in zip(self.children, paths, strict=True):
+            write_atomic(path, content(child))
+        return paths
 
     def ego_index(self) -> int | None:
         """Return the index of the ego in the seed scene, None without an ego."""

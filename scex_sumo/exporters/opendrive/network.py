@@ -9,14 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from scex_sumo.exporters.opendrive.groups import (
-    Chain,
-    Cut,
-    Group,
-    borders,
-    chains_and_cuts,
-    lane_groups,
-)
+from scex_sumo.exporters.opendrive.groups import Chain, Cut, Group, borders, chains_and_cuts, lane_groups
 from scex_sumo.exporters.opendrive.ribbons import MAX_ERROR_M, Ribbon, RoadEnd, fitting_groups, ribbon_of
 from scex_sumo.road import Lane
 

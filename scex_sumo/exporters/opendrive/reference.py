@@ -119,10 +119,7 @@ def _shifts(groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatAr
 
 
 def _group_pieces(
-    lines: Sequence[FloatArray],
-    directions: Sequence[FloatArray | None],
-    shifts: FloatArray,
-    spacing_m: float,
+    lines: Sequence[FloatArray], directions: Sequence[FloatArray | None], shifts: FloatArray, spacing_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     from scipy.interpolate import CubicSpline
 
