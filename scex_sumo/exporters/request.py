@@ -132,11 +132,15 @@ class Request:
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
+    def files(self, ending: str) -> list[Path]:
+        """Return the file of each child: ``out`` for one child, else files in the folder ``out``."""
+        if len(self.children) == 1:
+            return [self.file(self.file_stem(self.children[0]), ending)]
+        return [self.folder / f"{self.file_stem(child)}{ending}" for child in self.children]
+
     def write_each(self, ending: str, content: Callable[[int], bytes]) -> list[Path]:
-        """Write a file for each child: ``out`` for one child, else files in the folder ``out``."""
-        stems = [self.file_stem(child) for child in self.children]
-        one = len(stems) == 1
-        paths = [self.file(stem, ending) if one else self.folder / f"{stem}{ending}" for stem in stems]
+        """Write and return the `files` of all children."""
+        paths = self.files(ending)
         for child, path in zip(self.children, paths, strict=True):
             write_atomic(path, content(child))
         return paths
