@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -48,14 +48,14 @@ class Participant:
     """Road user of a child.
 
     Attributes:
-        name: track id of a vehicle, or that of a replayed pedestrian or cyclist.
+        label: track id of a vehicle; name of a replayed pedestrian or cyclist.
         vehicle: index in the seed scene; None for pedestrians and cyclists.
         index: among the vehicles, or among the others.
         states: (T,) from the first logged frame on; those of pedestrians and cyclists may end earlier.
         present: (T,) whether it is there.
     """
 
-    name: str
+    label: int | str
     vehicle: int | None
     index: int
     kind: str
@@ -160,21 +160,27 @@ class Request:
         scene, states = self.scene, self.run.states(child)
         always = np.ones(states.shape[1], dtype=np.bool_)
         for v, track in enumerate(scene.track_ids.tolist()):
-            yield Participant(
-                name=str(track), vehicle=v, states=states[v], present=always, **_kind_and_size(scene, v)
-            )
+            yield _participant(track, scene, v, states[v], always)
         if (others := scene.obstacles) is not None:
             frames = slice(1, 1 + len(always))  # their second frame is the first one of a child
             for o in np.flatnonzero(others.present[:, frames].any(axis=1)).tolist():
-                own, present = others.states[o, frames], others.present[o, frames]
-                yield Participant(
-                    name=others.ids[o], vehicle=None, states=own, present=present, **_kind_and_size(others, o)
-                )
+                present = others.present[o, frames]
+                yield _participant(others.ids[o], others, o, others.states[o, frames], present)
 
 
-def _kind_and_size(users: SeedScene | Obstacles, k: int) -> dict[str, Any]:
-    length, width = float(users.length[k]), float(users.width[k])
-    return {"index": k, "kind": users.types[k], "length": length, "width": width}
+def _participant(
+    label: int | str, users: SeedScene | Obstacles, k: int, states: States, present: BoolArray
+) -> Participant:
+    return Participant(
+        label=label,
+        vehicle=k if isinstance(users, SeedScene) else None,
+        index=k,
+        kind=users.types[k],
+        length=float(users.length[k]),
+        width=float(users.width[k]),
+        states=states,
+        present=present,
+    )
 
 
 def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
