@@ -16,7 +16,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.files import write_atomic
-from scex_sumo.base.registry import Registry
+from scex_sumo.base.importing import Registry
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road

@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.registry import Registry
+from scex_sumo.base.importing import Registry
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.densities import half_widths, metric_density
 from scex_sumo.results.design import column_of, intervals_of, is_critical

@@ -8,9 +8,8 @@ from typing import Any
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.models.population import population_digest
-from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.datasets.moment import PARTS, Moment, Split, split_moments
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, recording_moments
-from scex_sumo.converters.datasets.split import PARTS, Split, split_moments
 from scex_sumo.scene import STEP_S
 from scex_sumo.studies.moments.run import StudySettings
 
