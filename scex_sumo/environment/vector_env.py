@@ -19,13 +19,7 @@ from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.environment.agent import (
-    AgentSteps,
-    Reward,
-    controlled,
-    default_reward,
-    planned,
-)
+from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.extrapolation.assignments import child_generator, random_assignments, route_draws
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import checked_plan, groups_of, history_at

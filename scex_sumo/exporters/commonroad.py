@@ -83,8 +83,8 @@ def _obstacles(request: Request, child: int, ego: int | None, used: set[int]) ->
         there = np.flatnonzero(one.present[first:])
         if len(there) and (one.vehicle is None or one.vehicle != ego):
             number = free + one.index + (scene.vehicles if one.vehicle is None else 0)
-            if one.vehicle is not None and (track_id := int(one.name)) > 0 and track_id not in used:
-                number = track_id
+            if isinstance(one.label, int) and one.label > 0 and one.label not in used:
+                number = one.label
             yield _obstacle(number, one, one.states[first:][there[0] : there[-1] + 1], int(there[0]))
 
 
@@ -275,10 +275,7 @@ def _sign(number: int, kind: str, lane: Lane, value: str | None = None) -> ET.El
 def _lanelet(lane: Lane, numbers: Mapping[int, int], signals: _Signals, *, both: bool) -> ET.Element:
     element = ET.Element("lanelet", id=str(numbers[lane.lane_id]))
     left, right = point_by_point(lane.left_bound, lane.right_bound)
-    sides = (
-        ("left", left, lane.left, lane.adjacent_left),
-        ("right", right, lane.right, lane.adjacent_right),
-    )
+    sides = (("left", left, lane.left, lane.adjacent_left), ("right", right, lane.right, lane.adjacent_right))
     for side, points, free, near in sides:
         bound = add(element, f"{side}Bound")
         for point in points:

@@ -88,7 +88,7 @@ def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> s
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
     at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)
     for one in request.participants(child):
-        name = f"other{one.name}" if one.vehicle is None else f"vehicle{one.name}"
+        name = f"{'other' if one.vehicle is None else 'vehicle'}{one.label}"
         model = "recorded" if one.vehicle is None else models[one.vehicle]
         entities.add_scenario_object(name, _entity(xosc, one, model))
         there = np.flatnonzero(one.present)  # straight lines bridge gaps in a track

@@ -48,8 +48,10 @@ def write_scenarionet(request: Request) -> list[Path]:
 def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
     tracks: dict[str, dict[str, Any]] = {}
     for one in request.participants(child):
-        key = one.name if one.name not in tracks else f"obstacle_{one.name}"
-        tracks[key] = _track(key, one)
+        key, track = str(one.label), _track(one)
+        if key in tracks:
+            key = track["metadata"]["object_id"] = f"obstacle_{key}"
+        tracks[key] = track
     steps, ego = request.run.states(child).shape[1], request.ego_index() or 0
     metadata = {
         "ts": STEP_S * np.arange(steps),
@@ -73,7 +75,7 @@ def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
     }
 
 
-def _track(name: str, one: Participant) -> dict[str, Any]:
+def _track(one: Participant) -> dict[str, Any]:
     user, states, valid = road_user(one.kind), one.states, one.present
     columns = {
         "position": np.stack([states.x, states.y, np.zeros(len(valid))], axis=1),
@@ -90,7 +92,12 @@ def _track(name: str, one: Participant) -> dict[str, Any]:
         for key, column in columns.items()
     }
     word = _USERS.get(user, "VEHICLE")
-    metadata = {"type": one.kind, "object_id": name, "track_length": len(valid), "dataset": "scex-sumo"}
+    metadata = {
+        "type": one.kind,
+        "object_id": str(one.label),
+        "track_length": len(valid),
+        "dataset": "scex-sumo",
+    }
     return {"type": word, "state": {**state, "valid": valid.copy()}, "metadata": metadata}
 
 

@@ -206,11 +206,7 @@ def _window_height(bounds: Bounds, aspect: float = WINDOW_ASPECT) -> float:
     return max(top - bottom, (right - left) / aspect)
 
 
-def frame_of(
-    bounds: Bounds,
-    offsets: Sequence[tuple[int, int]],
-    entries: Sequence[tuple[str, Rgb]],
-) -> Frame:
+def frame_of(bounds: Bounds, offsets: Sequence[tuple[int, int]], entries: Sequence[tuple[str, Rgb]]) -> Frame:
     """Return the frame of a map with bounds in m, at tile offsets in m."""
     left, bottom, right, top = bounds
     net = (

@@ -66,13 +66,7 @@ class SumoWorld:
         self._temporary = TemporaryFolder()
         self._types = TypeBook(scene)
         self._session = SumoSession(
-            net,
-            slots,
-            self._types,
-            Path(self._temporary.name),
-            gui=gui,
-            delay_ms=delay_ms,
-            legend=legend,
+            net, slots, self._types, Path(self._temporary.name), gui=gui, delay_ms=delay_ms, legend=legend
         )
         self._gui = gui
         self._length = np.asarray(scene.length, dtype=np.float64)

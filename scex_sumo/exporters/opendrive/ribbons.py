@@ -10,8 +10,14 @@ from itertools import pairwise
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.exporters.opendrive.groups import Chain, Group, borders
-from scex_sumo.exporters.opendrive.reference import Curve, curve_through, edge_direction
+from scex_sumo.exporters.opendrive.reference import (
+    Chain,
+    Curve,
+    Group,
+    borders,
+    curve_through,
+    edge_direction,
+)
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.road import Lane
 

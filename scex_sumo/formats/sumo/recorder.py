@@ -11,6 +11,7 @@ from array import array
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 from xml.etree import ElementTree
@@ -81,34 +82,27 @@ class Recorded:
         tracks, findings = tracks_of(path, names, [self.users[name][0] for name in names], table)
         ordered = np.unique(names).tolist()
         simulated = dict(zip(map(str, numbers_of(ordered)), ordered, strict=True))
-        complete = _Completion(dataclasses.replace(self, frames=deque()), path, simulated)
+        complete = partial(_completed, dataclasses.replace(self, frames=deque()), path, simulated)
         return dataclasses.replace(tracks, complete=complete), (*self.notes, *findings)
 
 
-@dataclass(frozen=True, eq=False)
-class _Completion:
-    """Completes a seed scene: lights in their phases, names of vehicles, notes on absent ones."""
-
-    recorded: Recorded
-    path: Path
-    names: Mapping[str, str]
-
-    def __call__(self, scene: SeedScene) -> SeedScene:
-        time_s, notes = scene.time_s, list[str]()
-        road, held = with_lights(scene.road, self.recorded, time_s)
-        absent = [entry for entry in self.recorded.absent if abs(entry[0] - time_s) < STEP_S / 2]
-        for _, teleporting, parked, waiting in absent[:1]:
-            if teleporting:
-                notes.append(f"vehicles that teleport at this moment are left out: {listed(teleporting)}")
-            if parked:
-                notes.append(f"vehicles that are parked are left out: {listed(parked)}")
-            if waiting:
-                notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
-        if held:
-            notes.append(f"traffic lights that keep their present state in the futures: {listed(held)}")
-        vehicles = {str(track): self.names[str(track)] for track in scene.track_ids}
-        source = {"kind": "simulation", "simulation": str(self.path), "time_s": time_s, "vehicles": vehicles}
-        return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
+def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: SeedScene) -> SeedScene:
+    """Complete a seed scene: lights in their phases, names of vehicles, notes on absent ones."""
+    time_s, notes = scene.time_s, list[str]()
+    road, held = with_lights(scene.road, recorded, time_s)
+    absent = [entry for entry in recorded.absent if abs(entry[0] - time_s) < STEP_S / 2]
+    for _, teleporting, parked, waiting in absent[:1]:
+        if teleporting:
+            notes.append(f"vehicles that teleport at this moment are left out: {listed(teleporting)}")
+        if parked:
+            notes.append(f"vehicles that are parked are left out: {listed(parked)}")
+        if waiting:
+            notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
+    if held:
+        notes.append(f"traffic lights that keep their present state in the futures: {listed(held)}")
+    vehicles = {str(track): names[str(track)] for track in scene.track_ids}
+    source = {"kind": "simulation", "simulation": str(path), "time_s": time_s, "vehicles": vehicles}
+    return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
 
 
 class Recorder:
