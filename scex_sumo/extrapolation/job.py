@@ -183,11 +183,7 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
         plan_x=rollout.plan_x if settings.keep_plans else None,
         plan_y=rollout.plan_y if settings.keep_plans else None,
         fallbacks=fallbacks_table(
-            rollout.replaced,
-            children=children,
-            assignment=batch.assignment,
-            names=batch.names,
-            track_ids=ids,
+            rollout.replaced, children=children, assignment=batch.assignment, names=batch.names, track_ids=ids
         ),
         tested=_tested(job, rollout),
         collisions=collisions_table(

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
 from scex_sumo.base.errors import UsageError, nearest
-from scex_sumo.base.importing import import_object, own_error_reason
-from scex_sumo.base.registry import Registry
+from scex_sumo.base.importing import Registry, import_object, own_error_reason
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
 from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
 from scex_sumo.metrics.formulas.following import drac, pttc, thw, ttc

@@ -26,6 +26,7 @@ from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.gui_drawings import (
     OTHER_RGB,
+    WINDOW_SIZE,
     ChildView,
     Frame,
     TiledChild,
@@ -36,8 +37,8 @@ from scex_sumo.world.gui_drawings import (
     legend_entries,
     letter_height,
     readable,
+    write_view_settings,
 )
-from scex_sumo.world.gui_settings import WINDOW_SIZE, write_view_settings
 from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 

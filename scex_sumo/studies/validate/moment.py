@@ -20,9 +20,8 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ResultError, TrackError, UsageError
 from scex_sumo.behaviors.models.population import population_digest
-from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.datasets.moment import PARTS, Moment, Split, split_moments
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, recording_moments
-from scex_sumo.converters.datasets.split import PARTS, Split, split_moments
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.evaluation.outcomes import collided
 from scex_sumo.extrapolation.job import Job, run_in_memory

@@ -17,9 +17,8 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
-from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.datasets.moment import Moment, Split
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, find_recordings
-from scex_sumo.converters.datasets.split import Split
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
