@@ -133,11 +133,8 @@ def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
     unknown = np.isnan(table[:, 5:7])
     guessed = np.array([_word_and_size(kind)[1] for kind in kinds])
     table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
-    return (
-        ["vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"]
-        if unknown.any()
-        else []
-    )
+    said = "vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"
+    return [said] if unknown.any() else []
 
 
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
