@@ -30,8 +30,8 @@ from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recor
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.exact import EXACT, Exact, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder
+from scex_sumo.results.info import describe, digest, versions
 from scex_sumo.results.parts import Part, Parts
-from scex_sumo.results.provenance import describe, digest, versions
 from scex_sumo.results.rare import RARE, write_rare
 from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.results.under_test import BASELINE

@@ -25,7 +25,7 @@ from scex_sumo.extrapolation.rollout import FALLBACKS
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers, succeeded
 from scex_sumo.metrics.registry import COLLISION
-from scex_sumo.results.densities import DENSITIES, densities_table
+from scex_sumo.results.design import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined_parts
 from scex_sumo.results.run import PAIR_OUTCOMES
