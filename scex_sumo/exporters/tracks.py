@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from pyarrow import csv
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import replacing, write_atomic
+from scex_sumo.base.files import replacing
 from scex_sumo.exporters.request import Request
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY
@@ -25,10 +25,7 @@ def write_interaction(request: Request) -> list[Path]:
     """Write all children into one file, each a case of INTERACTION v1.2."""
     run, children = request.run, request.children
     stem = request.file_stem(children[0]) if len(children) == 1 else f"{request.name}_children"
-    path = request.out if request.out is not None else Path(f"{stem}.csv")
-    if path.is_dir():
-        raise UsageError(f"-o {path}: is a folder; give a file.csv")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path = request.file(stem, ".csv")
     options = csv.WriteOptions(quoting_style="none", quoting_header="none")
     schema = pq.read_schema(run.folder / "tracks.parquet")
     with replacing(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
@@ -58,10 +55,7 @@ def write_interpret(request: Request) -> list[Path]:
         raise UsageError(
             f"{request.run.folder}: has {info['steps']} steps; a submission needs 30, so run with 3 s"
         )
-    path = request.out if request.out is not None else Path(f"{scene.location}_sub.csv")
-    if path.is_dir():
-        raise UsageError(f"-o {path}: is a folder; give a file.csv")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path = request.file(f"{scene.location}_sub", ".csv")
     count, frames = scene.vehicles, LOGGED_HISTORY + np.arange(1, _PREDICTED_STEPS + 1)
     frame = np.tile(frames, count)
     columns = {
@@ -83,7 +77,6 @@ def write_interpret(request: Request) -> list[Path]:
 
 def write_fcd_files(request: Request) -> list[Path]:
     """Write each child as SUMO's floating car data; several into a folder."""
-    paths = request.files(".fcd.xml")
-    for child, path in zip(request.children, paths, strict=True):
-        write_atomic(path, write_child(request.run, child).with_suffix(".fcd.xml").read_bytes())
-    return paths
+    return request.write_each(
+        ".fcd.xml", lambda child: write_child(request.run, child).with_suffix(".fcd.xml").read_bytes()
+    )

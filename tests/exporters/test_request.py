@@ -7,8 +7,7 @@ import pytest
 from pyarrow import csv
 
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.exporters.registry import EXPORTERS
-from scex_sumo.exporters.request import Request, closest_encounters, critical_children
+from scex_sumo.exporters.request import EXPORTERS, Request, closest_encounters, critical_children
 from scex_sumo.results.run import Run
 
 

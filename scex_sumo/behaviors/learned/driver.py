@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from scex_sumo.behaviors.learned.image_encoder import MapImage
 from scex_sumo.behaviors.learned.layers import exact
 from scex_sumo.behaviors.learned.networks import KINDS, GraphImageNet, Modes, Net
 from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
-from scex_sumo.behaviors.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.behaviors.learned.profiles import Profile
 from scex_sumo.behaviors.learned.raster import raster_of
 from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
 from scex_sumo.behaviors.models.idm import follow_path
@@ -39,7 +39,6 @@ WAITS_STEPS = 30  # during which it starts only behind a moving leader
 SPEED, LEADER, LEADER_SPEED = (PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_speed"))
 OFF_MAP = "was not on a mapped lane in the seed scene"
 NOT_FINITE = "the network gave no finite plan"
-Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile
 
 
 @cache
@@ -128,8 +127,8 @@ class LearnedDriver:
 
     def predict(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
-    ) -> tuple[PathInputs, Modes]:
-        """Run the network for n pairs of a vehicle and a path."""
+    ) -> tuple[PathInputs, Any]:
+        """Run the network for n pairs of a vehicle and a path; return its inputs, and `Modes` or `Tokens`."""
         graph = scene_graph(history, road, radius=self.profile.radius)
         inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
         net = self._net

@@ -16,13 +16,13 @@ from scex_sumo.behaviors.learned.decoding import plan_along
 from scex_sumo.behaviors.learned.driver import OUTPUT_GRID, LearnedDriver
 from scex_sumo.behaviors.learned.networks import Tokens
 from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS
-from scex_sumo.behaviors.learned.profiles import JointPredictorProfile
+from scex_sumo.behaviors.learned.profiles import JointPredictorProfile, Profile
 from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
-SAFE_MPS2 = 8.0  # braking with which a vehicle can still stop behind its leader, which brakes as hard
-REACTION_S = 0.3
+SAFE_MPS2 = 9.0  # braking with which a vehicle can still stop behind its leader, which brakes as hard
+REACTION_S = 0.0
 SPEED, LEADER, GAP, LEADER_SPEED = (
     PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
 )
@@ -33,9 +33,7 @@ FIRST_SALT = 64  # of the draws of the first 0.5 s
 class JointDriver(LearnedDriver):
     """A network that rolls out all vehicles of each child in steps of 0.5 s."""
 
-    profile: JointPredictorProfile
-
-    def __init__(self, kind: str, file: Path, profile: JointPredictorProfile) -> None:
+    def __init__(self, kind: str, file: Path, profile: Profile) -> None:
         super().__init__(kind, file, profile, attention=1.0, free=False)
 
     def _drive(
@@ -98,6 +96,7 @@ class JointDriver(LearnedDriver):
     ) -> tuple[FloatArray, FloatArray]:
         """Return (n,) accelerations up to `most`, m/s², and (n,) sideways speeds, m/s, of the next 0.5 s."""
         logits = np.round(tokens.logits / OUTPUT_GRID) * OUTPUT_GRID
+        assert isinstance(self.profile, JointPredictorProfile)
         temperature = self.profile.temperature if self.profile.mode == "draw" else 1.0
         weight = np.exp((logits - logits.max(1, keepdims=True)) / temperature) + TINY
         weight = weight.reshape(len(who), len(tokens.acceleration), len(tokens.sideways))

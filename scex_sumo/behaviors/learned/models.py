@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from scex_sumo.behaviors.base import Sight
-from scex_sumo.behaviors.learned.profiles import (
-    GraphImagePredictorProfile,
-    GraphPredictorProfile,
-    JointPredictorProfile,
-    weights_file,
-)
+from scex_sumo.behaviors.learned.profiles import Profile, weights_file
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
@@ -29,9 +24,7 @@ class LearnedModel:
     name: ClassVar[str]
     kind: ClassVar[str]  # of its network, as in `scex-sumo train`
 
-    def __init__(
-        self, profile: GraphPredictorProfile | GraphImagePredictorProfile | JointPredictorProfile
-    ) -> None:
+    def __init__(self, profile: Profile) -> None:
         self.profile = profile
         self.driver.meta  # noqa: B018  reports unusable weights before the run begins
 

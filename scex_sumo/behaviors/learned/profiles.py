@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import check_path, check_positive
@@ -80,7 +80,10 @@ class JointPredictorProfile:
         check_positive(self, "temperature")
 
 
-def _check(profile: GraphPredictorProfile | GraphImagePredictorProfile | JointPredictorProfile) -> None:
+Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile | JointPredictorProfile
+
+
+def _check(profile: Profile) -> None:
     if profile.path != "likeliest":
         check_path(profile.path)
     if profile.mode not in MODES:

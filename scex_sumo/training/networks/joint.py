@@ -118,7 +118,7 @@ def token_errors(tokens: TokenTensors, batch: Batch) -> Tensor:
 
 def kept(tokens: TokenTensors, batch: Batch, guesses: int) -> ModeTensors:
     """Return the expected motion and the likeliest ones, each kept for 3 s, for validation."""
-    likely = torch.softmax(tokens.logits, 1).unflatten(1, (len(tokens.acceleration), -1))
+    likely = torch.softmax(tokens.logits, 1).view(-1, len(tokens.acceleration), len(tokens.sideways))
     logits, best = tokens.logits.topk(guesses, 1)
     along, aside = tokens.acceleration[best // likely.shape[2]], tokens.sideways[best % likely.shape[2]]
     expected = likely.sum(2) @ tokens.acceleration, likely.sum(1) @ tokens.sideways
