@@ -22,7 +22,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 SAFE_MPS2 = 9.0  # braking with which a vehicle can still stop behind its leader, which brakes as hard
-REACTION_S = 0.0
+REACTION_S = 0.1
 SPEED, LEADER, GAP, LEADER_SPEED = (
     PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
 )
