@@ -58,7 +58,8 @@ def loss(
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     if isinstance(modes, TokenTensors):
         parts = {
-            "motion": weights.motion * _mean(token_errors(modes, batch), share, total),
+            "motion": weights.motion
+            * _mean(token_errors(modes, batch.s, batch.d, batch.start), share, total),
             "path": weights.path * _path_entropy(modes.path_logit, batch),
         }
         return _whole(parts)

@@ -97,7 +97,8 @@ class Trainer:
         self.net: Net = NETWORKS[options.kind](Architecture(**options.sizes))
         fit_scales(self.net, dataset.train)
         if isinstance(self.net, JointPredictorNet):
-            self.net.fit_tokens(dataset.train)
+            train, right = dataset.train, dataset.train.right
+            self.net.fit_tokens(train.s[right], train.d[right], train.start[right])
         self.net.to(device)
         self.mean = copied(self.net)
         roughen(self.net, options)

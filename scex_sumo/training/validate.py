@@ -51,7 +51,7 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
         total += share * float(loss(modes, batch, weights)[0])
         count += share
         if isinstance(modes, TokenTensors):
-            modes = kept(modes, batch, GUESSES)
+            modes = kept(modes, batch.start[:, 1], GUESSES)
         rows.append(_vehicles(modes, batch).cpu())
     every = torch.cat(rows).numpy()
     sites = [int(s) for s in np.unique(every[:, 0])]

@@ -14,8 +14,6 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.learned.architecture import Architecture
 from scex_sumo.scene import STEP_S
-from scex_sumo.training.data.batches import Batch
-from scex_sumo.training.data.samples import TrainingSamples
 from scex_sumo.training.networks.graph import (
     ModeTensors,
     PathBatch,
@@ -76,12 +74,9 @@ class JointPredictorNet(nn.Module):
         tokens: TokenTensors = self.head(torch.cat([self.scene(scene, path.node), way], 1))
         return tokens
 
-    def fit_tokens(self, samples: TrainingSamples) -> None:
-        """Cluster the recorded motions of the samples into the classes."""
-        right = samples.right
-        along, aside = motions(
-            *(torch.as_tensor(np.asarray(a)[right]) for a in (samples.s, samples.d, samples.start))
-        )
+    def fit_tokens(self, s: FloatArray, d: FloatArray, start: FloatArray) -> None:
+        """Cluster recorded motions into the classes; arguments as in `motions`."""
+        along, aside = motions(*(torch.as_tensor(values) for values in (s, d, start)))
         for buffer, values in ((self.head.acceleration, along), (self.head.sideways, aside)):
             buffer.copy_(torch.as_tensor(_clusters(values.numpy().astype(np.float64), len(buffer))))
 
@@ -108,16 +103,16 @@ def _clusters(values: FloatArray, count: int) -> FloatArray:
     return np.sort(centres)
 
 
-def token_errors(tokens: TokenTensors, batch: Batch) -> Tensor:
+def token_errors(tokens: TokenTensors, s: Tensor, d: Tensor, start: Tensor) -> Tensor:
     """Return (n,) negative log probabilities of the recorded motions."""
-    along, aside = motions(batch.s, batch.d, batch.start)
+    along, aside = motions(s, d, start)
     a = (along[:, None] - tokens.acceleration).abs().argmin(1)
     wanted = a * len(tokens.sideways) + (aside[:, None] - tokens.sideways).abs().argmin(1)
     return -log_softmax(tokens.logits, 1).gather(1, wanted[:, None])[:, 0]
 
 
-def kept(tokens: TokenTensors, batch: Batch, guesses: int) -> ModeTensors:
-    """Return the expected motion and the likeliest ones, each kept for 3 s, for validation."""
+def kept(tokens: TokenTensors, offset: Tensor, guesses: int) -> ModeTensors:
+    """Return the expected motion and the likeliest ones, each kept for 3 s, from (n,) offsets in m."""
     likely = torch.softmax(tokens.logits, 1).view(-1, len(tokens.acceleration), len(tokens.sideways))
     logits, best = tokens.logits.topk(guesses, 1)
     along, aside = tokens.acceleration[best // likely.shape[2]], tokens.sideways[best % likely.shape[2]]
@@ -127,7 +122,7 @@ def kept(tokens: TokenTensors, batch: Batch, guesses: int) -> ModeTensors:
     return ModeTensors(
         torch.cat([torch.full_like(logits[:, :1], -torch.inf), logits], 1),
         along[..., None].expand(-1, -1, PLAN_STEPS),
-        batch.start[:, 1, None, None] + aside[..., None] * time,
+        offset[:, None, None] + aside[..., None] * time,
         tokens.path_logit,
         None,
     )
