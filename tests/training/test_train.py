@@ -248,7 +248,8 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
             train(out=tmp_path / "other.safetensors", **few)
 
 
-def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch) -> None:
+@pytest.mark.parametrize("kind", ["graph", "joint"])
+def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch, kind: str) -> None:
     short = replace(SAMPLING, copies=0)
     monkeypatch.setattr(dataset_module.SampleOptions, "__call__", None, raising=False)
     monkeypatch.setattr("scex_sumo.training.data.dataset.SampleOptions", lambda **given: short)
@@ -258,10 +259,10 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
         source = example_path("motorway_merge").with_suffix(suffix)
         (folder / source.name).write_bytes(source.read_bytes())
     out = tmp_path / "mine.safetensors"
-    train_command("graph", [folder], out, epochs=2, rounds=1, cache=tmp_path / "cache")
-    meta = load_weights(out, "graph").meta
+    train_command(kind, [folder], out, epochs=2, rounds=1, cache=tmp_path / "cache")
+    meta = load_weights(out, kind).meta
     assert meta["sites"] == ["motorway_merge"]
-    assert meta["command"] == "scex-sumo train graph --data data --seed 0 --epochs 2 --rounds 1 --every 0.5"
+    assert meta["command"] == f"scex-sumo train {kind} --data data --seed 0 --epochs 2 --rounds 1 --every 0.5"
     assert meta["validation"]["motorway_merge"]["fde_m"] > 0
     # no checkpoints left
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.safetensors"]
