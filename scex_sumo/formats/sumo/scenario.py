@@ -65,7 +65,7 @@ def simulate(config: Path, window: Window = (None, None)) -> Recorded:
                 sumo.close()
         except failed as error:
             said = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
-            reason = " ".join(said[:2]) or str(error)
+            reason = " ".join([*dict.fromkeys(said)][:2]) or str(error)
             raise SimulationError(f"{config}: SUMO stops: {reason.replace(folder + '/', '')}") from None
         finally:
             os.chdir(before)
