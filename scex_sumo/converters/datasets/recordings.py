@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from scex_sumo.base.errors import TrackError, listed
+from scex_sumo.base.progress import Progress
 from scex_sumo.converters.cleaning.align import Evidence, evidence, on_lanes
 from scex_sumo.converters.cleaning.mismatch import MIN_SHARE_ON_LANES, doubt_place, explain_mismatch
 from scex_sumo.converters.datasets.find import find_recordings, find_tracks
@@ -147,6 +148,7 @@ def recorded_scene(
     road: Road | None = None,
     align: bool = True,
     force: bool = False,
+    progress: Progress | None = None,
 ) -> SeedScene:
     """Read one moment of a recording.
 
@@ -161,6 +163,7 @@ def recorded_scene(
         road: the map as read; tracks beside its lanes are moved onto them.
         align: False leaves the tracks where they are, see `align_tracks`.
         force: accept a moment with over half of its vehicles on no lane.
+        progress: as of `read_clean`.
 
     Raises:
         TrackError: no or unusable tracks, an unknown case, a moment outside the recording or without
@@ -169,7 +172,12 @@ def recorded_scene(
     recording = recording_of(Path(map_path), tracks)
     at = time_s if time_s is not None and math.isfinite(time_s) else None
     clean = read_clean(
-        recording.track_paths, road, repair=repair, align=align, window=_with_history((at, at))
+        recording.track_paths,
+        road,
+        repair=repair,
+        align=align,
+        window=_with_history((at, at)),
+        progress=progress,
     )
     scene = take_scene(
         clean,

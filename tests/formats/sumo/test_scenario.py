@@ -50,6 +50,12 @@ def test_vehicles_are_where_sumo_has_them(grid: Simulation, scene: SeedScene) ->
     assert scene.future is not None and scene.future.shape[1] == 50
 
 
+def test_progress_of_the_simulation_is_told(grid: Simulation) -> None:
+    told = list[tuple[int, int]]()
+    read_seed(grid.config, time=TIME_S, progress=lambda *step: told.append(step))
+    assert len(told) > 50 and told == sorted(told) and told[-1] == (1000, 1000)
+
+
 def test_pedestrians_and_bicycles_are_obstacles(grid: Simulation, scene: SeedScene) -> None:
     truth = in_sumo(grid.config, TIME_S)
     assert scene.obstacles is not None and set(scene.obstacles.types) == {"pedestrian", "bicycle"}
