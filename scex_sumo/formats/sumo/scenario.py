@@ -32,7 +32,7 @@ Window = tuple[float | None, float | None]
 
 def is_scenario(path: Path) -> bool:
     """Whether a path is a configuration of SUMO, by its name."""
-    return str(path).lower().endswith((".sumocfg", ".sumocfg.xml"))
+    return str(path).lower().endswith((".sumocfg", ".sumocfg.xml", ".sumo.cfg"))
 
 
 def simulate(
@@ -97,7 +97,8 @@ def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], 
         recorder.take()
     recorded = recorder.recorded
     if not any(kind != "pedestrian" for kind, *_ in recorded.users.values()):
-        raise TrackError(f"{config}: no vehicle from {first:g} s to {last:g} s; {_first(sumo)}")
+        only = "only pedestrians" if recorded.users else "no vehicle"
+        raise TrackError(f"{config}: {only} from {first:g} s to {last:g} s; {_first(sumo)}")
     sublane = float(sumo.simulation.getOption("lateral-resolution")) > 0
     return dataclasses.replace(recorded, notes=(SUBLANE,) if sublane else ())
 
@@ -114,8 +115,8 @@ def _first(sumo: Any) -> str:
     while sumo.simulation.getTime() < until and sumo.simulation.getMinExpectedNumber():
         sumo.simulationStep()
         if sumo.vehicle.getIDCount():
-            return f"the next one departs at {sumo.simulation.getTime():g} s; choose a later --time"
-    return "none departs after that; choose an earlier --time"
+            return f"a vehicle departs at {sumo.simulation.getTime():g} s; choose a later --time"
+    return "no vehicle departs after that; choose an earlier --time"
 
 
 def _read(

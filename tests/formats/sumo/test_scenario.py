@@ -178,6 +178,23 @@ def test_a_time_before_the_first_vehicle_names_its_departure(tmp_path: Path) -> 
         read_seed(grid.config, time=500.0)
 
 
+def test_vehicles_on_lanes_without_cars_are_no_matter_of_the_origin(tmp_path: Path) -> None:
+    bus = '<routes><vType id="bus" vClass="bus"/><trip id="a" type="bus" depart="0" from="A0A1" to="A1A2"/>'
+    grid = write_grid(tmp_path, routes=f"{bus}</routes>")
+    net = ElementTree.parse(grid.net)
+    for edge in net.iter("edge"):
+        if edge.get("id") == "A0A1":
+            for lane in list(edge)[1:]:  # the first one is the sidewalk
+                lane.attrib.pop("disallow", None)
+                lane.set("allow", "bus")
+    net.write(grid.net)
+    with pytest.raises(
+        TrackError, match=r"1 of 1 .* lanes that the map closes to cars: A0A1_1; allow"
+    ) as said:
+        read_seed(grid.config, time=5.0)
+    assert "origin" not in str(said.value)
+
+
 def test_a_mesoscopic_simulation_is_refused(tmp_path: Path) -> None:
     grid = write_grid(tmp_path, processing='<mesosim value="true"/>', step_s=1)
     with pytest.raises(TrackError, match="mesoscopic"):
