@@ -191,7 +191,7 @@ def test_vehicles_on_lanes_without_cars_are_no_matter_of_the_origin(tmp_path: Pa
     with pytest.raises(
         TrackError, match=r"1 of 1 .* lanes that the map closes to cars: A0A1_1; allow"
     ) as said:
-        read_seed(grid.config, time=5.0)
+        read_seed(grid.config, time=2.0)
     assert "origin" not in str(said.value)
 
 
