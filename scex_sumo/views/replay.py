@@ -11,12 +11,14 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.colors import Rgb
+from scex_sumo.converters.net.reader import net_root
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.crop import Box, crop_extras, crop_net
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
@@ -98,7 +100,8 @@ def write_view(
         drawn += _choose_ids(folder / f"{name}.ids.txt", groups, children[0], letter_m, frame)
     additional.append(folder / f"{name}.add.xml")
     types = _types(scene, children, colors)
-    additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
+    lights = _delayed_lights(net_file, (children[0].past - 1) * STEP_S)
+    additional[-1].write_text(f"<additional>\n{types}{lights}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
         frame,
@@ -133,6 +136,16 @@ def _filling(box: Box, count: int) -> Box:
     aspect = _GRID_ASPECT * math.ceil(count / columns) / columns
     x, y = max(aspect * tall - wide, 0.0) / 2, max(wide / aspect - tall, 0.0) / 2
     return left - x, low - y, right + x, high + y
+
+
+def _delayed_lights(net: Path, by_s: float) -> str:
+    """Return the lights of a net, later by the time before the seed scene that a replay shows."""
+    lights = {}  # of several programmes SUMO takes the last one
+    for light in net_root(net).iter("tlLogic"):
+        light.set("programID", "replay")
+        light.set("offset", f"{float(light.get('offset', '0')) + by_s:.2f}")
+        lights[light.get("id")] = ElementTree.tostring(light, encoding="unicode")
+    return "".join(lights.values())
 
 
 def _choose_ids(

@@ -25,7 +25,7 @@ from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import tracks_of
 from scex_sumo.formats.sumo.imported import kept_net
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 
 # Variables of TraCI.
 _SPEED, _POSITION, _ANGLE, _VEHICLE, _STOP = 0x40, 0x42, 0x43, 0xC3, 0xB5
@@ -281,7 +281,8 @@ def _phases_from(
         if _begins_with(phases, seen):
             return [*phases, (now.state, max(time_s - now.since_s, STEP_S))], _FIXED
     at_s, logic = max(last.since_s, time_s), programme(last.programme)
-    phases = [*seen[:-1], *_going_on(logic, last, at_s, at_least_s=end_s - at_s), (now.state, STEP_S)]
+    before = now.state, HISTORY_STEPS * STEP_S  # which a replay shows
+    phases = [*seen[:-1], *_going_on(logic, last, at_s, at_least_s=end_s - at_s), before]
     return phases, _FOLLOWED if end_s - time_s > STEP_S else _STILL if logic is None else _LONGEST
 
 
