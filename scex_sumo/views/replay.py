@@ -107,6 +107,7 @@ def write_view(
         frame,
         letter_m=letter_m,
         chosen=True,
+        lights=bool(lights),
         snapshots=snapshots,
         # A pause at the end would keep a sumo-gui open that only writes snapshots.
         pause_s=None if snapshots else (children[0].stop_state + 1) * STEP_S,
