@@ -20,6 +20,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
+from scex_sumo.converters.datasets.scene import FUTURE_STEPS
 from scex_sumo.converters.net.reader import net_root
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
@@ -219,8 +220,9 @@ def with_lights(road: Road | None, recorded: Recorded, time_s: float) -> tuple[R
         return road, []
     lights: dict[str, ElementTree.Element] = {}
     groups: dict[str, list[str]] = {}
+    end_s = min(recorded.end_s, time_s + FUTURE_STEPS * STEP_S)
     for name, changes in recorded.lights.items():
-        phases, group = _phases_from(changes, partial(_programme, recorded, name), time_s, recorded.end_s)
+        phases, group = _phases_from(changes, partial(_programme, recorded, name), time_s, end_s)
         groups.setdefault(group, []).append(name)
         # A future begins at 0.1 s of its simulation.
         light = ElementTree.Element("tlLogic", id=name, type="static", programID="0", offset=str(STEP_S))
@@ -255,8 +257,9 @@ def _phases_from(
 ) -> tuple[list[tuple[str, float]], str]:
     """Return state and duration, s, of the phases of a light from a time on, and the note they need.
 
-    A fixed programme goes on. Others follow the recording to its end, then their longest durations.
+    A fixed programme goes on. Others follow the recording until ``end_s``, then their longest durations.
     """
+    changes = [change for change in changes if change.since_s < end_s] or changes[:1]
     first = max(bisect.bisect_left(changes, time_s - 1e-6, key=lambda change: change.since_s) - 1, 0)
     now, last = changes[first], changes[-1]
     ends = [max(change.since_s, time_s) for change in changes[first + 1 :]]

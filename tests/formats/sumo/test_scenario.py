@@ -11,7 +11,12 @@ import pytest
 
 from scex_sumo.base.errors import MapError, ScexError, SimulationError, TrackError
 from scex_sumo.base.programs import program, user_sumo
-from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, recording_moments
+from scex_sumo.converters.datasets.recordings import (
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Light, Programme, Recorded, with_lights
@@ -247,6 +252,12 @@ def test_rank_takes_moments_of_a_window_of_a_configuration(grid: Simulation) -> 
     times = [moment.time_s for moment in recording_moments(loaded, every_s=5.0)]
     assert times == [20.0, 25.0, 30.0]
     assert loaded.table.vehicles.stamps_ms.min() <= 19_000 and loaded.table.vehicles.stamps_ms.max() >= 35_000
+    # The fixed programmes of a longer recording are still fixed.
+    longer = load_recording(dataclasses.replace(recording, window=(20.0, 85.0)))
+    scene = seed_at(longer, 40.0)
+    assert not any("traffic lights" in note for note in scene.notes)
+    assert scene.road is not None and scene.road.net is not None
+    assert in_sumo(scene.road.net, 0.1, steps=60).lights == in_sumo(grid.config, 40.0, steps=60).lights
 
 
 @pytest.mark.parametrize(("said", "words"), [("SUMO sumo 1.19.0", "needs 1.20"), ("", "of no known version")])
