@@ -219,14 +219,14 @@ def collisions_table(
 
     In a rear-end collision ``track_id`` hits ``other_id``.
     """
-    kinds, sides = np.array(KINDS), np.array(SIDES)
+    sides = np.array(SIDES)
     columns = {
         "child": np.asarray(children)[hits.child],
         "step": hits.step - first + 1,
         "time_s": hits.time_s,
         "track_id": np.asarray(track_ids)[hits.first],
         "other_id": np.asarray(track_ids)[hits.second],
-        "kind": kinds[hits.kind],
+        "kind": hits.kinds(),
         "side": sides[hits.first_side],
         "other_side": sides[hits.second_side],
         "relative_speed": hits.relative_speed,

@@ -80,7 +80,6 @@ class PrivateRun:
 
     Attributes:
         options: words of the command line.
-        net: the net as SUMO reads it.
     """
 
     def __init__(self, config: Path, folder: Path, binary: str) -> None:
@@ -100,7 +99,6 @@ class PrivateRun:
                 given[option] = value
         if NET not in given:
             raise MapError(f"{config}: no <net-file> in it; give the configuration of a simulation")
-        self.net = Path(given[NET])
         self.options = [word for name, value in given.items() for word in (f"--{name}", value)]
 
     def _input(self, option: str, file: Path) -> Path:

@@ -185,8 +185,7 @@ def _run(
 
     children = range(settings.children)
     cut = moment_tasks(recordings, {}, settings, children, wanted=left, choose=chosen)
-    items = read_ahead(cut, _AHEAD)
-    try:
+    with closing(read_ahead(cut, _AHEAD)) as items:
         for task, found in workers.run(tasks(items)):
             if isinstance(found, Failure):
                 folder.fail(found)
@@ -195,6 +194,4 @@ def _run(
             done += 1
             if progress is not None:
                 progress(done, max(len(refs), done))
-    finally:
-        items.close()
     return refs
