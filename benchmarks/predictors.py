@@ -16,7 +16,7 @@ recordings are too short to be cut, the files of `recorded_scenes.NGSIM_TEST`. N
 on. Vehicles with 1 s of recorded past and 3 s of recorded future, those that move and those that stand apart.
 Errors are those of the plan that the model drives, means over vehicles. Closed loop: all vehicles of a scene,
 put off by up to 0.7 m and 5 degrees, driven by the model for 10 s; with the guard also from where they were.
-Joint: all vehicles driven by the model for 3 s, in closed loop and, for `+once`, with the first plan.
+Joint: all vehicles driven by the model for 3 s, in closed loop and, for `-once`, with the first plan.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def joint_variants(out: Path, seeds: int, sites: Sequence[str]) -> Iterator[tupl
         yield training.name, training.leave_out, model, once
         if training.kind == "graph":
             base, _, seed = training.name.rpartition("-")
-            yield f"{base}+once-{seed}", training.leave_out, model, PLAN_STEPS
+            yield f"{base}-once-{seed}", training.leave_out, model, PLAN_STEPS
 
 
 def measure_loop(
