@@ -186,7 +186,9 @@ def kept_clear(
     k = np.flatnonzero((held != front).any(axis=1))
     x, y = rear_axle(history.now[who.child[k], who.vehicle[k]], history.scene.length[who.vehicle[k]])
     kept = aside.copy()
-    kept[k, 0] = foot_points(paths, row[k], x, y, s[k] - REAR_AXLE_SHARE * history.scene.length[who.vehicle[k]])[1]
+    kept[k, 0] = foot_points(
+        paths, row[k], x, y, s[k] - REAR_AXLE_SHARE * history.scene.length[who.vehicle[k]]
+    )[1]
     follows = 1 - np.exp(-moved[k] / reach[k, None])
     for step in range(held.shape[1]):
         kept[k, step + 1] = kept[k, step] + (held[k, step] - kept[k, step]) * follows[:, step]
