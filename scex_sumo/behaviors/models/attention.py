@@ -45,6 +45,7 @@ MAX_SLOPE = 0.3  # of the way across over the way along
 LOOKS = (0, 3, 6)  # of the samples of expected motion, for vehicles beside
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
+MERGING_MPS2, MERGING_MPS = 3.0, 2.0  # for vehicles about as fast that merge in front: both make room
 GENTLE_MPS2 = 2.0  # for vehicles beside that are missed with constant velocity and heading
 # A driver whose leader asks for more looks ahead (Tijerina et al. 2004); the figure is our choice.
 CALM_MPS2 = 0.3
@@ -136,6 +137,8 @@ def _bounds(
     needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
     most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
+    merges = (holds.enter > t) & (holds.speed > 0) & (v - holds.speed < MERGING_MPS)
+    most = np.where(merges, np.minimum(most, MERGING_MPS2), most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
     onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
     position, leader = line_motion(holds, t)
