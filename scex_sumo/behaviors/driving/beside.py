@@ -80,7 +80,7 @@ def offsets_beside(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Offsets are those of the centre; with ``later`` those of the middle of the front. Two boxes share the space
+    Offsets are those of the centre, or with ``later`` of the middle of the front. Two boxes share the space
     between them; others keep their speed and straighten up.
 
     Args:

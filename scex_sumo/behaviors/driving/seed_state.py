@@ -56,7 +56,7 @@ def estimated_scene(scene: SeedScene, road: Road) -> SeedScene:
 
 @owner_cache
 def heading_scatter(scene: SeedScene, road: Road) -> FloatArray:
-    """Return (V,) scatter of the recorded headings of the last second about a line relative to the path, rad."""
+    """Return (V,) scatter of the headings of the last second about a line, relative to the path, rad."""
     return _scatter(np.unwrap(scene.history.heading, axis=1) - _path_headings(scene, road), 2)
 
 

@@ -183,15 +183,14 @@ def kept_clear(
     least, most = np.where(narrow, middle, least), np.where(narrow, middle, most)
     moved = np.maximum(np.diff(way, axis=1), SLOPE_SPEED * STEP_S)
     slope = np.clip(np.diff(aside, axis=1) / moved, -MAX_SLOPE, MAX_SLOPE)
-    reach = (0.5 + REAR_AXLE_SHARE) * history.scene.length[who.vehicle]
+    length = history.scene.length[who.vehicle]
+    reach = (0.5 + REAR_AXLE_SHARE) * length
     front = aside[:, 1:] + reach[:, None] * slope
     held = np.clip(front, least[:, 1:], most[:, 1:])
     k = np.flatnonzero((held != front).any(axis=1))
-    x, y = rear_axle(history.now[who.child[k], who.vehicle[k]], history.scene.length[who.vehicle[k]])
+    x, y = rear_axle(history.now[who.child[k], who.vehicle[k]], length[k])
     kept = aside.copy()
-    kept[k, 0] = foot_points(
-        paths, row[k], x, y, s[k] - REAR_AXLE_SHARE * history.scene.length[who.vehicle[k]]
-    )[1]
+    kept[k, 0] = foot_points(paths, row[k], x, y, (s - REAR_AXLE_SHARE * length)[k])[1]
     follows = 1 - np.exp(-moved[k] / reach[k, None])
     for step in range(held.shape[1]):
         kept[k, step + 1] = kept[k, step] + (held[k, step] - kept[k, step]) * follows[:, step]
