@@ -6,6 +6,7 @@ A log is a folder with ``sync.arrow``. Its map is ``map.arrow`` beside it, or
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -84,10 +85,9 @@ def _array(item: dict[Any, Any]) -> Any:
     """Return the array that a packed dict stands for; other dicts unchanged."""
     if b"__ndarray__" not in item:
         return item
-    dtype = np.dtype(item[b"dtype"])
-    if dtype.kind not in "biuf":
-        raise ValueError(f"array of {dtype}")
-    return np.frombuffer(item[b"data"], dtype).reshape(item[b"shape"])
+    if not re.fullmatch(r"[<>|=]?[biuf]\d{1,2}", word := str(item[b"dtype"])):  # NumPy evaluates others
+        raise ValueError(f"array of {word:.20}")
+    return np.frombuffer(item[b"data"], np.dtype(word)).reshape(item[b"shape"])
 
 
 def _map_of(path: Path) -> Path:

@@ -146,7 +146,7 @@ def _endless() -> list[Any]:
     ],
 )
 def test_a_short_pickle_that_would_fill_the_memory_is_refused(more: bytes) -> None:
-    with pytest.raises((pickle.UnpicklingError, ValueError), match="items|memo|bytes"):
+    with pytest.raises((pickle.UnpicklingError, ValueError), match=r"items|memo|bytes"):
         unpickle(io.BytesIO(more))
 
 

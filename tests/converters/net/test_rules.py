@@ -244,6 +244,33 @@ def test_a_roundabout_without_rules_goes_before_its_entry(tmp_path: Path) -> Non
     assert (ring, entry) not in net.yields
 
 
+@pytest.mark.parametrize("radius", [16.0, 24.0])
+def test_a_round_block_with_oncoming_lanes_is_no_roundabout(tmp_path: Path, radius: float) -> None:
+    """CARLA's towns have such blocks; who enters comes from the right and goes first."""
+    lanes = [
+        lane(1, arc((0, 0), 20, 0, 180), to=(2,)),
+        lane(2, arc((0, 0), 20, 180, 360), to=(1,)),
+        lane(3, [(60, 0), (19, 0), (5, 0)]),
+        lane(4, arc((0, 0), radius, 330, 40)),
+    ]
+    net = net_of(road(lanes), tmp_path)
+    [entry] = [v for v, c in net.connections.items() if c.get("from", "").startswith("l3")]
+    rings = [other for one, other in net.foes if one == entry and (other, entry) in net.yields]
+    assert rings and all((entry, ring) not in net.yields for ring in rings)
+
+
+def test_the_judge_knows_that_a_roundabout_goes_before_an_entry_that_crosses_it(tmp_path: Path) -> None:
+    lanes = [
+        lane(1, arc((0, 0), 20, 30, 210), to=(2,)),
+        lane(2, arc((0, 0), 20, 210, 390), to=(1,)),
+        lane(3, [(60, 0), (10, 0)]),
+    ]
+    drawn = road(lanes)
+    net = convert(drawn, tmp_path / "ring.net.xml")
+    report = check_net(net.path, drawn, net.lanes)
+    assert (report["crossing"], report["wrong_from_the_right"]) == (1, ())
+
+
 def test_lanes_for_bicycles_are_closed_to_cars(tmp_path: Path) -> None:
     lanes = [lane(1, [(0, 0), (50, 0)]), lane(2, [(0, 9), (50, 9)], kind="bicycle")]
     net = net_of(road([*lanes, lane(3, [(0, 15), (50, 15)], kind="pedestrian")]), tmp_path)
