@@ -85,9 +85,9 @@ class RightOfWay:
         if not any(self._from_the_right(a, b) for a, b in pairs):
             return
         wrong = not all(links.waits(a, b) for a, b in pairs)
-        if wrong and all(links.waits(b, a) for a, b in pairs):
-            if any(self._circles(i) for i in (yielding, *self.lanes[yielding].predecessors)):
-                return  # a roundabout goes before its entries
+        on_it = (yielding, *self.lanes[yielding].predecessors)
+        if wrong and all(links.waits(b, a) for a, b in pairs) and any(map(self._circles, on_it)):
+            return  # a roundabout goes before its entries
         self.from_the_right += 1
         if wrong:
             self.wrong_right.append((yielding, priority))
