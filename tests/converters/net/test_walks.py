@@ -165,7 +165,7 @@ def test_a_road_without_footways_has_no_word_about_people(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("y", [-21.0, -19.5, -19.2])
 def test_a_crosswalk_beside_a_ring_is_moved_off_the_way_of_the_ring_s_cars(tmp_path: Path, y: float) -> None:
-    """A ring of 20 m radius, an entry, and a crosswalk over the entry whose edge or middle lies on the ring."""
+    """A ring of 20 m radius, an entry, and a crosswalk over it with its edge or middle on the ring."""
     turns = np.radians(np.linspace(180, 275, 60)), np.radians(np.linspace(275, 360, 60))
     before, after = ([(20 * np.cos(t), 20 * np.sin(t)) for t in part] for part in turns)
     entry = lane(2, [(-7, -60), (-7, -30), (-5, -25), after[0]], to=(3,))
