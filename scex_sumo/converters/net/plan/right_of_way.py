@@ -136,8 +136,10 @@ def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
         yielding = set(rule.yielding) or (set(rule.lanes) if rule.kind in ("stop", "yield") else set())
         sides = yielding, set(rule.priority)
         mine, theirs = max(mine, _weight(a.on, b.on, *sides)), max(theirs, _weight(b.on, a.on, *sides))
-        certain += (_weight(a.across, b.across, *sides) == 2) - (_weight(b.across, a.across, *sides) == 2)
-    if mine == theirs:  # rules of the approaches for other ways across: those of these two ways decide
+        for across, on in ((a.across, b.on), (a.on, b.across)):
+            certain += (_weight(across, on, *sides) == 2) - (_weight(on, across, *sides) == 2)
+    # Rules of the approaches mean other ways across: those that name these ways decide.
+    if mine == theirs or (certain and max(mine, theirs) < 2):
         mine, theirs = max(certain, 0), max(-certain, 0)
     if mine == theirs:
         return ""
