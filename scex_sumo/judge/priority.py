@@ -106,7 +106,9 @@ class RightOfWay:
             return False
         ways = [(place[i], place[j]) for i in ids for j in self.lanes[i].successors if j in place]
         lengths = [length_of(self.lanes[ids[k]].centreline) for k, _ in ways]
-        graph = coo_array((lengths, tuple(np.array(ways).T)), shape=(len(ids), len(ids))).tocsr()
+        graph = coo_array(
+            (lengths, tuple(np.array(ways, int).reshape(-1, 2).T)), shape=(len(ids), len(ids))
+        ).tocsr()
         far, before = dijkstra(graph, indices=place[lane_id], limit=RING_M, return_predecessors=True)
         back = [k for k, end in ways if end == place[lane_id] and np.isfinite(far[k])]
         if not back:

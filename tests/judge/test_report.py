@@ -270,6 +270,10 @@ def test_right_before_left_is_expected_where_no_rule_is(tmp_path: Path) -> None:
     report = check_net(write_net(tmp_path), replace(crossing(), regulations=()), Table())
     assert report["from_the_right"] == 1
     assert report["wrong_from_the_right"] == ((2, 5),)
+    road = crossing()
+    alone = {i: replace(one, successors=(), predecessors=()) for i, one in road.lanes.items()}
+    report = check_net(write_net(tmp_path), replace(road, lanes=alone, regulations=()), Table())
+    assert report["wrong_from_the_right"] == ((2, 5),)
     swapped = write_net(
         tmp_path,
         ('<request index="0" response="000"', '<request index="0" response="100"'),
