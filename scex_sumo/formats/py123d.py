@@ -15,7 +15,8 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MapError, MissingExtraError, TrackError
+from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import beginning
 from scex_sumo.converters.net.plan.layout import NetLayout
 from scex_sumo.converters.net.plan.lights import Programme
@@ -53,12 +54,8 @@ _LABELS = {
 
 
 def _msgpack() -> Any:
-    try:
+    with extra_for("logs of 123D need msgpack", "formats"):
         import msgpack
-    except ImportError as error:
-        raise MissingExtraError(
-            f"logs of 123D need msgpack ({error}); install it: pip install 'scex-sumo[formats]'"
-        ) from None
     return msgpack
 
 

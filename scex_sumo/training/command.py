@@ -58,7 +58,7 @@ def train_command(
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
-    from scex_sumo.converters.datasets.split import Split
+    from scex_sumo.converters.datasets.moment import Split
     from scex_sumo.training.closed_loop import closed_loop
     from scex_sumo.training.data.dataset import SampleOptions, make_dataset
     from scex_sumo.training.options import TrainOptions
