@@ -82,7 +82,7 @@ def _check_opcodes(raw: bytes) -> None:
     memo: dict[int, int | None] = {}
     for count, (code, value, _) in enumerate(pickletools.genops(raw)):  # refuses lengths beyond the end
         if code.name.endswith("GET"):
-            stack.append(memo[value])
+            stack.append(memo[value or 0])
         elif code.name == "MEMOIZE" or code.name.endswith("PUT"):
             place = len(memo) if value is None else value
             if place > count:
