@@ -38,16 +38,8 @@ _KINDS = {
 }
 """Road users; the others are things, or one of two boxes: motorcycle and rider, bicycle and rider."""
 _LANE_KINDS = {"VEHICLE": "vehicle", "BIKE": "bicycle", "BUS": "bus"}
-_COLUMNS = (
-    "track_id",
-    "object_type",
-    "timestep",
-    "position_x",
-    "position_y",
-    "velocity_x",
-    "velocity_y",
-    "heading",
-)
+_MOTION = ("position_x", "position_y", "velocity_x", "velocity_y", "heading")
+_COLUMNS = ("track_id", "object_type", "timestep", *_MOTION)
 
 
 def _read_road(path: Path, **options: Any) -> Road:

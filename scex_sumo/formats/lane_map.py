@@ -326,11 +326,8 @@ def _regulations(
     for name, place in drawn.lit.items():
         if (lane := ids.get(name)) in lanes and lane is not None:
             number += 1
-            lines = (
-                ()
-                if place is None
-                else (_stop_line(lanes[lane], np.asarray(place, np.float64)[:2] - drawn.frame),)
-            )
+            places = [] if place is None else [np.asarray(place, np.float64)[:2] - drawn.frame]
+            lines = tuple(_stop_line(lanes[lane], point) for point in places)
             yield Regulation(
                 element_id=number, kind="traffic_light", lanes=(lane,), stop_lines=lines, lights=(number,)
             )

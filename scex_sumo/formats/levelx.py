@@ -37,6 +37,7 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording, place
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import TrackTable, track_table
+from scex_sumo.formats.boxes import one_line
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
 
@@ -173,15 +174,13 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
     meta = read_meta(meta_path)
     if not meta.get("xUtmOrigin") or not meta.get("yUtmOrigin"):
         return None
-    try:
-        east, north = float(meta["xUtmOrigin"]), float(meta["yUtmOrigin"])
-        near = float(meta["latLocation"]), float(meta["lonLocation"])
-    except KeyError:
+    origin = np.array([[number(meta["xUtmOrigin"]), number(meta["yUtmOrigin"])]])
+    if "latLocation" in meta and "lonLocation" in meta:
+        near = number(meta["latLocation"]), number(meta["lonLocation"])
+    else:
         near = middle(read_map_file(map_path))
-    except ValueError:
-        east, north, near = math.nan, math.nan, (math.nan, math.nan)
     try:
-        [place] = to_degrees(np.array([[east, north]]), near, absolute=True)
+        [place] = to_degrees(origin, near, absolute=True)
     except RuntimeError:
         place = np.full(2, math.nan)
     if not on_earth(*place) or distance_m(place, near) > LOCATION_M:
@@ -291,10 +290,8 @@ def _tracks(path: Path) -> Path:
 
 def _read_road(path: Path, **_: object) -> Road:
     """Build lanes, with highD's own ``laneId``, from ``upperLaneMarkings`` and ``lowerLaneMarkings``."""
-    try:
+    with one_line(MapError, path, "map of highD"):
         meta = read_meta(path)
-    except TrackError as error:
-        raise MapError(str(error)) from None
     if not has_lane_markings(meta):
         raise MapError(f"{path}: no lane markings in it, so no road; give a Lanelet2 map (.osm)")
     upper, lower = (_markings(path, meta, f"{side}LaneMarkings") for side in ("upper", "lower"))

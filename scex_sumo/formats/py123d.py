@@ -176,12 +176,8 @@ def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray]:
     file = _modality(path, "box_detections_se3")
     stamps = np.zeros(0)
     if file is not None:
-        table, word = (
-            _table(file),
-            str(_meta(file)["box_detection_label_class"])
-            .rsplit(".", 1)[-1]
-            .removesuffix("BoxDetectionLabel"),
-        )
+        table, label_class = _table(file), str(_meta(file)["box_detection_label_class"])
+        word = label_class.rsplit(".", 1)[-1].removesuffix("BoxDetectionLabel")
         if word not in _LABELS:
             raise ValueError(f"unknown box types {word}")
         words = _LABELS[word].split()
@@ -190,9 +186,8 @@ def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray]:
         for stamp, tokens, labels, boxes, velocities in zip(stamps, *lists, strict=True):
             for token, label, box, velocity in zip(tokens, labels, boxes, velocities, strict=True):
                 names.append(str(token))
-                kinds[names[-1]] = (
-                    words[label] if label < len(words) and words[label] != "-" else f"type {label}"
-                )
+                is_user = label < len(words) and words[label] != "-"
+                kinds[names[-1]] = words[label] if is_user else f"type {label}"
                 x, y, _, qw, qx, qy, qz, length, width, _ = box
                 vx, vy, _ = velocity or (np.nan, np.nan, np.nan)
                 parts.append(

@@ -241,13 +241,8 @@ def _drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     wrong_size = np.bincount(rows.track, size, rows.tracks) > 0
     too_fast = (np.bincount(rows.track, rows.speed > MAX_SPEED_MPS, rows.tracks) > 0) & ~wrong_size
     found = []
-    for wrong, what in (
-        (
-            wrong_size,
-            f"longer than {MAX_LENGTH_M:g} m, wider than {MAX_WIDTH_M:g} m or under {MIN_SIZE_M:g} m",
-        ),
-        (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s"),
-    ):
+    sizes = f"longer than {MAX_LENGTH_M:g} m, wider than {MAX_WIDTH_M:g} m or under {MIN_SIZE_M:g} m"
+    for wrong, what in ((wrong_size, sizes), (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s")):
         if wrong.any():
             labels = [rows.labels[k] for k in np.flatnonzero(wrong)]
             found.append(f"tracks {what} left out: {listed(labels)}")

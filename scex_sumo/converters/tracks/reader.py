@@ -219,12 +219,12 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
     words = [name for name in ("case_id", "track_id", "agent_type") if name in header]
     numbers = [name for name in numbers if name not in words]
     types = {name: pa.float64() for name in numbers} | dict.fromkeys(words, pa.string())
-    column_names = _distinct(header)
+    distinct = [name if header.index(name) == k else f"{name} {k}" for k, name in enumerate(header)]
     try:
         with open_binary(path) as file:
             arrow = csv.read_csv(
                 in_arrow(file),
-                read_options=csv.ReadOptions(column_names=column_names, skip_rows=1),
+                read_options=csv.ReadOptions(column_names=distinct, skip_rows=1),
                 convert_options=csv.ConvertOptions(
                     include_columns=[*numbers, *words], column_types=types, null_values=list(MISSING)
                 ),
@@ -244,10 +244,6 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
         columns[name] = encoded.indices.to_numpy().astype(np.int64), [str(n) for n in encoded.dictionary]
     columns, notes = _checked(path, header, columns)
     return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns)]
-
-
-def _distinct(header: list[str]) -> list[str]:
-    return [name if header.index(name) == k else f"{name} {k}" for k, name in enumerate(header)]
 
 
 def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:

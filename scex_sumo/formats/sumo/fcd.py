@@ -16,7 +16,7 @@ from scex_sumo.converters.naming import beginning, open_binary
 from scex_sumo.converters.net.reader import unpacked
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.check import MAX_VALUES
-from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable, track_table
 from scex_sumo.geometry.polylines import along, length_of, wrap
 from scex_sumo.scene import STEP_S
 
@@ -107,16 +107,12 @@ def tracks_of(
     numbered = numbers_of([str(label) for label in labels])
     if any(str(number) != str(label) for number, label in zip(numbered, labels, strict=True)):
         findings.append("vehicles are numbered in the order of their names")
-    return (
-        TrackTable(
-            path=path,
-            cases=("",),
-            vehicles=_rows(track[vehicle], table[vehicle], words[vehicle], [str(n) for n in numbered]),
-            others=_rows(track[~vehicle], table[~vehicle], words[~vehicle], [str(x) for x in labels]),
-            step_s=step_s,
-        ),
-        tuple(findings),
-    )
+    number = np.where(vehicle, track, track + len(labels))  # a person may have the name of a vehicle
+    types = dict(zip(number[::-1].tolist(), words[::-1].tolist(), strict=True))  # that of the first row
+    of_track = [types.get(k, "") for k in range(2 * len(labels))]
+    both = [*map(str, numbered), *map(str, labels)]
+    tracks = track_table(path, vehicle, number, both, of_track, step_s=step_s, **_columns(table))
+    return tracks, tuple(findings)
 
 
 def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
@@ -133,11 +129,8 @@ def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
     unknown = np.isnan(table[:, 5:7])
     guessed = np.array([_word_and_size(kind)[1] for kind in kinds])
     table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
-    return (
-        ["vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"]
-        if unknown.any()
-        else []
-    )
+    said = "vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"
+    return [said] if unknown.any() else []
 
 
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
@@ -241,7 +234,7 @@ def _runs(track: IntArray, time: FloatArray, step_s: float) -> list[tuple[int, i
     return list(zip(begin.tolist(), [*begin[1:].tolist(), len(track)], strict=True))
 
 
-def _rows(track: IntArray, table: FloatArray, words: Any, labels: list[str]) -> TrackRows:
+def _columns(table: FloatArray) -> dict[str, Any]:
     # SUMO angles: 0 = north, clockwise; ours: 0 = east, counter-clockwise.
     heading = np.asarray(wrap(np.radians(90.0 - table[:, 3])))
     c, s = np.cos(heading), np.sin(heading)
@@ -256,9 +249,7 @@ def _rows(track: IntArray, table: FloatArray, words: Any, labels: list[str]) -> 
         table[:, 5],
         table[:, 6],
     )
-    types = dict(zip(track[::-1].tolist(), words[::-1].tolist(), strict=True))  # that of the first row
-    of_track = [types.get(number, "") for number in range(len(labels))]
-    return track_rows(track, labels, of_track, **dict(zip(FLOAT_COLUMNS, values, strict=True)))
+    return dict(zip(FLOAT_COLUMNS, values, strict=True))
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
