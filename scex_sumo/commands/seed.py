@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
 _LONG = 200
+LIKE = ("sumo", "recorded")
 
 
 def seed_scene(
@@ -27,6 +28,7 @@ def seed_scene(
     seed: int,
     cache: bool = True,
     force: bool = False,
+    like: str | None = None,
 ) -> SeedScene:
     """Read or populate the seed scene; its notes go to standard error.
 
@@ -42,6 +44,10 @@ def seed_scene(
     if time is not None and not math.isfinite(time):
         raise UsageError(f"--time {time}: needs a moment in seconds")
     zero = parse_origin(origin) if origin is not None else None
+    if like is not None and like not in LIKE:
+        raise UsageError(f"--as {like}: unknown; known: {', '.join(LIKE)}")
+    if like is not None and synthetic is None:
+        raise UsageError("--as: needs --synthetic N")
     if synthetic is None:
         scene = read_seed(
             map_path, tracks=tracks, case=case, time=time, origin=zero, cache=cache, force=force
@@ -53,7 +59,7 @@ def seed_scene(
             raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
         with progress_bar(f"populating {map_path.name}") as tick:
             scene = synthetic_seed(
-                map_path, vehicles=synthetic, seed=seed, origin=zero, cache=cache, progress=tick
+                map_path, vehicles=synthetic, like=like or "sumo", seed=seed, origin=zero, cache=cache, progress=tick
             )
     assert scene.road is not None
     warn(_brief(note) for note in (*scene.road.notes, *scene.notes))
