@@ -2,9 +2,10 @@
 
 python benchmarks/generated_scenes.py DATA/mona DATA/taf_bw DATA/ngsim [--scenes FILE] [--sites NAME ...]
 
-Every scene is made for the whole map with the density of a recorded one. It is compared within the region that the recording
-sees. Distances are Wasserstein's of the values of all vehicles (conflicts: of all scenes), and the maximum mean discrepancy of
-scenes. A classifier tells generated scenes from recorded ones; recorded seconds that follow each other are in one fold.
+A scene has as many vehicles as a recorded one, in the region that the recording sees. SUMO populates the
+whole map as densely; its scenes are cut to that region. Distances are Wasserstein's of the values of all
+vehicles (conflicts: of all scenes), and the maximum mean discrepancy of scenes. A classifier tells generated
+scenes from recorded ones; recorded seconds that follow each other are in one fold.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import shapely
 from recorded_scenes import NGSIM_TEST, NGSIM_VALIDATION
 from scipy.stats import wasserstein_distance
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording
 from scex_sumo.converters.datasets.split import Split
@@ -51,11 +52,14 @@ class Site:
     scenes: tuple[SeedScene, ...]
     seen: dict[str, shapely.Geometry]  # by name of the map
 
+    def cells(self, road: Road) -> BoolArray:
+        """Return the cells of the lanes that the recording sees."""
+        x, y, _ = lane_table(road).cell_pose
+        return np.asarray(shapely.contains_xy(self.seen[road.name], x, y))
+
     def share(self, road: Road) -> float:
         table = lane_table(road)
-        x, y, _ = table.poses(table.cell_lane, table.cell_s[:, None])
-        inside = shapely.contains_xy(self.seen[road.name], x[:, 0], y[:, 0])
-        return float(table.cell_m[inside].sum() / table.total_m)
+        return float(table.cell_m[self.cells(road)].sum() / table.total_m)
 
 
 def sites_of(roots: Sequence[Path]) -> list[Site]:
@@ -143,7 +147,9 @@ Values = list[dict[str, FloatArray]]
 def distances(recorded: Values, made: Values) -> dict[str, float]:
     """Return the distances of two sets of scenes, by quantity and of whole scenes."""
     found = {
-        name: float(wasserstein_distance(*(np.concatenate([v[name] for v in side]) for side in (recorded, made))))
+        name: float(
+            wasserstein_distance(*(np.concatenate([v[name] for v in side]) for side in (recorded, made)))
+        )
         for name in VALUES
     }
     one, two = (np.array([[v[name].mean() for name in VALUES] for v in side]) for side in (recorded, made))
@@ -162,7 +168,7 @@ def mmd(one: FloatArray, two: FloatArray) -> float:
 
 
 def area_under_curve(sides: Sequence[tuple[Values, Values]]) -> float:
-    """Return how well boosted trees tell recorded (first) from made scenes, cross-validated by blocks of time."""
+    """Return how well boosted trees tell recorded from made scenes, cross-validated by blocks of time."""
     from sklearn.ensemble import GradientBoostingClassifier
     from sklearn.metrics import roc_auc_score
     from sklearn.model_selection import GroupKFold, cross_val_predict
@@ -177,3 +183,127 @@ def area_under_curve(sides: Sequence[tuple[Values, Values]]) -> float:
     folds = GroupKFold(5)
     found = cross_val_predict(trees, np.array(rows), label, groups=group, cv=folds, method="predict_proba")
     return float(roc_auc_score(label, found[:, 1]))
+
+
+def values_of_all(site: Site, scenes: Sequence[SeedScene]) -> Values:
+    found = (values_of(scene, site.seen[scene.road.name]) for scene in scenes if scene.road is not None)
+    return [values for values in found if values is not None]
+
+
+def seen_vehicles(site: Site, scene: SeedScene) -> int:
+    """Return the number of vehicles on lanes within the seen part."""
+    assert scene.road is not None
+    values = values_of(scene, site.seen[scene.road.name])
+    return 1 if values is None else len(values["speed"])
+
+
+def wanted(site: Site, scene: SeedScene) -> int:
+    """Return the number of vehicles with which the whole map is as dense as the recorded part."""
+    assert scene.road is not None
+    return max(1, round(seen_vehicles(site, scene) / site.share(scene.road)))
+
+
+def synthetic(site: Site, most: int) -> tuple[Values, int]:
+    """Return scenes of `--synthetic`, and how many have fewer vehicles, because SUMO gets no more in."""
+    made, fewer = [], 0
+    for number, scene in enumerate(site.scenes[:: -(-len(site.scenes) // most)]):
+        road = scene.road
+        assert road is not None
+        with tempfile.TemporaryDirectory() as folder:
+            net = converted(road, Path(folder) / "net.net.xml", keep=True).path
+            for less in (1.0, 0.7, 0.5):
+                try:
+                    count = max(1, round(less * wanted(site, scene)))
+                    one = synthetic_scene(road, net, vehicles=count, seed=number, name="synthetic")
+                except ScexError:
+                    continue
+                made.append(dataclasses.replace(one, road=road))
+                fewer += less < 1.0
+                break
+    return values_of_all(site, made), fewer
+
+
+def draw(file: Path, site: Site, made: Sequence[SeedScene]) -> None:
+    """Draw twenty recorded scenes beside twenty generated ones; colours are speeds."""
+    import matplotlib.pyplot as plt
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    figure, axes = plt.subplots(4, 11, figsize=(15, 6), width_ratios=[1] * 5 + [0.15] + [1] * 5)
+    for side, (scenes, first) in enumerate(((site.scenes, 0), (made, 6))):
+        axes[0, first + 2].set_title(("recorded", "generated")[side])
+        for k, scene in enumerate(scenes[:: max(1, len(scenes) // 20)][:20]):
+            axis, seen = axes[k // 5, first + k % 5], site.seen[scene.road.name]  # type: ignore[union-attr]
+            lanes = [lane.centreline for lane in scene.road.vehicle_lanes.values()]  # type: ignore[union-attr]
+            axis.add_collection(LineCollection(lanes, colors="0.85", linewidths=1.5))
+            now = scene.now
+            inside = shapely.contains_xy(seen, now.x, now.y)
+            forward = np.stack([np.cos(now.heading), np.sin(now.heading)], 1) * scene.length[:, None] / 2
+            left = np.stack([-np.sin(now.heading), np.cos(now.heading)], 1) * scene.width[:, None] / 2
+            centre = np.stack([now.x, now.y], 1)
+            corners = np.stack(
+                [centre + a * forward + b * left for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))], 1
+            )
+            boxes = PolyCollection(corners[inside], array=now.speed[inside], cmap="viridis")
+            boxes.set_clim(0.0, 20.0)
+            boxes.set_edgecolor("face")
+            axis.add_collection(boxes)
+            x0, y0, x1, y1 = seen.bounds
+            axis.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal")
+    for axis in axes.flat:
+        axis.set_axis_off()
+    figure.colorbar(boxes, ax=axes, label="speed [m/s]", shrink=0.6)
+    figure.savefig(file, dpi=80)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("roots", nargs="+", type=Path)
+    parser.add_argument("--scenes", type=Path, default=SHIPPED, help="scene model")
+    parser.add_argument("--sites", nargs="*", help="only these, by the beginning of their names")
+    parser.add_argument("--synthetic", type=int, default=15, help="scenes of SUMO at each site; 0: none")
+    parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind, of the first site")
+    given = parser.parse_args()
+    warnings.simplefilter("ignore")
+    model = load_scenes(given.scenes)
+    sides: dict[str, list[tuple[Values, Values]]] = {"generated": [], "synthetic": []}
+    ratios: list[dict[str, float]] = []
+    print(f"| site | scenes | {' | '.join((*VALUES, 'MMD'))} |\n|---|---|{'---|' * (len(VALUES) + 1)}")
+    for site in sites_of(given.roots):
+        if given.sites and not any(site.name.startswith(name) for name in given.sites):
+            continue
+        recorded = values_of_all(site, site.scenes)
+        scenes = [
+            generated_scene(
+                scene.road, model, vehicles=seen_vehicles(site, scene), number=k, cells=site.cells(scene.road)
+            )
+            for k, scene in enumerate(site.scenes)
+            if scene.road is not None
+        ]
+        if given.picture is not None:
+            draw(given.picture, site, scenes)
+            return
+        made = {"generated": values_of_all(site, scenes)}
+        fewer = 0
+        if given.synthetic:
+            made["synthetic"], fewer = synthetic(site, given.synthetic)
+        found: dict[str, Any] = {name: distances(recorded, values) for name, values in made.items() if values}
+        for name, values in made.items():
+            sides[name].append((recorded, values))
+        cells = [" / ".join(f"{d[name]:.2f}" for d in found.values()) for name in (*VALUES, "MMD")]
+        note = f" ({fewer} with fewer vehicles)" if fewer else ""
+        print(f"| {site.name} | {len(recorded)}{note} | {' | '.join(cells)} |", flush=True)
+        if len(found) == 2:
+            pairs = found["generated"], found["synthetic"]
+            ratios.append({name: pairs[0][name] / max(pairs[1][name], 1e-3) for name in pairs[0]})
+    if ratios:
+        medians = [f"{np.median([r[name] for r in ratios]):.2f}" for name in ratios[0]]
+        print(f"| median ratio | | {' | '.join(medians)} |")
+    for name, pairs in sides.items():
+        if pairs and sum(len(p[0]) for p in pairs) > 5 * BLOCK:
+            print(f"AUC of {name} against recorded: {area_under_curve(pairs):.2f}")
+
+
+if __name__ == "__main__":
+    main()

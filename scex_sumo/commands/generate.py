@@ -32,17 +32,25 @@ def generate_command(
     scenes: Annotated[
         Path | None, Option(metavar="FILE", help="Scene model of 'train scenes'; default: the shipped one.")
     ] = None,
+    region: Annotated[
+        str | None,
+        Option(metavar="X,Y,R", help="Vehicles in this circle only, m; default: on the whole map."),
+    ] = None,
     origin: Origin = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
-    out: Annotated[Path | None, Option("-o", "--out", metavar="DIR", help="Folder for map and cases.")] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="DIR", help="Folder for map and cases.")
+    ] = None,
 ) -> None:
     """Generate seed scenes on a map as recorded ones look: cases that every command takes."""
     from scex_sumo.converters.lanelet.origin import META_DATA, parse_origin
     from scex_sumo.converters.maps import LANELET2, read_map
     from scex_sumo.converters.naming import map_name
     from scex_sumo.converters.registries import map_format
+    from scex_sumo.results.region import parse_region
     from scex_sumo.scenarios.generate import generated_scene
+    from scex_sumo.scenarios.scene_context import lane_table
     from scex_sumo.scenarios.scene_model import SHIPPED, load_scenes
 
     if not 1 <= count <= MAX_COUNT:
@@ -56,12 +64,16 @@ def generate_command(
         raise UsageError(f"-o {folder}: is a file; name a folder")
     if cases.exists() and not overwrite:
         raise ResultError(f"{cases}: exists; --overwrite replaces it")
-    rows = [HEADER]
+    rows, cells, circle = [HEADER], None, parse_region(region, None).circle
+    if circle is not None and road.vehicle_lanes:
+        x, y, _ = lane_table(road).cell_pose
+        cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]
     with progress_bar(f"generating {road.name}") as tick:
         for k in range(count):
             if tick is not None:
                 tick(k, count)
-            rows += _rows(generated_scene(road, model, vehicles=vehicles, seed=seed, number=k), k + 1)
+            options = {"vehicles": vehicles, "seed": seed, "number": k}
+            rows += _rows(generated_scene(road, model, cells=cells, **options), k + 1)
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / map_path.name
     if target.resolve() != map_path.resolve():
@@ -77,10 +89,12 @@ def generate_command(
 def _rows(scene: SeedScene, case: int) -> list[str]:
     """Return the lines of a case; its frame 10 is the moment itself."""
     states = scene.history
-    vx, vy = states.speed * np.cos(states.heading), states.speed * np.sin(states.heading)
+    velocity = states.speed * np.cos(states.heading), states.speed * np.sin(states.heading)
+    columns = [array.tolist() for array in (states.x, states.y, *velocity, states.heading)]
     return [
-        f"{case},{track},{frame},{100 * frame},{scene.types[v]},{states.x[v, frame]:.3f},{states.y[v, frame]:.3f},"
-        f"{vx[v, frame]:.3f},{vy[v, frame]:.3f},{states.heading[v, frame]:.4f},{scene.length[v]:.2f},{scene.width[v]:.2f}"
+        f"{case},{track},{frame},{100 * frame},{scene.types[v]},"
+        + ",".join(f"{column[v][frame]:.4f}" for column in columns)
+        + f",{scene.length[v]:.2f},{scene.width[v]:.2f}"
         for v, track in enumerate(scene.track_ids)
         for frame in range(states.shape[1])
     ]

@@ -66,7 +66,8 @@ Synthetic = Annotated[
     int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
 ]
 Like = Annotated[
-    str | None, typer.Option("--as", metavar="sumo|recorded", help="Of --synthetic: what its scenes look like.")
+    str | None,
+    typer.Option("--as", metavar="sumo|recorded", help="Of --synthetic: what its scenes look like."),
 ]
 Models = Annotated[
     str | None,

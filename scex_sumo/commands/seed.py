@@ -59,7 +59,13 @@ def seed_scene(
             raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
         with progress_bar(f"populating {map_path.name}") as tick:
             scene = synthetic_seed(
-                map_path, vehicles=synthetic, like=like or "sumo", seed=seed, origin=zero, cache=cache, progress=tick
+                map_path,
+                vehicles=synthetic,
+                like=like or "sumo",
+                seed=seed,
+                origin=zero,
+                cache=cache,
+                progress=tick,
             )
     assert scene.road is not None
     warn(_brief(note) for note in (*scene.road.notes, *scene.notes))

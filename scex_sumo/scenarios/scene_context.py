@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -33,7 +33,16 @@ SCENE_COLUMNS: Final = (
     *("gap", "leader_speed", "leader_standing", "leader_acceleration", "back_gap", "back_speed"),
     *("left_offset", "left_speed", "right_offset", "right_speed"),
     *("own_way", "other_way", "other_speed", "near_15", "near_40", "near_speed", "near_standing"),
-    *("lane_ahead", "lane_speed", "all_speed", "all_standing", "placed", "density", "mean_length", "length_spread"),
+    *(
+        "lane_ahead",
+        "lane_speed",
+        "all_speed",
+        "all_standing",
+        "placed",
+        "density",
+        "mean_length",
+        "length_spread",
+    ),
     *("front_gap", "front_speed"),
 )
 COLUMNS: Final = (*ROAD_COLUMNS, *SCENE_COLUMNS)
@@ -75,6 +84,8 @@ class LaneTable:
     Attributes:
         cell_lane: (K,) lane of each cell; ``cell_s`` its middle, m.
         cell_m: (K,) length.
+        first: (L + 1,) first cell of each lane.
+        cell_pose: (3, K) x, y and heading of each middle.
         fixed: (K, ...) `ROAD_COLUMNS` of each cell.
     """
 
@@ -85,6 +96,7 @@ class LaneTable:
     cell_s: FloatArray
     cell_m: FloatArray
     first: IntArray
+    cell_pose: FloatArray
     fixed: FloatArray
 
     @property
@@ -93,7 +105,7 @@ class LaneTable:
         return float(self.cell_m.sum())
 
     def poses(self, lane: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x, y and heading of lanes (n,) at arc lengths (n, ...), which may lie before or after the lane."""
+        """Return x, y, heading of lanes (n,) at arc lengths (n, ...), which may lie beyond its ends."""
         x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
         for k in np.unique(lane):
             here = lane == k
@@ -105,6 +117,13 @@ class LaneTable:
             )
             heading[here] = np.arctan2(y1 - y0, x1 - x0)
         return x, y, heading
+
+    def quick_poses(self, lane: IntArray, s: FloatArray) -> FloatArray:
+        """Return (3, n) x, y and heading of (n,) places on lanes, straight within a cell."""
+        cells = self.cells_at(lane, s)
+        x, y, heading = self.cell_pose[:, cells]
+        way = s - self.cell_s[cells]
+        return np.stack([x + way * np.cos(heading), y + way * np.sin(heading), heading])
 
     def cells_at(self, lane: IntArray, s: FloatArray) -> IntArray:
         """Return the cells of (n,) places."""
@@ -137,6 +156,7 @@ def lane_table(road: Road) -> LaneTable:
         cell_s=cell_s,
         cell_m=cell_m,
         first=first,
+        cell_pose=np.empty((3, 0)),
         fixed=np.empty((0, len(ROAD_COLUMNS))),
     )
     after = [[number[i] for i in lane.successors if i in number] for lane in lanes]
@@ -144,17 +164,22 @@ def lane_table(road: Road) -> LaneTable:
     entries = np.array([k for k, b in enumerate(before) if not b], np.int64)
     exits = np.array([k for k, a in enumerate(after) if not a], np.int64)
     stops = {number[i] for r in road.regulations for i in (*r.yielding,) if i in number}
-    stops |= {number[i] for r in road.regulations if r.kind in ("stop", "yield") for i in r.lanes if i in number}
-    lights = {number[i] for r in road.regulations if r.kind == "traffic_light" for i in r.lanes if i in number}
+    stops |= {
+        number[i] for r in road.regulations if r.kind in ("stop", "yield") for i in r.lanes if i in number
+    }
+    lights = {
+        number[i] for r in road.regulations if r.kind == "traffic_light" for i in r.lanes if i in number
+    }
     meetings = [(k, w) for k in range(len(lanes)) for w in _own_meetings(relations, k)]
     meet_lane = np.array([k for k, _ in meetings], np.int64)
     meet_s = np.array([w for _, w in meetings], np.float64)
     ends = np.array(sorted(stops), np.int64), np.array(sorted(lights), np.int64)
-    there = table.cell_lane, table.cell_s
-    _, _, heading = table.poses(*there)
+    there = cell_lane, cell_s
+    pose = np.stack(table.poses(*there))
+    heading = pose[2]
     turned = [table.poses(cell_lane, cell_s + d)[2] for d in (*TURN_M, -TURN_M[0], -5.0, 5.0)]
-    right = _beside([number.get(_or(l.adjacent_right, l.right), -1) for l in lanes])
-    left = _beside([number.get(_or(l.adjacent_left, l.left), -1) for l in lanes])
+    right = _beside([number.get(_or(lane.adjacent_right, lane.right), -1) for lane in lanes])
+    left = _beside([number.get(_or(lane.adjacent_left, lane.left), -1) for lane in lanes])
     columns = [
         index.speed_limit[cell_lane] / 10.0,
         np.array([lane.width_m for lane in lanes])[cell_lane],
@@ -173,7 +198,7 @@ def lane_table(road: Road) -> LaneTable:
         np.log(_flow(after, before))[cell_lane],
         np.array([min(len(lane.conflicts), 8) for lane in lanes])[cell_lane],
     ]
-    return LaneTable(**{**vars(table), "fixed": np.column_stack(columns).astype(np.float64)})
+    return replace(table, cell_pose=pose, fixed=np.column_stack(columns).astype(np.float64))
 
 
 def _or(one: int | None, other: int | None) -> int:
@@ -290,8 +315,8 @@ def place_features(
         _log(np.where(there, np.maximum(other.reshape(n, -1)[rows, best], 0), FAR_M)),
         np.where(there, ratio[best // own.shape[2]], 1.0),
     ]
-    x, y, heading = table.poses(lane, s)
-    ox, oy, _ = table.poses(others.lane, others.s)
+    x, y, heading = table.quick_poses(lane, s)
+    ox, oy, _ = table.quick_poses(others.lane, others.s)
     dx, dy = ox - x[:, None], oy - y[:, None]
     apart = np.hypot(dx, dy)
     near = apart < NEAR_M[1]
@@ -312,7 +337,7 @@ def place_features(
 
 
 def needed_deceleration(table: LaneTable, one: Placed, two: Placed) -> FloatArray:
-    """Return (n, m) m/s² by which the rear vehicle of each pair must brake to the speed of the one ahead of it."""
+    """Return (n, m) m/s² by which the rear one of each pair must brake to the speed of the one ahead."""
     relations = table.relations
     ahead = relations.ahead[one.lane[:, None], two.lane] + two.s - one.s[:, None]
     back = relations.ahead[two.lane, one.lane[:, None]] + one.s[:, None] - two.s
@@ -348,7 +373,7 @@ def states_of(table: LaneTable, vehicles: Placed, steps: FloatArray) -> States:
 
 
 def on_lanes(scene: SeedScene, kinds: tuple[str, ...], rng: np.random.Generator) -> tuple[Placed, IntArray]:
-    """Return a scene's vehicles on lanes, each on one that matches, drawn by its probability; and their numbers.
+    """Return a scene's vehicles on lanes, each on one drawn among its matches, and their numbers.
 
     Accelerations are NaN for vehicles without a recorded second.
     """

@@ -23,7 +23,7 @@ from scex_sumo.scenarios.scene_context import COLUMNS
 FORMAT: Final = "scex-sumo scenes 1"
 ABOUT: Final = "scex_sumo"
 DRAWN: Final = ("length", "speed", "acceleration", "offset", "turn")
-"""Quantities of a vehicle in the order of their draws; each is given those before it. The speed is a share of the limit."""
+"""Quantities of a vehicle in the order of their draws, each given those before; the speed over the limit."""
 KINDS: Final = ("car", "truck", "bus", "motorcycle")
 SHIPPED: Final = Path(__file__).parent / "data" / "scenes.safetensors"
 AGAIN: Final = "train again with: scex-sumo train scenes"
@@ -34,10 +34,10 @@ class SceneModel:
     """Fitted scene model.
 
     Attributes:
-        tensors: by name. ``place.0.weight`` and so on are the layers of the networks ``place`` and `DRAWN`; ``bins.speed``
-            (K, 2) the lowest and highest value of each of its bins; ``width`` (K, Q) quantiles of the width in m and ``kind``
-            (K, 4) shares of `KINDS` for each bin of the length; ``density`` (Q,) quantiles of vehicles per km of lane;
-            ``mean`` and ``spread`` (F,) of the features.
+        tensors: by name. ``place.0.weight`` and so on are layers of the networks ``place`` and `DRAWN`;
+            ``bins.speed`` (K, 2) the lowest and highest values of its bins; ``width`` (K, Q) quantiles in m
+            and ``kind`` (K, 4) shares of `KINDS` for each bin of the length; ``density`` (Q,) quantiles of
+            vehicles per km of lane; ``mean`` and ``spread`` (F,) of the features.
         meta: training command, data, bounds of what counts as about to collide.
     """
 
@@ -48,7 +48,9 @@ class SceneModel:
         """Return (n, outputs) logits."""
         t, k = self.tensors, 0
         while f"{name}.{k}.weight" in t:
-            inputs = (np.maximum(inputs, 0.0) if k else inputs) @ t[f"{name}.{k}.weight"].T + t[f"{name}.{k}.bias"]
+            inputs = (np.maximum(inputs, 0.0) if k else inputs) @ t[f"{name}.{k}.weight"].T + t[
+                f"{name}.{k}.bias"
+            ]
             k += 1
         return inputs
 
@@ -82,7 +84,7 @@ class SceneModel:
         """Return a quantity as an input of the networks, about from -1 to 1."""
         bins = self.tensors[f"bins.{name}"]
         low, high = float(np.quantile(bins, 0.05)), float(np.quantile(bins, 0.95))
-        return np.asarray(np.clip(2 * (values - low) / (high - low) - 1, -3, 3), np.float32)
+        return np.asarray(np.clip(2 * (values - low) / max(high - low, 1e-6) - 1, -3, 3), np.float32)
 
     def count(self, total_m: float, rng: np.random.Generator) -> int:
         """Draw the number of vehicles on a length of lanes; at least 1."""
@@ -116,7 +118,11 @@ def load_scenes(path: Path = SHIPPED) -> SceneModel:
             tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
     except (safetensors.SafetensorError, ValueError, OSError):
         raise InputError(f"{path}: not a file that 'scex-sumo train scenes' wrote; {AGAIN}") from None
-    if not isinstance(about, dict) or about.get("format") != FORMAT or tuple(about.get("columns", ())) != COLUMNS:
+    if (
+        not isinstance(about, dict)
+        or about.get("format") != FORMAT
+        or tuple(about.get("columns", ())) != COLUMNS
+    ):
         held = about.get("format", "other tensors") if isinstance(about, dict) else "other tensors"
         raise InputError(f"{path}: holds {held!r} of another version, needs {FORMAT!r}; {AGAIN}")
     needed = {"place.0.weight", "mean", "spread", "width", "kind", "density", *(f"bins.{n}" for n in DRAWN)}

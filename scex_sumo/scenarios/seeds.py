@@ -80,8 +80,8 @@ def synthetic_seed(
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
-        like: ``sumo`` places vehicles by random demand and car-following, ``recorded`` by the shipped scene model;
-            such a scene has no future.
+        like: ``sumo`` places vehicles by random demand and car-following, ``recorded`` by the shipped scene
+            model; such a scene has no future.
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.

@@ -27,7 +27,12 @@ EXAMPLE = "graph --data INTERACTION --out mine.safetensors"
 
 
 def train_command(
-    kind: Annotated[str, Argument(metavar="graph|hybrid|scenes", help="Network, or scene model of 'generate'.", show_default=False)],
+    kind: Annotated[
+        str,
+        Argument(
+            metavar="graph|hybrid|scenes", help="Network, or scene model of 'generate'.", show_default=False
+        ),
+    ],
     data: Annotated[
         list[Path] | None, Option(metavar="ROOT", help="Folder with recordings; repeatable.")
     ] = None,
@@ -149,7 +154,10 @@ def _train_scenes(
         recordings, split=split, every_s=every_s, seed=seed, epochs=epochs or EPOCHS, report=report
     )
     save_scenes(out, tensors, {**meta, "seed": seed, "every_s": every_s})
-    print(f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, validation loss {meta['validation_loss']}")
+    print(
+        f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, "
+        f"validation loss {meta['validation_loss']}"
+    )
 
 
 def _checkpoints(out: Path) -> Path:

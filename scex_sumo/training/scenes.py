@@ -1,4 +1,4 @@
-"""Fit of the scene model: where a next vehicle of a recorded scene is and how it moves, given some of the others."""
+"""Fit of the scene model: places and motions of a recorded scene's vehicles, given some of the others."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def joined(parts: Sequence[SceneSamples | None]) -> SceneSamples:
 
 
 def bins_of(values: FloatArray) -> FloatArray:
-    """Return (K, 2) the lowest and highest value of bins with about equal shares; frequent values have one of their own."""
+    """Return (K, 2) lowest and highest values of bins; a frequent value has one of its own."""
     values = values[np.isfinite(values)]
     distinct, count = np.unique(values.round(3), return_counts=True)
     atoms = distinct[count > ATOM * len(values)]
@@ -163,7 +163,9 @@ def fit(
         tensors[f"bins.{name}"] = bins_of(train.values[:, k])
     by_length = bin_numbers(train.values[:, 0], tensors["bins.length"])
     for name in ("width", "kind"):
-        tensors[name] = np.stack([_given_length(train, name, by_length == k) for k in range(by_length.max() + 1)])
+        tensors[name] = np.stack(
+            [_given_length(train, name, by_length == k) for k in range(by_length.max() + 1)]
+        )
     model = SceneModel(tensors=tensors, meta={})
     nets = nn.ModuleDict({"place": _net(len(COLUMNS), 1)})
     for k, name in enumerate(DRAWN):
