@@ -39,7 +39,7 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.training.data.dataset import part_scenes
 from scex_sumo.training.scenes import seen_part
 
-EVERY_S, BLOCK = 2.0, 5  # between two scenes; scenes in one fold
+EVERY_S, BLOCK = 2.0, 3  # between two scenes; scenes in one fold
 VALUES = ("nearest gap", "speed", "density", "deceleration needed", "conflicts")
 NEAR_M, AHEAD_S = 40.0, np.arange(0.0, 3.01, 0.25)
 
@@ -62,8 +62,8 @@ class Site:
         return float(table.cell_m[self.cells(road)].sum() / table.total_m)
 
 
-def sites_of(roots: Sequence[Path]) -> list[Site]:
-    """Return the sites of recordings, with the scenes of their test parts."""
+def sites_of(roots: Sequence[Path], most: int) -> list[Site]:
+    """Return the sites of recordings, with at most so many scenes of their test parts, evenly thinned."""
     recordings = find_recordings(roots)
     short: dict[str, tuple[str, ...]] = {}
     for part, marks in (("test", NGSIM_TEST), ("validation", NGSIM_VALIDATION)):
@@ -79,7 +79,11 @@ def sites_of(roots: Sequence[Path]) -> list[Site]:
             if part == "test":
                 test.setdefault(recording.site, []).extend(scenes)
     seen = {name: seen_part(scenes) for name, scenes in every.items() if scenes}
-    return [Site(name=name, scenes=tuple(scenes), seen=seen) for name, scenes in test.items() if scenes]
+    return [
+        Site(name=name, scenes=tuple(scenes[:: -(-len(scenes) // most)]), seen=seen)
+        for name, scenes in test.items()
+        if scenes
+    ]
 
 
 def values_of(scene: SeedScene, seen: shapely.Geometry) -> dict[str, FloatArray] | None:
@@ -263,14 +267,15 @@ def main() -> None:
     parser.add_argument("--scenes", type=Path, default=SHIPPED, help="scene model")
     parser.add_argument("--sites", nargs="*", help="only these, by the beginning of their names")
     parser.add_argument("--synthetic", type=int, default=15, help="scenes of SUMO at each site; 0: none")
-    parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind, of the first site")
+    parser.add_argument("--most", type=int, default=20, help="recorded scenes of each site")
+    parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     model = load_scenes(given.scenes)
     sides: dict[str, list[tuple[Values, Values]]] = {"generated": [], "synthetic": []}
     ratios: list[dict[str, float]] = []
     print(f"| site | scenes | {' | '.join((*VALUES, 'MMD'))} |\n|---|---|{'---|' * (len(VALUES) + 1)}")
-    for site in sites_of(given.roots):
+    for site in sites_of(given.roots, given.most):
         if given.sites and not any(site.name.startswith(name) for name in given.sites):
             continue
         recorded = values_of_all(site, site.scenes)
@@ -281,9 +286,9 @@ def main() -> None:
             for k, scene in enumerate(site.scenes)
             if scene.road is not None
         ]
-        if given.picture is not None:
+        if given.picture is not None and len(scenes) >= 20:
             draw(given.picture, site, scenes)
-            return
+            given.picture = None
         made = {"generated": values_of_all(site, scenes)}
         fewer = 0
         if given.synthetic:
@@ -301,7 +306,7 @@ def main() -> None:
         medians = [f"{np.median([r[name] for r in ratios]):.2f}" for name in ratios[0]]
         print(f"| median ratio | | {' | '.join(medians)} |")
     for name, pairs in sides.items():
-        if pairs and sum(len(p[0]) for p in pairs) > 5 * BLOCK:
+        if pairs and sum(len(p[0]) for p in pairs) > 10 * BLOCK:
             print(f"AUC of {name} against recorded: {area_under_curve(pairs):.2f}")
 
 

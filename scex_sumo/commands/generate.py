@@ -72,8 +72,8 @@ def generate_command(
         for k in range(count):
             if tick is not None:
                 tick(k, count)
-            options = {"vehicles": vehicles, "seed": seed, "number": k}
-            rows += _rows(generated_scene(road, model, cells=cells, **options), k + 1)
+            scene = generated_scene(road, model, vehicles=vehicles, seed=seed, number=k, cells=cells)
+            rows += _rows(scene, k + 1)
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / map_path.name
     if target.resolve() != map_path.resolve():

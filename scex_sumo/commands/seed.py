@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands import console
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
 _LONG = 200
-LIKE = ("sumo", "recorded")
+LIKE: dict[str | None, Literal["sumo", "recorded"]] = {"sumo": "sumo", "recorded": "recorded"}
 
 
 def seed_scene(
@@ -45,7 +45,7 @@ def seed_scene(
         raise UsageError(f"--time {time}: needs a moment in seconds")
     zero = parse_origin(origin) if origin is not None else None
     if like is not None and like not in LIKE:
-        raise UsageError(f"--as {like}: unknown; known: {', '.join(LIKE)}")
+        raise UsageError(f"--as {like}: unknown; known: sumo, recorded")
     if like is not None and synthetic is None:
         raise UsageError("--as: needs --synthetic N")
     if synthetic is None:
@@ -61,7 +61,7 @@ def seed_scene(
             scene = synthetic_seed(
                 map_path,
                 vehicles=synthetic,
-                like=like or "sumo",
+                like=LIKE.get(like, "sumo"),
                 seed=seed,
                 origin=zero,
                 cache=cache,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
@@ -24,7 +24,7 @@ from scex_sumo.scenarios.scene_model import KINDS, SceneModel
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 MAX_VEHICLES = 500
-CANDIDATES, PARTS = 1024, 8  # places that are compared, and parts of the chosen one's surroundings
+CANDIDATES, PARTS = 512, 8  # places that are compared, and parts of the chosen one's surroundings
 TRIES, AT_ONCE = 6, 12
 SWEEPS = 1  # in which each vehicle is drawn anew, given all others
 CLEAR_M = 0.1
@@ -79,7 +79,7 @@ def generated_scene(
             others = scene[1:]
             one = _drawn(table, ends, model, others, count, rng)
             scene = others.and_(scene[:1] if one is None else one)
-    history = states_of(table, scene, STEP_S * np.arange(-HISTORY_STEPS, 1))
+    history = states_of(table, scene, STEP_S * np.arange(-HISTORY_STEPS, 1.0))
     return SeedScene(
         name=f"{road.name}_generated{count}_s{seed}" + (f"_{number}" if number else ""),
         location=road.name,
@@ -112,14 +112,13 @@ def _drawn(
 ) -> Placed | None:
     """Draw one vehicle given the others; None if no free place is found."""
     number = min(CANDIDATES, len(table.cell_lane))
-    size = {"vehicles": count, "total_m": float(ends[-1])}
     step_m = ends[-1] / number
 
-    def at(way: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def at(way: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
         cell = np.minimum(np.searchsorted(ends, way, side="right"), len(ends) - 1)
         lane = table.cell_lane[cell]
         s = table.cell_s[cell] + way - (ends[cell] - table.cell_m[cell] / 2)
-        return lane, s, place_features(table, lane, s, others, **size)
+        return lane, s, place_features(table, lane, s, others, vehicles=count, total_m=ends[-1])
 
     ways = (np.arange(number) + rng.random()) * step_m
     scores = model.place_scores(at(ways)[2])

@@ -73,7 +73,7 @@ class Placed:
 
 
 NOBODY: Final = Placed(
-    **{f.name: np.empty(0, np.int64 if f.name in ("lane", "kind") else np.float64) for f in fields(Placed)}
+    **{f.name: np.empty(0, np.int64 if f.name in ("lane", "kind") else np.float64) for f in fields(Placed)}  # type: ignore[arg-type]
 )
 
 

@@ -74,7 +74,7 @@ def scene_samples(scenes: Sequence[SeedScene], site: int, rng: np.random.Generat
     assert road is not None
     table = lane_table(road)
     inside, total_m = _seen_cells(scenes)
-    made: list[tuple[FloatArray, ...]] = []
+    made: list[tuple[Any, ...]] = []
     for scene in scenes:
         for _ in range(SUBSETS):
             whole, _ = on_lanes(scene, KINDS, rng)
@@ -90,7 +90,7 @@ def scene_samples(scenes: Sequence[SeedScene], site: int, rng: np.random.Generat
 
 def _subset(
     table: LaneTable, whole: Placed, inside: IntArray, total_m: float, rng: np.random.Generator
-) -> tuple[FloatArray, ...]:
+) -> tuple[Any, ...]:
     count = len(whole.lane)
     kind, share = rng.random(), rng.random()
     few = count**share - 1 if kind < COMPLETE + FIRST else share * count
@@ -180,10 +180,10 @@ def fit(
     for epoch in range(epochs):
         nets.train()
         total = 0.0
-        for rows in torch.randperm(len(weight)).split(BATCH):
+        for rows in torch.split(torch.randperm(len(weight)), BATCH):
             loss = (_losses(nets, [t[rows] for t in parts[0]]) * weight[rows, None]).sum(1).mean()
             optimizer.zero_grad()
-            loss.backward()
+            torch.autograd.backward([loss])
             optimizer.step()
             schedule.step()
             total += loss.item() * len(rows)
@@ -206,7 +206,7 @@ def fit(
 def _given_length(samples: SceneSamples, name: str, rows: FloatArray) -> FloatArray:
     if name == "width":
         return np.asarray(np.quantile(samples.width[rows], WIDTHS))
-    return np.bincount(samples.kind[rows], minlength=len(KINDS)) / rows.sum()
+    return np.asarray(np.bincount(samples.kind[rows], minlength=len(KINDS)) / rows.sum())
 
 
 def _net(inputs: int, outputs: int) -> nn.Sequential:
@@ -225,7 +225,7 @@ def _tensors(model: SceneModel, samples: SceneSamples) -> list[Tensor]:
 
 
 def _rows(tensor: Tensor) -> Sequence[Tensor]:
-    return torch.arange(len(tensor)).split(1024)
+    return torch.split(torch.arange(len(tensor)), 1024)
 
 
 def _losses(nets: nn.ModuleDict, batch: list[Tensor]) -> Tensor:
@@ -271,7 +271,8 @@ def train_scenes(
     if not any(parts["train"]) or not any(parts["validation"]):
         raise TrackError("train scenes: needs scenes for training and for validation; give more recordings")
     tensors, loss = fit(
-        *(joined(samples) for samples in parts.values()),
+        joined(parts["train"]),
+        joined(parts["validation"]),
         np.concatenate(density),
         seed=seed,
         epochs=epochs,
