@@ -80,10 +80,15 @@ def sites_of(roots: Sequence[Path], most: int) -> list[Site]:
                 test.setdefault(recording.site, []).extend(scenes)
     seen = {name: seen_part(scenes) for name, scenes in every.items() if scenes}
     return [
-        Site(name=name, scenes=tuple(scenes[:: -(-len(scenes) // most)]), seen=seen)
+        Site(name=name, scenes=tuple(scenes[k] for k in thinned(len(scenes), most)), seen=seen)
         for name, scenes in test.items()
         if scenes
     ]
+
+
+def thinned(count: int, most: int) -> list[int]:
+    """Return at most so many evenly spread numbers below a count."""
+    return sorted({round(k) for k in np.linspace(0, count - 1, min(count, most)).tolist()})
 
 
 def values_of(scene: SeedScene, seen: shapely.Geometry) -> dict[str, FloatArray] | None:
@@ -210,7 +215,8 @@ def wanted(site: Site, scene: SeedScene) -> int:
 def synthetic(site: Site, most: int) -> tuple[Values, int]:
     """Return scenes of `--synthetic`, and how many have fewer vehicles, because SUMO gets no more in."""
     made, fewer = [], 0
-    for number, scene in enumerate(site.scenes[:: -(-len(site.scenes) // most)]):
+    for number in thinned(len(site.scenes), most):
+        scene = site.scenes[number]
         road = scene.road
         assert road is not None
         with tempfile.TemporaryDirectory() as folder:
@@ -235,7 +241,7 @@ def draw(file: Path, site: Site, made: Sequence[SeedScene]) -> None:
     figure, axes = plt.subplots(4, 11, figsize=(15, 6), width_ratios=[1] * 5 + [0.15] + [1] * 5)
     for side, (scenes, first) in enumerate(((site.scenes, 0), (made, 6))):
         axes[0, first + 2].set_title(("recorded", "generated")[side])
-        for k, scene in enumerate(scenes[:: max(1, len(scenes) // 20)][:20]):
+        for k, scene in enumerate(scenes[j] for j in thinned(len(scenes), 20)):
             axis, seen = axes[k // 5, first + k % 5], site.seen[scene.road.name]  # type: ignore[union-attr]
             lanes = [lane.centreline for lane in scene.road.vehicle_lanes.values()]  # type: ignore[union-attr]
             axis.add_collection(LineCollection(lanes, colors="0.85", linewidths=1.5))
