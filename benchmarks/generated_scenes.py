@@ -238,13 +238,14 @@ def draw(file: Path, site: Site, made: Sequence[SeedScene]) -> None:
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection, PolyCollection
 
-    figure, axes = plt.subplots(4, 11, figsize=(15, 6), width_ratios=[1] * 5 + [0.15] + [1] * 5)
+    figure, axes = plt.subplots(4, 11, figsize=(16, 4.4), width_ratios=[1] * 5 + [0.1] + [1] * 5)
+    figure.subplots_adjust(left=0.0, right=0.93, bottom=0.0, top=0.94, wspace=0.02, hspace=0.02)
     for side, (scenes, first) in enumerate(((site.scenes, 0), (made, 6))):
         axes[0, first + 2].set_title(("recorded", "generated")[side])
         for k, scene in enumerate(scenes[j] for j in thinned(len(scenes), 20)):
             axis, seen = axes[k // 5, first + k % 5], site.seen[scene.road.name]  # type: ignore[union-attr]
             lanes = [lane.centreline for lane in scene.road.vehicle_lanes.values()]  # type: ignore[union-attr]
-            axis.add_collection(LineCollection(lanes, colors="0.85", linewidths=1.5))
+            axis.add_collection(LineCollection(lanes, colors="0.85", linewidths=0.6))
             now = scene.now
             inside = shapely.contains_xy(seen, now.x, now.y)
             forward = np.stack([np.cos(now.heading), np.sin(now.heading)], 1) * scene.length[:, None] / 2
@@ -255,14 +256,14 @@ def draw(file: Path, site: Site, made: Sequence[SeedScene]) -> None:
             )
             boxes = PolyCollection(corners[inside], array=now.speed[inside], cmap="viridis")
             boxes.set_clim(0.0, 20.0)
-            boxes.set_edgecolor("face")
+            boxes.set(edgecolor="face", linewidth=2.0)  # larger than life, to be seen
             axis.add_collection(boxes)
             x0, y0, x1, y1 = seen.bounds
             axis.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal")
     for axis in axes.flat:
         axis.set_axis_off()
-    figure.colorbar(boxes, ax=axes, label="speed [m/s]", shrink=0.6)
-    figure.savefig(file, dpi=80)
+    figure.colorbar(boxes, cax=figure.add_axes((0.95, 0.15, 0.01, 0.7)), label="speed [m/s]")
+    figure.savefig(file, dpi=75)
 
 
 def main() -> None:
