@@ -36,13 +36,13 @@ from recorded_scenes import NGSIM_TEST
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.models import likely_driver
 from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.converters.datasets.moment import Part, Split, split_moments
 from scex_sumo.converters.datasets.recordings import (
     find_recordings,
     load_recording,
     recording_moments,
     seed_at,
 )
-from scex_sumo.converters.datasets.split import Part, Split, split_moments
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out

@@ -31,7 +31,7 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.extrapolation.job import VEHICLES_AT_ONCE
 from scex_sumo.road import Road
 from scex_sumo.scene import States
-from scex_sumo.world.frame import to_sumo
+from scex_sumo.world.batch import to_sumo
 from scex_sumo.world.plain import PlainWorld
 from scex_sumo.world.session import VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, tile_id

@@ -26,8 +26,8 @@ from scipy.stats import wasserstein_distance
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
+from scex_sumo.converters.datasets.moment import Split
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording
-from scex_sumo.converters.datasets.split import Split
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road

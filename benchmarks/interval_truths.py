@@ -21,7 +21,7 @@ from scex_sumo.evaluation.plans import read_plans
 from scex_sumo.metrics.base import PAPER, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
-from scex_sumo.metrics.pairs.batches import scene_batches
+from scex_sumo.metrics.evaluate import scene_batches
 from scex_sumo.results.design import is_critical
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -69,32 +69,6 @@ def shares(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[Des
         width=(high - low).mean(axis=0),
         spread=2 * _NORMAL * np.sqrt(np.mean((value - real) ** 2, axis=0)),
         ordinary=np.mean([[p.high - p.low for p in row] for row in ordinary], axis=0),
-    )
-
-
-def given_models(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[DesignIntervals]) -> Found:
-    """Intervals of P(collision) given one vehicle's model, for each vehicle and model."""
-    levels = np.stack(np.unravel_index(np.arange(LEVELS**VEHICLES), SHAPE), axis=1)
-    parts = []
-    for vehicle, level in np.ndindex(VEHICLES, LEVELS):
-        inside = levels[:, vehicle] == level
-        number = np.cumsum(inside) - 1
-        less = [
-            replace(t, answers=t.answers[inside][:, [0]], questions=("collision, given a model",))
-            for t in found
-        ]
-        rows = [draw[inside[draw]] for draw in draws]
-        mine = [
-            every.among(vehicle, int(np.argmax(inside[draw])))
-            for every, draw in zip(made, draws, strict=True)
-        ]
-        parts.append(shares(less, [number[kept] for kept in rows], mine))
-    return Found(
-        names=[name for part in parts for name in part.names],
-        **{
-            end: np.concatenate([getattr(part, end) for part in parts])
-            for end in ("holds", "width", "spread", "ordinary")
-        },
     )
 
 
@@ -154,8 +128,6 @@ def main() -> None:
                 those = [i for i, other in enumerate(asked.names) if other == name]
                 print(line(head, f"P({name})", asked, those), flush=True)
             print(line(head, "all P", asked, range(len(asked.names))))
-            given_one = given_models(found, draws, made)
-            print(line(head, f"P({given_one.names[0]})", given_one, range(len(given_one.names))), flush=True)
             widths = bands(found, draws, made)
             print(line(head, "bands", widths, range(len(widths.names))), flush=True)
 

@@ -15,8 +15,8 @@ from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.learned.decoding import plan_along, way_of
 from scex_sumo.behaviors.learned.driver import LearnedDriver
 from scex_sumo.behaviors.learned.surface import Surface, path_room, surface_of
+from scex_sumo.converters.datasets.moment import Split
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
-from scex_sumo.converters.datasets.split import Split
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex

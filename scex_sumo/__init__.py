@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from scex_sumo.converters.registries import Recording as Recording
     from scex_sumo.converters.tracks.rows import TrackTable as TrackTable
     from scex_sumo.converters.tracks.rows import track_rows as track_rows
+    from scex_sumo.exporters.scene_graph import plot_scene_graph as plot_scene_graph
     from scex_sumo.exporters.scene_graph import to_hetero_data as to_hetero_data
     from scex_sumo.exporters.scene_graph import to_networkx as to_networkx
-    from scex_sumo.exporters.scene_graph_picture import plot_scene_graph as plot_scene_graph
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
     from scex_sumo.formats.sumo.watch import Watch as Watch
     from scex_sumo.formats.sumo.watch import watch as watch
@@ -101,7 +101,7 @@ _HOMES = {
     "open_run": "scex_sumo.results.run",
     "parse_models": "scex_sumo.behaviors.registry",
     "plot_attention": "scex_sumo.training.attention",
-    "plot_scene_graph": "scex_sumo.exporters.scene_graph_picture",
+    "plot_scene_graph": "scex_sumo.exporters.scene_graph",
     "predictor": "scex_sumo.behaviors.registry",
     "rank": "scex_sumo.studies.rank.rank",
     "read_map": "scex_sumo.converters.maps",

@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from scex_sumo.base.errors import ScexError, ScexWarning, UsageError
-from scex_sumo.base.registry import Registry
+from scex_sumo.base.importing import Registry
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
 from scex_sumo.commands.shared import Command, with_shared

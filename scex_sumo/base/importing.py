@@ -1,19 +1,68 @@
-"""Import of objects by path: ``package.module:name``, as users name their own code."""
+"""Import of objects by path, ``package.module:name``, and registries of named extensions."""
 
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.base.errors import ScexError, UsageError, reason_of
+from scex_sumo.base.errors import MissingExtraError, ScexError, UsageError, reason_of
 
 MAX_REASON = 200  # characters
 _PACKAGE = Path(__file__).resolve().parents[1]
 _STANDARD = Path(traceback.__file__).resolve().parent  # the standard library
+
+
+@dataclass(frozen=True, kw_only=True)
+class Registry:
+    """Extensions of one kind by name; each is imported when it is used.
+
+    Packages register by an entry point, e.g. ``[project.entry-points."scex_sumo.exporters"]`` with ``name =
+    "package.module:function"``.
+
+    Attributes:
+        group: the entry-point group, e.g. ``scex_sumo.exporters``.
+        kind: the word for messages, e.g. ``export format``.
+        builtin: import path by name, of the core's own.
+    """
+
+    group: str
+    kind: str
+    builtin: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def paths(self) -> dict[str, str]:
+        """Import path by name: the built-in ones first, which win over entry points."""
+        points = sorted((p.name, p.value) for p in importlib.metadata.entry_points(group=self.group))
+        return {**self.builtin, **{name: path for name, path in points if name not in self.builtin}}
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.builtin or ":" in str(name) or name in self.paths
+
+    def load(self, name: str) -> Any:
+        """Import the extension of a name, or of an import path ``package.module:object``."""
+        if name in self.builtin:  # looking for entry points takes milliseconds
+            return import_object(self.builtin[name])
+        paths = self.paths
+        path = paths.get(name, name if ":" in name else None)
+        if path is None:
+            raise UsageError(f"unknown {self.kind} {name!r}; known: {', '.join(paths)}")
+        return import_object(path)
+
+
+@contextmanager
+def extra_for(need: str, extra: str) -> Iterator[None]:
+    """Turn a failed import in the block into a `MissingExtraError`; ``need``: what needs which package."""
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtraError(f"{need} ({error}); install it: pip install 'scex-sumo[{extra}]'") from None
 
 
 def _raised(error: BaseException) -> str:

@@ -1,4 +1,4 @@
-"""Programs and files of SUMO in the eclipse-sumo wheel."""
+"""SUMO in the eclipse-sumo wheel: programs, files, car-following models and their parameters."""
 
 from __future__ import annotations
 
@@ -6,9 +6,34 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from xml.etree import ElementTree
 
-from scex_sumo.base.errors import SimulationError
+from scex_sumo.base.errors import SimulationError, UsageError
+
+SUMO_MODELS = ("Krauss", "KraussPS", "IDM", "IDMM", "EIDM", "ACC", "CACC", "W99")
+"""Models with reproducible results; those of W99 depend on the tile."""
+
+RANDOM_MODELS = frozenset({"W99"})  # its randomness cannot be switched off
+
+# SUMO draws random numbers per lane: a driver with these depends on its tile.
+RANDOM_PARAMETERS = (
+    "sigma",
+    "sigmaleader",
+    "sigmagap",
+    "sigmaerror",
+    "speedDev",
+    "lcSigma",
+    "jmSigmaMinor",
+    "jmIgnoreFoeProb",
+    "jmIgnoreJunctionFoeProb",
+)
+# A driver state adds random errors; a time between actions depends on the clock.
+_REFUSED = frozenset(
+    {"hasDriverState", "applyDriverState", "actionStepLength", "id", "length", "width", "carFollowModel"}
+)
 
 
 def sumo_home() -> Path:
@@ -63,3 +88,30 @@ def user_sumo() -> Path | None:
         got = f"version {version[0]}" if version else "of no known version"
         raise SimulationError(f"{own}: {got}; needs {'.'.join(map(str, OLDEST_SUMO))} or newer; {remedy}")
     return own
+
+
+def check_driver(model: str, parameters: Mapping[str, str]) -> None:
+    """Check a SUMO model's name and parameters."""
+    if model not in SUMO_MODELS:
+        raise UsageError(f"unknown SUMO model {model!r}; known: {', '.join(SUMO_MODELS)}")
+    for key, value in parameters.items():
+        if key in RANDOM_PARAMETERS and value not in ("0", "0.0"):
+            raise UsageError(
+                f"sumo:{model}: {key}={value} makes the driver random, and SUMO's random numbers depend on "
+                f"where a child is simulated; leave {key} at 0"
+            )
+        if key in _REFUSED or key not in _known_parameters():
+            raise UsageError(f"sumo:{model}: unknown parameter {key!r}; SUMO's own names are meant, e.g. tau")
+        try:
+            float(value)
+        except ValueError:
+            raise UsageError(f"sumo:{model}: {key}={value} is not a number") from None
+
+
+@cache
+def _known_parameters() -> frozenset[str]:
+    schema = ElementTree.parse(sumo_home() / "data" / "xsd" / "types" / "route.xsd")
+    xsd = "{http://www.w3.org/2001/XMLSchema}"
+    types = {kind.get("name", ""): kind for kind in schema.iter(f"{xsd}complexType")}
+    of_vehicles = [t for name, t in types.items() if re.fullmatch("vTypeBaseType|cf.*Type", name)]
+    return frozenset(a.get("name", "") for t in of_vehicles for a in t.iter(f"{xsd}attribute"))

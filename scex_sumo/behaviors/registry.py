@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
-from scex_sumo.base.importing import own_error_reason
-from scex_sumo.base.registry import Registry
-from scex_sumo.base.sumo_models import SUMO_MODELS, check_driver
+from scex_sumo.base.importing import Registry, own_error_reason
+from scex_sumo.base.programs import SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.corridors import GuardProfile
 from scex_sumo.behaviors.guard.guarded import Guarded
@@ -27,11 +26,10 @@ from scex_sumo.behaviors.models.simple import (
     ReplayProfile,
 )
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.files import FILES
-from scex_sumo.behaviors.plug_in.process import NAME as PROCESS
-from scex_sumo.behaviors.plug_in.process import split_command
-from scex_sumo.behaviors.plug_in.single import SingleVehicle, SingleVehicleBehavior
+from scex_sumo.behaviors.plug_in.files import FILES, PROCESS_NAME, split_command
 from scex_sumo.behaviors.plug_in.user_model import (
+    SingleVehicle,
+    SingleVehicleBehavior,
     UserModel,
     is_import_path,
     load_model,
@@ -269,7 +267,7 @@ def parse_models(text: str) -> list[ModelSpec]:
 def _parse_one(text: str) -> ModelSpec:
     command = split_command(text)
     body, at, weight = text.rpartition("@") if "@" in text and command is None else (text, "", "1")
-    name, *rest = body.split(":") if command is None else (PROCESS, *command)
+    name, *rest = body.split(":") if command is None else (PROCESS_NAME, *command)
     if name == SUMO:
         if not rest or "=" in rest[0]:
             raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")

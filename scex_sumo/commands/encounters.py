@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.commands.options import Around, InRegion, Result
+from scex_sumo.commands.options import Around, InRegion, Result, numbers_by_name, two_tracks
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
@@ -37,12 +37,16 @@ def encounters_command(
     from scex_sumo.results.run import open_run
 
     console = output_console(width=110)
+    asked = None
+    if weights is not None:
+        form = "MODEL=WEIGHT, e.g. standard_driver=0.9"
+        asked = numbers_by_name("--weights", weights.split(","), form)
     with as_written(folder):
         run = open_run(folder)
         part = parse_region(region, around)
         found = meetings(run, part)
-        if weights is not None:
-            print_weights(run, parse_weights(weights), console, most=most)
+        if asked is not None:
+            print_weights(run, asked, console, most=most)
         elif pair is None:
             print_encounters(run, console, most=most, region=part)
         else:
@@ -50,37 +54,14 @@ def encounters_command(
             for one in found:
                 print_pair(one, console)
         name = run.info["seed_scene"]["name"]
-        rows = meeting_rows(found[:most], None if weights is None else parse_weights(weights))
+        rows = meeting_rows(found[:most], asked)
     return lambda: {"scene": name, "futures": run.children, "encounters": rows}
-
-
-def parse_weights(text: str) -> dict[str, float]:
-    """Parse ``MODEL=W,...``.
-
-    Raises:
-        UsageError: an entry has another form.
-    """
-    found = {}
-    for entry in text.split(","):
-        model, _, weight = entry.strip().rpartition("=")
-        try:
-            found[model] = float(weight)
-        except ValueError:
-            model = ""
-        if not model:
-            raise UsageError(f"--weights {entry}: needs MODEL=WEIGHT, e.g. standard_driver=0.9")
-    return found
 
 
 def _meetings(run: Run, pair: str) -> list[Meeting]:
     from scex_sumo.reports.encounter_rows import meetings
 
-    try:
-        wanted = sorted(int(part) for part in pair.split(","))
-    except ValueError:
-        wanted = []
-    if len(wanted) != 2:
-        raise UsageError(f"--pair {pair}: needs two track ids, e.g. --pair 17,23")
+    wanted = sorted(two_tracks(pair, "--pair"))
     found = [one for one in meetings(run) if list(one.pair) == wanted]
     if not found:
         raise UsageError(f"--pair {pair}: these two vehicles meet in no future of the run")

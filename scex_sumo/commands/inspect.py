@@ -101,33 +101,25 @@ def _time_of(loaded: LoadedRecording, case: str | None) -> float:
 
 def _moments_table(moments: list[Moment]) -> Table:
     """Return the number of vehicles by moment; moments with most complete vehicles are marked."""
-    from rich.table import Table
-    from rich.text import Text
+    from scex_sumo.reports.run_table import console_table
 
     about = "complete: vehicles that move and are\nrecorded from 1 s before to 3 s after;\n*: most of them"
-    table = Table(title=about, title_justify="left")
-    cases = any(moment.case for moment in moments)
-    for head in (*(["case"] if cases else []), "time [s]", "vehicles", "complete", ""):
-        table.add_column(Text(head), justify="right")
+    heads = [(head, "text", "") for head in ("case", "time [s]", "vehicles", "complete", "")]
     most = max((moment.complete for moment in moments), default=0)
-    for moment in moments:
-        cells = [f"{moment.time_s:g}", str(moment.vehicles), str(moment.complete)]
-        table.add_row(*([moment.case] if cases else []), *cells, "*" if moment.complete == most else "")
-    return table
+    rows = [
+        [m.case, f"{m.time_s:g}", m.vehicles, m.complete, "*" if m.complete == most else ""] for m in moments
+    ]
+    first = 0 if any(moment.case for moment in moments) else 1  # a recording without cases names none
+    return console_table(about, heads[first:], [row[first:] for row in rows])
 
 
 def _vehicles_table(scene: SeedScene) -> Table:
-    from rich.table import Table
-    from rich.text import Text
-
+    from scex_sumo.reports.run_table import console_table
     from scex_sumo.scene import STEP_S
 
-    table = Table(title=f"{scene.name}: {scene.vehicles} vehicles", title_justify="left")
-    for head in ("track", "type", "x [m]", "y [m]", "speed [m/s]", "length [m]", "history [s]"):
-        table.add_column(Text(head), justify="right")
-    now = scene.now
-    for v, track in enumerate(scene.track_ids):
-        sizes = (now.x[v], now.y[v], now.speed[v], scene.length[v])
-        history = f"{STEP_S * scene.recorded_steps[v]:.1f}"
-        table.add_row(str(track), scene.types[v], *(f"{x:.1f}" for x in sizes), history)
-    return table
+    heads = [(head, "text", "") for head in ("track", "type")]
+    heads += [(head, ".1f", "") for head in ("x [m]", "y [m]", "speed [m/s]", "length [m]", "history [s]")]
+    now, history = scene.now, STEP_S * scene.recorded_steps
+    columns = scene.track_ids, scene.types, now.x, now.y, now.speed, scene.length, history
+    rows = list(zip(*columns, strict=True))
+    return console_table(f"{scene.name}: {scene.vehicles} vehicles", heads, rows)

@@ -12,7 +12,7 @@ from typer import Argument, Option
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import replacing
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import complete_metrics
+from scex_sumo.commands.options import complete_metrics, numbers_by_name
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -59,7 +59,9 @@ def metrics_command(
     if source.is_dir() and preset is None and names is None:
         preset, names = _of_run(source)
     preset = preset or "paper"
-    parameters = MetricParameters(max_acceleration_by_type=_limits(wttc_limits))
+    entries = wttc_limits.lower().split(",") if wttc_limits else ()
+    limits = numbers_by_name("--wttc-limits", entries, "TYPE=M/S2, e.g. truck=4.0")
+    parameters = MetricParameters(max_acceleration_by_type=limits)
     tracks, history = read_source(source, repair=repair)
     warn(tracks.notes)
     with as_written(source):
@@ -121,14 +123,3 @@ def _write_csv(table: pa.Table, file: Any) -> None:
 
     csv.write_csv(table, file, csv.WriteOptions(quoting_style="needed"))
     file.flush()
-
-
-def _limits(text: str | None) -> dict[str, float]:
-    limits = {}
-    for part in text.split(",") if text else ():
-        name, _, value = part.partition("=")
-        try:
-            limits[name.strip().lower()] = float(value)
-        except ValueError:
-            raise UsageError(f"--wttc-limits: {part!r} is not TYPE=M/S2, e.g. truck=4.0") from None
-    return limits

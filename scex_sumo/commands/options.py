@@ -128,20 +128,31 @@ def metric_option(help: str) -> Any:
 
 
 def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
-    """Return ``METRIC=VALUE`` entries as a mapping; a `UsageError` names an entry of another form."""
-    result = {}
-    for entry in entries or ():
-        column, _, value = entry.partition("=")
+    """Return ``METRIC=VALUE`` entries as a mapping."""
+    return numbers_by_name("--threshold", entries or (), "METRIC=VALUE, e.g. --threshold ttc=0.5")
+
+
+def numbers_by_name(option: str, entries: Iterable[str], form: str) -> dict[str, float]:
+    """Return ``NAME=NUMBER`` entries of an option as a mapping.
+
+    Raises:
+        UsageError: an entry has another form; it tells the right ``form``, with an example.
+    """
+    found = {}
+    for entry in entries:
+        name, _, number = (part.strip() for part in entry.rpartition("="))
         try:
-            result[column] = float(value)
+            found[name] = float(number)
         except ValueError:
-            raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5") from None
-    return result
+            name = ""
+        if not name:
+            raise UsageError(f"{option} {entry}: needs {form}")
+    return found
 
 
-def two_tracks(text: str) -> tuple[int, int]:
-    """Return ``A,B`` of ``--encounter`` as two track ids; a `UsageError` for another text."""
+def two_tracks(text: str, option: str = "--encounter") -> tuple[int, int]:
+    """Return ``A,B`` of an option as two track ids; a `UsageError` for another text."""
     first, _, second = text.partition(",")
-    if not (first.strip().isdigit() and second.strip().isdigit()):
-        raise UsageError(f"--encounter {text}: give the ids of two vehicles, e.g. --encounter 11,7")
+    if not all(part.strip().removeprefix("-").isdecimal() for part in (first, second)):
+        raise UsageError(f"{option} {text}: needs two track ids, e.g. {option} 11,7")
     return int(first), int(second)

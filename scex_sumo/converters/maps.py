@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from scex_sumo.base.cache import cached_object
@@ -69,21 +68,18 @@ def _read_lanelet2(
         raise MapError(f"{path}: {kind}, not a map; give {MAPS_READ}")
     refuse_folder(path)
     known = origin or recorded_origin(path, tracks_path=None if own_corner else tracks)
-    read = partial(_lanelets, path, known, own_corner=own_corner, country=country)
+
+    def read() -> Road:
+        from scex_sumo.converters.lanelet.reader import read_road
+
+        # A missing map is the reader's to report.
+        needed = not own_corner and path.exists()
+        return read_road(path, origin=find_origin(path, origin=known) if needed else known, country=country)
+
     if not (keep and path.is_file() and os.access(path, os.R_OK)):
         return read()
     made_by = repr((version_of("lanelet2"), path.name, known, own_corner, country))
     return cached_object("roads", made_by.encode() + path.read_bytes(), read, _PARTS)
-
-
-def _lanelets(
-    path: Path, origin: tuple[float, float] | None, *, own_corner: bool, country: str | None
-) -> Road:
-    from scex_sumo.converters.lanelet.reader import read_road
-
-    if not own_corner and path.exists():  # a missing map is the reader's to report
-        origin = find_origin(path, origin=origin)
-    return read_road(path, origin=origin, country=country)
 
 
 LANELET2 = MapFormat(is_mine=lambda path: True, read=_read_lanelet2)

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.base.importing import import_object
-from scex_sumo.base.registry import Registry
+from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
@@ -28,7 +27,7 @@ MAPS = Registry(
 DATASETS = Registry(
     group="scex_sumo.datasets",
     kind="dataset",
-    builtin={"interaction": "scex_sumo.converters.datasets.interaction:INTERACTION"},
+    builtin={"interaction": "scex_sumo.converters.datasets.find:INTERACTION"},
 )
 SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
 

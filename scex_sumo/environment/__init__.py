@@ -20,7 +20,7 @@ def register() -> None:
     if SEED_ENV not in gymnasium.registry:
         gymnasium.register(
             SEED_ENV,
-            entry_point="scex_sumo.environment.seed_env:SeedEnv",
+            entry_point="scex_sumo.environment.vector_env:SeedEnv",
             vector_entry_point="scex_sumo.environment.vector_env:SeedVectorEnv",
         )
 

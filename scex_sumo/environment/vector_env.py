@@ -1,4 +1,4 @@
-"""Vector environment: many futures of one seed scene side by side, an agent in each."""
+"""Vector environment: many futures of one seed scene side by side, an agent in each; and a single one."""
 
 from __future__ import annotations
 
@@ -19,13 +19,7 @@ from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.environment.agent import (
-    AgentSteps,
-    Reward,
-    controlled,
-    default_reward,
-    planned,
-)
+from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.extrapolation.assignments import child_generator, random_assignments, route_draws
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import checked_plan, groups_of, history_at
@@ -296,3 +290,33 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _info(self) -> dict[str, Any]:
         return {"child": self._child.copy(), "step": self._age.copy()}
+
+
+class SeedEnv(gymnasium.Env[Any, Any]):
+    """One future of a seed scene; arguments, actions and observations as `SeedVectorEnv`."""
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
+
+    def __init__(self, **arguments: Any) -> None:
+        self._one = SeedVectorEnv(1, **arguments)
+        self.action_space = self._one.single_action_space
+        self.observation_space = self._one.single_observation_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Put the scene back, with newly drawn drivers."""
+        super().reset(seed=seed)
+        observation, info = self._one.reset(
+            seed=int(self.np_random.integers(2**31)) if seed is None else seed
+        )
+        return self._first(observation), self._first(info)
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Advance by the steps that an action is held."""
+        observation, reward, ended, cut, info = self._one.step(np.asarray(action)[None])
+        return self._first(observation), float(reward[0]), bool(ended[0]), bool(cut[0]), self._first(info)
+
+    @staticmethod
+    def _first(batch: Any) -> Any:
+        return {name: v[0] for name, v in batch.items()} if isinstance(batch, dict) else batch[0]

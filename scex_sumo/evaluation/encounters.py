@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.exact.tables import InfluenceTable
 from scex_sumo.metrics.collisions import KINDS
-from scex_sumo.metrics.encounters import (
-    CRITICAL_DRAC,
-    CRITICAL_PET_S,
-    CRITICAL_TTC_S,
-    Encounters,
-)
+from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S, Encounters
 from scex_sumo.road import Road
 from scex_sumo.roads.places import places_of
 from scex_sumo.statistics.density import Interval

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.results.parts import Part
+from scex_sumo.results.tables import read_table
 from scex_sumo.scene import SeedScene
 
 PLANS = "plans.parquet"
@@ -110,12 +110,10 @@ def read_plans(folder: Path) -> StoredPlans | None:
     path = folder / PLANS
     if not path.is_file():
         return None
-    try:
-        table = pq.read_table(path.absolute())
-        child, track_id, step = (np.asarray(table[name]) for name in ("child", "track_id", "step"))
-        lists = [table[name].combine_chunks() for name in ("x", "y")]
-    except (OSError, KeyError, pa.ArrowException) as error:
-        raise ResultError(f"{path}: cannot be read: {error}; run again") from None
+    names, axes = ("child", "track_id", "step"), ("x", "y")
+    table = read_table(path, columns=(*names, *axes))
+    child, track_id, step = (np.asarray(table[name]) for name in names)
+    lists = [table[name].combine_chunks() for name in axes]
     children, made_at = np.unique(child), np.unique(step)
     rounds = max(len(made_at), 1)
     track_ids = track_id[: len(child) // max(len(children), 1) : rounds]

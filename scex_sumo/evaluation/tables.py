@@ -18,8 +18,7 @@ from scex_sumo.metrics.base import PAPER, MetricParameters
 from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate, evaluate_pairs
 from scex_sumo.metrics.extrema import Worst, scene_sums
-from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.registry import metrics_named
+from scex_sumo.metrics.registry import Metric, metrics_named
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
 LEVELS: Final[tuple[Level, ...]] = ("pair", "scene", "scenario", "worst")

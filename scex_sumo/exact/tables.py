@@ -147,6 +147,12 @@ class InfluenceTable:
                     break
         return [self._phrase(one) for one in sets]
 
+    def told(self, most: int) -> str:
+        """Return the first cut sets in words, and the number of the others; empty if it never happens."""
+        ways = self.in_words()
+        more = f"; or in {len(ways) - most} more ways" if len(ways) > most else ""
+        return "; or ".join(ways[:most]) + more
+
     def _phrase(self, cube: Mapping[int, Iterable[int]]) -> str:
         parts = []
         for track in self.track_ids:

@@ -19,7 +19,7 @@ EXAMPLE = "out/k733 --critical ttc --top 5 --to openscenario -o critical"
 
 
 def _complete_formats(incomplete: str) -> list[str]:
-    from scex_sumo.exporters.registry import EXPORTERS
+    from scex_sumo.exporters.request import EXPORTERS
 
     return last_of_list(incomplete, EXPORTERS.paths)
 
@@ -53,8 +53,7 @@ def export_command(
     ] = None,
 ) -> None:
     """Write futures in another tool's format."""
-    from scex_sumo.exporters.registry import EXPORTERS, Exporter
-    from scex_sumo.exporters.request import Request
+    from scex_sumo.exporters.request import EXPORTERS, Exporter, Request
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
 

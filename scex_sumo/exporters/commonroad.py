@@ -1,11 +1,13 @@
-"""CommonRoad 2020a scenario: lanelets, vehicles as obstacles, a planning problem.
+"""CommonRoad 2020a scenario: its road network, vehicles as obstacles, a planning problem.
 
 The XML is written without commonroad-io, whose interface changes; tests read it with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -14,13 +16,20 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import write_atomic
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.exporters.commonroad_road import add, number_text, road_elements
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.request import Participant, Request
+from scex_sumo.geometry.polylines import along, arc_lengths
+from scex_sumo.road import Lane, Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 _GOAL_M = (8.0, 4.0)  # length and width around the ego's last place
 _GOAL_STEPS = 5  # before the end
 _TYPES = {"van": "car", "tram": "train"}  # where CommonRoad differs
+
+_LANELET_TYPES = {"vehicle": "urban", "bus": "busLane", "bicycle": "bicycleLane", "other": "border"}
+_USERS = {"bicycle": "bicycle", "pedestrian": "pedestrian", "bus": "bus"}
+_ORDER = ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft")
+_STRAIGHT_RAD = np.pi / 6
+_SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's, CommonRoad's default
 
 
 def write_commonroad(request: Request) -> list[Path]:
@@ -68,31 +77,23 @@ def _root(name: str, source: str) -> ET.Element:
 
 
 def _obstacles(request: Request, child: int, ego: int | None, used: set[int]) -> Iterable[ET.Element]:
-    scene, states = request.scene, request.run.states(child)
-    first = 0 if ego is None else LOGGED_HISTORY - 1
+    first, scene = 0 if ego is None else LOGGED_HISTORY - 1, request.scene
     free = max([*used, *scene.track_ids.tolist()]) + 1
-    for v, track_id in enumerate(scene.track_ids.tolist()):
-        if v != ego:
-            number = track_id if track_id > 0 and track_id not in used else free + v
-            size = float(scene.length[v]), float(scene.width[v])
-            yield _obstacle(number, scene.types[v], size, states[v, first:], 0)
-    others = scene.obstacles
-    for o, kind in enumerate(others.types if others is not None else ()):
-        assert others is not None
-        frames = request.obstacle_frames()
-        present = np.flatnonzero(others.present[o, frames][first:])
-        if len(present):
-            track = others.states[o, frames][first:][present[0] : present[-1] + 1]
-            size = float(others.length[o]), float(others.width[o])
-            yield _obstacle(free + scene.vehicles + o, kind, size, track, int(present[0]))
+    for one in request.participants(child):
+        there = np.flatnonzero(one.present[first:])
+        if len(there) and (one.vehicle is None or one.vehicle != ego):
+            number = free + one.index + (scene.vehicles if one.vehicle is None else 0)
+            if isinstance(one.label, int) and one.label > 0 and one.label not in used:
+                number = one.label
+            yield _obstacle(number, one, one.states[first:][there[0] : there[-1] + 1], int(there[0]))
 
 
-def _obstacle(number: int, kind: str, size: Sequence[float], states: States, first: int) -> ET.Element:
+def _obstacle(number: int, one: Participant, states: States, first: int) -> ET.Element:
     element = ET.Element("dynamicObstacle", id=str(number))
-    add(element, "type", _TYPES.get(road_user(kind), road_user(kind)))
+    add(element, "type", _TYPES.get(road_user(one.kind), road_user(one.kind)))
     box = add(add(element, "shape"), "rectangle")
-    add(box, "length", number_text(size[0]))
-    add(box, "width", number_text(size[1]))
+    add(box, "length", number_text(one.length))
+    add(box, "width", number_text(one.width))
     rows = np.stack([states.x, states.y, states.heading, states.speed], axis=1)
     _state(add(element, "initialState"), rows[0], first)
     if len(rows) > 1:
@@ -131,3 +132,184 @@ def _task(request: Request, child: int, ego: int, number: int) -> ET.Element:
     add(time, "intervalStart", str(max(steps - _GOAL_STEPS, 1)))
     add(time, "intervalEnd", str(steps))
     return task
+
+
+def add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
+    """Append an element, and return it."""
+    child = ET.SubElement(parent, tag)
+    child.text = text
+    return child
+
+
+def number_text(value: float) -> str:
+    """Return a number without an exponent, exact to the nanometre."""
+    text = f"{float(value):.9f}".rstrip("0")
+    return f"{text}0" if text.endswith(".") else text
+
+
+@dataclass(kw_only=True, eq=False)
+class _Signals:
+    elements: list[ET.Element] = field(default_factory=list)
+    of_lane: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
+    stop_lines: dict[int, tuple[FloatArray, str, int]] = field(default_factory=dict)
+
+    def refer(self, lanes: list[int], tag: str, number: int) -> None:
+        for i in lanes:
+            self.of_lane.setdefault(i, []).append((tag, number))
+
+
+def lanelet_numbers(road: Road, taken: Collection[int] = ()) -> dict[int, int]:
+    """Return lanelet ids by lane: the map's own if all are positive, else new ones above ``taken``."""
+    lanes = [i for i, lane in road.lanes.items() if lane.reverse_of is None]
+    first = 0 if all(i > 0 for i in lanes) else max([0, *taken]) + 1
+    return {i: first + k if first else i for k, i in enumerate(lanes)}
+
+
+def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Element], set[int]]:
+    """Return the elements of a road, and all their ids; ``taken`` are ids of obstacles."""
+    numbers = lanelet_numbers(road, taken)
+    signals = _signals(road, numbers)
+    both_ways = {lane.reverse_of for lane in road.lanes.values()} - {None}
+    lanelets = [_lanelet(road.lanes[i], numbers, signals, both=i in both_ways) for i in numbers]
+    signs = {int(element.get("id", "0")) for element in signals.elements}
+    crossings = _intersections(road, numbers, max([*numbers.values(), *signs, *taken]) + 1)
+    elements = [*lanelets, *signals.elements, *crossings]
+    return elements, {int(part.get("id", "0")) for e in elements for part in (e, *e.iter("incoming"))}
+
+
+def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return two borders with equally many points, all of their own included."""
+    if len(left) == len(right):
+        return left, right
+    arcs = [arc_lengths(line) for line in (left, right)]
+    share = np.unique(np.concatenate([arc / max(arc[-1], 1e-9) for arc in arcs]).round(9))
+    a, b = (along(line, share * arc[-1]) for line, arc in zip((left, right), arcs, strict=True))
+    return np.asarray(a), np.asarray(b)
+
+
+def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
+    signals, free = _Signals(), max(numbers.values()) + 1
+    driven = [i for i in numbers if road.lanes[i].kind == "vehicle"]
+    for speed in sorted({road.lanes[i].speed_limit_mps for i in driven}):
+        lanes = [i for i in driven if road.lanes[i].speed_limit_mps == speed]
+        signals.elements.append(_sign(free, _SPEED, road.lanes[lanes[0]], number_text(speed)))
+        signals.refer(lanes, "trafficSignRef", free)
+        free += 1
+    for rule in road.regulations:
+        bound = rule.lanes if rule.kind == "traffic_light" else rule.yielding or rule.lanes
+        lanes = [i for i in bound if i in numbers]
+        if not lanes:
+            continue
+        first = road.lanes[lanes[0]]
+        if rule.kind == "traffic_light":
+            light = ET.Element("trafficLight", id=str(free))
+            _point(add(light, "position"), first.centreline[-1])
+            add(light, "direction", "all")
+            add(light, "active", "true")
+            signals.elements.append(light)
+        else:
+            kind = _STOP if rule.kind in ("stop", "all_way_stop") else _YIELD
+            signals.elements.append(_sign(free, kind, first))
+        tag = "trafficLightRef" if rule.kind == "traffic_light" else "trafficSignRef"
+        signals.refer(lanes, tag, free)
+        if len(rule.stop_lines) == 1 and len(lanes) == 1 and len(rule.stop_lines[0]) > 1:
+            signals.stop_lines[lanes[0]] = rule.stop_lines[0], tag, free
+        free += 1
+    lights = [element for element in signals.elements if element.tag == "trafficLight"]
+    signals.elements = [element for element in signals.elements if element.tag != "trafficLight"] + lights
+    return signals
+
+
+def _intersections(road: Road, numbers: Mapping[int, int], first: int) -> list[ET.Element]:
+    lanes = {i: lane for i, lane in road.vehicle_lanes.items() if i in numbers}
+    elements, ids, left = [], count(first), [i for i, lane in lanes.items() if lane.conflicts]
+    while left:
+        inside, reached = set[int](), [left[0]]
+        while reached:
+            lane = reached.pop()
+            if lane in lanes and lane not in inside:
+                inside.add(lane)
+                reached += lanes[lane].conflicts
+        left = [i for i in left if i not in inside]
+        entries = sorted({p for i in inside for p in lanes[i].predecessors if p in lanes} - inside)
+        if len(entries) < 2:
+            continue
+        element = ET.Element("intersection", id=str(next(ids)))
+        elements.append(element)
+        arms = {entry: add(element, "incoming") for entry in entries if not _beside(lanes[entry], entries)}
+        for entry in entries:
+            leftmost = entry
+            while leftmost not in arms:
+                leftmost = _beside(lanes[leftmost], entries)[0]
+            add(arms[leftmost], "incomingLanelet").set("ref", str(numbers[entry]))
+            for i in lanes[entry].successors:
+                if i in inside:
+                    add(arms[leftmost], f"successors{_turn(lanes[i])}").set("ref", str(numbers[i]))
+        for arm in arms.values():
+            arm.set("id", str(next(ids)))
+            arm[:] = sorted(arm, key=lambda part: _ORDER.index(part.tag))
+    return elements
+
+
+def _beside(lane: Lane, entries: list[int]) -> list[int]:
+    return [i for i in (lane.left, lane.adjacent_left) if i is not None and i in entries]
+
+
+def _turn(lane: Lane) -> str:
+    begin, end = np.diff(lane.centreline, axis=0)[[0, -1]] @ (1, 1j)
+    angle = float(np.angle(end / begin))
+    return "Straight" if abs(angle) < _STRAIGHT_RAD else "Left" if angle > 0 else "Right"
+
+
+def _sign(number: int, kind: str, lane: Lane, value: str | None = None) -> ET.Element:
+    sign = ET.Element("trafficSign", id=str(number))
+    part = add(sign, "trafficSignElement")
+    add(part, "trafficSignID", kind)
+    if value is not None:
+        add(part, "additionalValue", value)
+    _point(add(sign, "position"), lane.right_bound[0])
+    add(sign, "virtual", "false")
+    return sign
+
+
+def _lanelet(lane: Lane, numbers: Mapping[int, int], signals: _Signals, *, both: bool) -> ET.Element:
+    element = ET.Element("lanelet", id=str(numbers[lane.lane_id]))
+    left, right = point_by_point(lane.left_bound, lane.right_bound)
+    sides = (("left", left, lane.left, lane.adjacent_left), ("right", right, lane.right, lane.adjacent_right))
+    for side, points, free, near in sides:
+        bound = add(element, f"{side}Bound")
+        for point in points:
+            _point(bound, point)
+        if near is not None or free is not None:
+            add(bound, "lineMarking", "dashed" if free is not None else "solid")
+    for tag, others in (("predecessor", lane.predecessors), ("successor", lane.successors)):
+        for i in others:
+            if i in numbers:
+                add(element, tag).set("ref", str(numbers[i]))
+    for side, _, free, near in sides:
+        other = near if near is not None else free
+        if other is not None and other in numbers:
+            beside = add(element, f"adjacent{side.title()}")
+            beside.set("ref", str(numbers[other]))
+            beside.set("drivingDir", "same")
+    if lane.lane_id in signals.stop_lines:
+        line = add(element, "stopLine")
+        points, tag, number = signals.stop_lines[lane.lane_id]
+        for point in points[[0, -1]]:
+            _point(line, point)
+        add(line, "lineMarking", "broad_solid")
+        add(line, tag).set("ref", str(number))
+    walked = "crosswalk" if lane.subtype == "crosswalk" else "sidewalk"
+    kind = walked if lane.kind == "pedestrian" else _LANELET_TYPES.get(lane.kind, "unknown")
+    add(element, "laneletType", kind)
+    add(element, "userBidirectional" if both else "userOneWay", _USERS.get(lane.kind, "vehicle"))
+    # The format wants signs before lights.
+    for tag, number in sorted(signals.of_lane.get(lane.lane_id, ()), key=lambda ref: ref[0], reverse=True):
+        add(element, tag).set("ref", str(number))
+    return element
+
+
+def _point(parent: ET.Element, place: FloatArray) -> None:
+    point = add(parent, "point")
+    add(point, "x", number_text(place[0]))
+    add(point, "y", number_text(place[1]))

@@ -5,7 +5,7 @@ Names and times are those of the children's floating car data; vehicles have the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +14,6 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import shapely
 
-from scex_sumo.base.files import write_atomic
 from scex_sumo.evaluation.sources import read_source
 from scex_sumo.evaluation.tables import recording_table
 from scex_sumo.exporters.request import Request
@@ -61,21 +60,21 @@ def write_ssm(request: Request) -> list[Path]:
     table, history = read_source(request.run.folder)
     measures = {"level": "pair", "preset": "path", "metrics": ("ttc", "drac", "pet"), "history": history}
 
-    def content(child: int) -> Iterator[str]:
+    def lines(child: int) -> Iterator[str]:
         case = table.case(table.cases.index(str(child)))
         rows = recording_table(case, **measures).to_pylist()  # type: ignore[arg-type]
         yield f"<!-- TTC <= {TTC_S:g} s, DRAC >= {DRAC_MPS2:g} m/s², PET <= {PET_S:g} s -->\n<SSMLog>\n"
         yield from _conflicts(_child(request, child), rows, _collisions(request, child))
         yield "</SSMLog>\n"
 
-    return _written(request, ".ssm.xml", content)
+    return request.write_each(".ssm.xml", lambda child: _xml(lines(child)))
 
 
 def write_collisions(request: Request) -> list[Path]:
     """Write the collisions of each child as SUMO's ``collision-output``."""
     lanes = LaneFinder(request.run.net.path)
 
-    def content(child: int) -> Iterator[str]:
+    def lines(child: int) -> Iterator[str]:
         schema = "http://sumo.dlr.de/xsd/collision_file.xsd"
         yield '<collisions xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
         yield f'xsi:noNamespaceSchemaLocation="{schema}">\n'
@@ -85,15 +84,11 @@ def write_collisions(request: Request) -> list[Path]:
             yield _element("    ", "collision", _collision(here, row, types, lanes))
         yield "</collisions>\n"
 
-    return _written(request, ".collisions.xml", content)
+    return request.write_each(".collisions.xml", lambda child: _xml(lines(child)))
 
 
-def _written(request: Request, ending: str, content: Any) -> list[Path]:
-    paths = request.files(ending)
-    for child, path in zip(request.children, paths, strict=True):
-        text = '<?xml version="1.0" encoding="UTF-8"?>\n' + "".join(content(child))
-        write_atomic(path, text.encode())
-    return paths
+def _xml(lines: Iterable[str]) -> bytes:
+    return "".join(('<?xml version="1.0" encoding="UTF-8"?>\n', *lines)).encode()
 
 
 def _child(request: Request, child: int) -> _Child:

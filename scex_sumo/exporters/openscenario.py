@@ -5,8 +5,6 @@ The reference point of a vehicle is the middle of its rear axle.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -15,11 +13,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.base.files import write_atomic
+from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.opendrive.file import opendrive_text
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 _MINOR_VERSION = 2
@@ -53,26 +51,10 @@ _README = """# {name}: {count} future(s) for OpenSCENARIO players
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Participant:
-    name: str
-    kind: str
-    length: float
-    width: float
-    model: str
-    times: FloatArray
-    states: States
-    ends: bool = False
-
-
 def write_openscenario(request: Request) -> list[Path]:
     """Write the road, a scenario for each child, and a README."""
-    try:
+    with extra_for("OpenSCENARIO needs scenariogeneration", "formats"):
         from scenariogeneration import xosc
-    except ImportError as error:
-        raise MissingExtraError(
-            f"OpenSCENARIO needs scenariogeneration ({error}); install it: pip install 'scex-sumo[formats]'"
-        ) from None
     road = request.folder / f"{request.road.name}.xodr"
     write_atomic(road, opendrive_text(request.road).encode())
     files = [road]
@@ -101,17 +83,21 @@ def axle_offset(kind: str, length: float) -> float:
 
 
 def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> str:
-    participants = list(_participants(request, child))
     entities, init = xosc.Entities(), xosc.Init()
-    last = max(float(p.times[-1]) for p in participants)
+    models, steps, last = request.run.models_of(child), request.run.states(child).shape[1], 0.0
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
-    for participant in participants:
-        entities.add_scenario_object(participant.name, _entity(xosc, participant))
-        places = _vertices(xosc, participant)
-        init.add_init_action(participant.name, xosc.TeleportAction(places[0]))
-        speed = xosc.AbsoluteSpeedAction(round(float(participant.states.speed[0]), 6), _at_once(xosc))
-        init.add_init_action(participant.name, speed)
-        act.add_maneuver_group(_follow(xosc, participant, places))
+    at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)
+    for one in request.participants(child):
+        name = f"{'other' if one.vehicle is None else 'vehicle'}{one.label}"
+        model = "recorded" if one.vehicle is None else models[one.vehicle]
+        entities.add_scenario_object(name, _entity(xosc, one, model))
+        there = np.flatnonzero(one.present)  # straight lines bridge gaps in a track
+        places, times = _vertices(xosc, one, one.states[there]), STEP_S * there.astype(np.float64)
+        last = max(last, float(times[-1]))
+        init.add_init_action(name, xosc.TeleportAction(places[0]))
+        speed = xosc.AbsoluteSpeedAction(round(float(one.states.speed[there[0]]), 6), at_once)
+        init.add_init_action(name, speed)
+        act.add_maneuver_group(_follow(xosc, name, times, places, ends=int(there[-1]) + 1 < steps))
     story = xosc.Story("child")
     story.add_act(act)
     board = xosc.StoryBoard(init, _at(xosc, "end", last, point="stop"))
@@ -137,46 +123,12 @@ def _written(file: Path) -> datetime:
     return moment.replace(tzinfo=None)
 
 
-def _participants(request: Request, child: int) -> Iterator[_Participant]:
-    scene, states = request.scene, request.run.states(child)
-    models = request.run.models_of(child)
-    times = STEP_S * np.arange(states.shape[1], dtype=np.float64)
-    for v, track in enumerate(scene.track_ids.tolist()):
-        yield _Participant(
-            name=f"vehicle{track}",
-            kind=scene.types[v],
-            length=float(scene.length[v]),
-            width=float(scene.width[v]),
-            model=models[v],
-            times=times,
-            states=states[v],
-        )
-    others = scene.obstacles
-    if others is None:
-        return
-    frames = request.obstacle_frames()
-    for o, name in enumerate(others.ids):
-        present = np.flatnonzero(others.present[o, frames])
-        if len(present):
-            # Straight lines bridge gaps in a track.
-            yield _Participant(
-                name=f"other{name}",
-                kind=others.types[o],
-                length=float(others.length[o]),
-                width=float(others.width[o]),
-                model="recorded",
-                times=times[present],
-                states=others.states[o, frames][present],
-                ends=int(present[-1]) + 1 < len(times),
-            )
-
-
 def _walks(kind: str) -> bool:
     return road_user(kind) == "pedestrian"
 
 
-def _entity(xosc: Any, participant: _Participant) -> Any:
-    kind, length, width = participant.kind, participant.length, participant.width
+def _entity(xosc: Any, one: Participant, model: str) -> Any:
+    kind, length, width = one.kind, one.length, one.width
     ahead = axle_offset(kind, length)
     if _walks(kind):
         height, mass = _WALKER
@@ -201,13 +153,12 @@ def _entity(xosc: Any, participant: _Participant) -> Any:
             _MAX_MPS2,
             mass=mass,
         )
-    entity.add_property("model", participant.model)
+    entity.add_property("model", model)
     return entity
 
 
-def _vertices(xosc: Any, participant: _Participant) -> list[Any]:
-    states = participant.states
-    back = axle_offset(participant.kind, participant.length)
+def _vertices(xosc: Any, one: Participant, states: States) -> list[Any]:
+    back = axle_offset(one.kind, one.length)
     heading = np.unwrap(states.heading)
     x = states.x - back * np.cos(heading)
     y = states.y - back * np.sin(heading)
@@ -215,23 +166,21 @@ def _vertices(xosc: Any, participant: _Participant) -> list[Any]:
     return [xosc.WorldPosition(round(a, 6), round(b, 6), 0.0, round(h, 8), 0.0, 0.0) for a, b, h in rows]
 
 
-def _follow(xosc: Any, participant: _Participant, places: list[Any]) -> Any:
-    name = participant.name
+def _follow(xosc: Any, name: str, times: FloatArray, places: list[Any], *, ends: bool) -> Any:
     maneuver = xosc.Maneuver(f"{name} moves")
-    start = float(participant.times[0])
     if len(places) > 1:
         line = xosc.Trajectory(f"{name} trajectory", False)
-        line.add_shape(xosc.Polyline([round(t, 6) for t in participant.times.tolist()], places))
+        line.add_shape(xosc.Polyline([round(t, 6) for t in times.tolist()], places))
         action = xosc.FollowTrajectoryAction(
             line, xosc.FollowingMode.position, xosc.ReferenceContext.absolute, 1, 0
         )
         event = xosc.Event(f"{name} follows", xosc.Priority.override)
-        event.add_trigger(_at(xosc, f"{name} starts", start))
+        event.add_trigger(_at(xosc, f"{name} starts", float(times[0])))
         event.add_action(f"{name} follows trajectory", action)
         maneuver.add_event(event)
-    if participant.ends:
+    if ends:
         event = xosc.Event(f"{name} leaves", xosc.Priority.parallel)
-        event.add_trigger(_at(xosc, f"{name} is gone", float(participant.times[-1])))
+        event.add_trigger(_at(xosc, f"{name} is gone", float(times[-1])))
         event.add_action(f"{name} is deleted", xosc.DeleteEntityAction(name))
         maneuver.add_event(event)
     group = xosc.ManeuverGroup(f"{name} group")
@@ -243,7 +192,3 @@ def _follow(xosc: Any, participant: _Participant, places: list[Any]) -> Any:
 def _at(xosc: Any, name: str, time_s: float, *, point: str = "start") -> Any:
     condition = xosc.SimulationTimeCondition(round(time_s, 6), xosc.Rule.greaterOrEqual)
     return xosc.ValueTrigger(name, 0, xosc.ConditionEdge.none, condition, point)
-
-
-def _at_once(xosc: Any) -> Any:
-    return xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)

@@ -1,19 +1,68 @@
-"""Export request: children of a run, where to write them, and the run's map and scene."""
+"""Export request: children of a run, where to write them, the run's map and scene; registry of exporters.
+
+Packages add entry points in ``scex_sumo.exporters``; ``--to`` also takes ``package.module:function``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Final, TypeAlias
 
 import numpy as np
 
+from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.files import write_atomic
+from scex_sumo.base.importing import Registry
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
-from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
+from scex_sumo.scene import LOGGED_HISTORY, Obstacles, SeedScene, States
 from scex_sumo.views.children import most_critical
+
+Exporter: TypeAlias = Callable[["Request"], list[Path]]
+
+EXPORTERS: Final = Registry(
+    group="scex_sumo.exporters",
+    kind="export format",
+    builtin={
+        "interaction": "scex_sumo.exporters.tracks:write_interaction",
+        "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
+        "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
+        "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
+        "ssm": "scex_sumo.exporters.conflicts:write_ssm",
+        "collisions": "scex_sumo.exporters.conflicts:write_collisions",
+        "mp4": "scex_sumo.exporters.video:write_mp4",
+        "gif": "scex_sumo.exporters.video:write_gif",
+        "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
+        "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
+    },
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Participant:
+    """Road user of a child.
+
+    Attributes:
+        label: track id of a vehicle; name of a replayed pedestrian or cyclist.
+        vehicle: index in the seed scene; None for pedestrians and cyclists.
+        index: among the vehicles, or among the others.
+        states: (T,) from the first logged frame on; those of pedestrians and cyclists may end earlier.
+        present: (T,) whether it is there.
+    """
+
+    label: int | str
+    vehicle: int | None
+    index: int
+    kind: str
+    length: float
+    width: float
+    states: States
+    present: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,15 +124,26 @@ class Request:
         """Return the name of a child's file without its ending."""
         return f"{self.name}_child{child:04d}"
 
+    def file(self, stem: str, ending: str) -> Path:
+        """Return the file ``out``, else one named by a stem; its folder is made if missing."""
+        path = self.out or Path(f"{stem}{ending}")
+        if path.is_dir():
+            raise UsageError(f"-o {path}: is a folder; give a file{ending}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
     def files(self, ending: str) -> list[Path]:
         """Return the file of each child: ``out`` for one child, else files in the folder ``out``."""
         if len(self.children) == 1:
-            path = self.out or Path(f"{self.file_stem(self.children[0])}{ending}")
-            if path.is_dir():
-                raise UsageError(f"-o {path}: is a folder; give a file{ending}")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            return [path]
+            return [self.file(self.file_stem(self.children[0]), ending)]
         return [self.folder / f"{self.file_stem(child)}{ending}" for child in self.children]
+
+    def write_each(self, ending: str, content: Callable[[int], bytes]) -> list[Path]:
+        """Write and return the `files` of all children."""
+        paths = self.files(ending)
+        for child, path in zip(self.children, paths, strict=True):
+            write_atomic(path, content(child))
+        return paths
 
     def ego_index(self) -> int | None:
         """Return the index of the ego in the seed scene, None without an ego."""
@@ -95,9 +155,32 @@ class Request:
             raise UsageError(f"--ego {self.ego}: not in the seed scene; its vehicles: {vehicles}")
         return int(ids.index(self.ego))
 
-    def obstacle_frames(self) -> slice:
-        """Return the obstacles' frames during a child: their second one is its first."""
-        return slice(1, 1 + LOGGED_HISTORY + int(self.run.info["steps"]))
+    def participants(self, child: int) -> Iterator[Participant]:
+        """Yield the vehicles of a child, then the pedestrians and cyclists that are there at some time."""
+        scene, states = self.scene, self.run.states(child)
+        always = np.ones(states.shape[1], dtype=np.bool_)
+        for v, track in enumerate(scene.track_ids.tolist()):
+            yield _participant(track, scene, v, states[v], always)
+        if (others := scene.obstacles) is not None:
+            frames = slice(1, 1 + len(always))  # their second frame is the first one of a child
+            for o in np.flatnonzero(others.present[:, frames].any(axis=1)).tolist():
+                present = others.present[o, frames]
+                yield _participant(others.ids[o], others, o, others.states[o, frames], present)
+
+
+def _participant(
+    label: int | str, users: SeedScene | Obstacles, k: int, states: States, present: BoolArray
+) -> Participant:
+    return Participant(
+        label=label,
+        vehicle=k if isinstance(users, SeedScene) else None,
+        index=k,
+        kind=users.types[k],
+        length=float(users.length[k]),
+        width=float(users.width[k]),
+        states=states,
+        present=present,
+    )
 
 
 def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:

@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.road import Lane, Road
-from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 _LANES = {"vehicle": "LANE_SURFACE_STREET", "bicycle": "LANE_BIKE_LANE", "bus": "LANE_BUS_LANE"}
 _USERS = {"pedestrian": "PEDESTRIAN", "bicycle": "CYCLIST"}
@@ -47,23 +46,13 @@ def write_scenarionet(request: Request) -> list[Path]:
 
 
 def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
-    scene, states = request.scene, request.run.states(child)
-    steps = states.shape[1]
-    ego = request.ego_index() or 0
-    tracks = {}
-    always = np.ones(steps, bool)
-    for v, track in enumerate(scene.track_ids.tolist()):
-        size = float(scene.length[v]), float(scene.width[v])
-        tracks[str(track)] = _track(str(track), scene.types[v], size, states[v], always)
-    others = scene.obstacles
-    for o, label in enumerate(others.ids if others is not None else ()):
-        assert others is not None
-        frames = request.obstacle_frames()
-        present = others.present[o, frames]
-        if present.any():
-            size = float(others.length[o]), float(others.width[o])
-            key = label if label not in tracks else f"obstacle_{label}"
-            tracks[key] = _track(key, others.types[o], size, others.states[o, frames], present)
+    tracks: dict[str, dict[str, Any]] = {}
+    for one in request.participants(child):
+        key, track = str(one.label), _track(one)
+        if key in tracks:
+            key = track["metadata"]["object_id"] = f"obstacle_{key}"
+        tracks[key] = track
+    steps, ego = request.run.states(child).shape[1], request.ego_index() or 0
     metadata = {
         "ts": STEP_S * np.arange(steps),
         "sample_rate": STEP_S,
@@ -73,7 +62,7 @@ def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
         "id": name,
         "scenario_id": name,
         "map": request.road.name,
-        "sdc_id": str(scene.track_ids[ego]),
+        "sdc_id": str(request.scene.track_ids[ego]),
         "current_time_index": LOGGED_HISTORY - 1,
     }
     return {
@@ -86,18 +75,16 @@ def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
     }
 
 
-def _track(
-    name: str, kind: str, size: tuple[float, float], states: States, valid: BoolArray
-) -> dict[str, Any]:
-    user = road_user(kind)
+def _track(one: Participant) -> dict[str, Any]:
+    user, states, valid = road_user(one.kind), one.states, one.present
     columns = {
         "position": np.stack([states.x, states.y, np.zeros(len(valid))], axis=1),
         "heading": states.heading,
         "velocity": np.stack(
             [states.speed * np.cos(states.heading), states.speed * np.sin(states.heading)], axis=1
         ),
-        "length": np.full(len(valid), size[0]),
-        "width": np.full(len(valid), size[1]),
+        "length": np.full(len(valid), one.length),
+        "width": np.full(len(valid), one.width),
         "height": np.full(len(valid), _HEIGHTS_M.get(user, _HEIGHT_M)),
     }
     state = {
@@ -105,7 +92,12 @@ def _track(
         for key, column in columns.items()
     }
     word = _USERS.get(user, "VEHICLE")
-    metadata = {"type": kind, "object_id": name, "track_length": len(valid), "dataset": "scex-sumo"}
+    metadata = {
+        "type": one.kind,
+        "object_id": str(one.label),
+        "track_length": len(valid),
+        "dataset": "scex-sumo",
+    }
     return {"type": word, "state": {**state, "valid": valid.copy()}, "metadata": metadata}
 
 

@@ -9,8 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pyarrow import csv
 
-from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import replacing, write_atomic
+from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import replacing
 from scex_sumo.exporters.request import Request
 from scex_sumo.results.run import Run
 from scex_sumo.views.children import write_child
@@ -22,10 +22,7 @@ def write_interaction(request: Request) -> list[Path]:
     """Write all children into one file, each a case of INTERACTION v1.2."""
     run, children = request.run, request.children
     stem = request.file_stem(children[0]) if len(children) == 1 else f"{request.name}_children"
-    path = request.out if request.out is not None else Path(f"{stem}.csv")
-    if path.is_dir():
-        raise UsageError(f"-o {path}: is a folder; give a file.csv")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path = request.file(stem, ".csv")
     options = csv.WriteOptions(quoting_style="none", quoting_header="none")
     schema = pq.read_schema(run.folder / "tracks.parquet")
     with replacing(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
@@ -47,7 +44,6 @@ def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
 
 def write_fcd_files(request: Request) -> list[Path]:
     """Write each child as SUMO's floating car data; several into a folder."""
-    paths = request.files(".fcd.xml")
-    for child, path in zip(request.children, paths, strict=True):
-        write_atomic(path, write_child(request.run, child).with_suffix(".fcd.xml").read_bytes())
-    return paths
+    return request.write_each(
+        ".fcd.xml", lambda child: write_child(request.run, child).with_suffix(".fcd.xml").read_bytes()
+    )

@@ -23,16 +23,15 @@ from scex_sumo.extrapolation.extra.rare import find_rare, likely_profile
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.notes import handover_notes, outcome_notes, recorded_info
 from scex_sumo.extrapolation.rollout import count_fallbacks
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.extrapolation.writing import write_tables
+from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recorded_info, write_tables
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.exact import EXACT, Exact, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder
+from scex_sumo.results.info import describe, digest, versions
 from scex_sumo.results.parts import Part, Parts
-from scex_sumo.results.provenance import describe, digest, versions
 from scex_sumo.results.rare import RARE, write_rare
 from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.results.under_test import BASELINE

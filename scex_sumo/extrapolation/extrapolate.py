@@ -11,7 +11,7 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.engine import RunOptions, run_scene
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.metrics.metric import Metric
+from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene

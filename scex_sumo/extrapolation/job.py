@@ -22,7 +22,7 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Batch, Rollout, fallbacks_table, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.design import design_intervals
-from scex_sumo.results.parts import Part, save_part
+from scex_sumo.results.parts import Part, joined_parts, save_part
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -129,12 +129,12 @@ def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray,
         yield partial(_run_and_save, job, simulator)
 
 
-def parts_in_memory(job: Job, children: Sequence[int]) -> list[Part]:
+def run_in_memory(job: Job, children: Sequence[int]) -> Part:
     """Run children of a job in this process, without saving them."""
     batches = batches_of(children, batch_size(job), apart=job.apart)
     slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
     with _simulator(job, slots) as simulator:
-        return [_run_batch(job, simulator, batch) for batch in batches]
+        return joined_parts([_run_batch(job, simulator, batch) for batch in batches])
 
 
 def _simulator(job: Job, slots: Sequence[int]) -> Simulator:
@@ -183,11 +183,7 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
         plan_x=rollout.plan_x if settings.keep_plans else None,
         plan_y=rollout.plan_y if settings.keep_plans else None,
         fallbacks=fallbacks_table(
-            rollout.replaced,
-            children=children,
-            assignment=batch.assignment,
-            names=batch.names,
-            track_ids=ids,
+            rollout.replaced, children=children, assignment=batch.assignment, names=batch.names, track_ids=ids
         ),
         tested=_tested(job, rollout),
         collisions=collisions_table(

@@ -12,7 +12,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
-from scex_sumo.evaluation.severity import Severity, severity_of
+from scex_sumo.evaluation.outcomes import Severity, severity_of
 from scex_sumo.evaluation.tables import worst_table
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
@@ -20,8 +20,8 @@ from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, OVERLAP_M2, Collisions, find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
-from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.scenes import Scenes
+from scex_sumo.metrics.registry import Metric
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
 

@@ -12,8 +12,14 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, parse_models
 from scex_sumo.metrics.evaluate import PAPER_PRESET
-from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.registry import COLUMNS, column_named, columns_of, describe_metrics, metrics_named
+from scex_sumo.metrics.registry import (
+    COLUMNS,
+    Metric,
+    column_named,
+    columns_of,
+    describe_metrics,
+    metrics_named,
+)
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design

@@ -1,33 +1,41 @@
-"""Tables of a run, written from the parts of its batches."""
+"""Tables of a run, written from the parts of its batches, and notes for its reader, one phrase each."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import deque
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from scex_sumo.base.errors import listed
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.evaluation.encounters import ENCOUNTERS, encounters_table, outcomes_table
 from scex_sumo.evaluation.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.evaluation.plans import PLANS, plans_table
+from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
-from scex_sumo.extrapolation.measure import Recorded
+from scex_sumo.extrapolation.measure import Recorded, handover_jumps, overlapping_at_first
 from scex_sumo.extrapolation.rollout import FALLBACKS
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers, succeeded
 from scex_sumo.metrics.registry import COLLISION
-from scex_sumo.results.densities import DENSITIES, densities_table
+from scex_sumo.results.design import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined_parts
 from scex_sumo.results.run import PAIR_OUTCOMES
 from scex_sumo.results.under_test import UNDER_TEST
-from scex_sumo.scene import LOGGED_HISTORY, SeedScene
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 
 ROWS_AT_ONCE = 1 << 18  # of tracks, in a row group of Parquet
+
+COPY_M = 0.5  # between the centres of copies
+HANDOVER_M = 0.5  # jump that gets a note
 
 
 def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, workers: Workers) -> Part:
@@ -103,3 +111,73 @@ def _write_tracks(folder: ResultFolder, scene: SeedScene, children: int, setting
 
 def _first_step(part: Part) -> Part:
     return dataclasses.replace(part, states=part.states[:, :1].map(np.copy), plan_x=None, plan_y=None)
+
+
+def handover_notes(job: Job, part: Part) -> list[str]:
+    """Return a note if SUMO moved vehicles in the first step."""
+    by_sumo = np.array([isinstance(model, SumoDriver) for model in job.models.built])[job.assignment]
+    jumps = handover_jumps(job.scene, part.states[:, 0], by_sumo)
+    far = int((jumps > HANDOVER_M).sum())
+    if far == 0:
+        return []
+    return [
+        f"SUMO turned {far} of {len(jumps)} vehicles that it drives into their lanes in the first step, "
+        f"by up to {jumps.max():.1f} m; this affects the metrics of that step"
+    ]
+
+
+def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
+    """Return notes on copies of vehicles, overlapping boxes, and the recording's end."""
+    notes, ids, now = [], [int(track) for track in scene.track_ids], scene.now
+    overlaps = overlapping_at_first(scene)
+    copies = {(a, b) for a, b in overlaps if math.hypot(now.x[a] - now.x[b], now.y[a] - now.y[b]) < COPY_M}
+    if copies:
+        again = sorted({ids[b] for _, b in copies})
+        notes.append(
+            f"warning: {len(again)} of {len(ids)} vehicles lie on another one and look like its copies: "
+            f"{listing(again)}; leave them out of the tracks"
+        )
+    pairs = [f"{ids[a]} and {ids[b]}" for a, b in overlaps if (a, b) not in copies]
+    if pairs:
+        notes.append(f"boxes that overlap at the seed moment do not count as collisions: {listed(pairs)}")
+    if recorded is None:
+        return notes
+    info = recorded_info(scene, recorded)
+    assert info is not None
+    twins = {frozenset((ids[a], ids[b])) for a, b in copies}
+    seen = [
+        f"{a} and {b} at {time_s:.1f} s"
+        for a, b, time_s in info["overlaps"]
+        if frozenset((a, b)) not in twins
+    ]
+    if seen:
+        notes.append(f"overlaps of recorded boxes, which are inexact, are no collisions: {listed(seen)}")
+    gone, end = info["left"], int(recorded.last_step.max())
+    together = [track for track, step in gone.items() if step == end]
+    if end < recorded.steps and len(together) > 1:
+        notes.append(
+            f"recorded: the recording, and so the recorded column, ends {end * STEP_S:g} s after the moment"
+        )
+        gone = {track: step for track, step in gone.items() if step < end}
+    if gone:
+        notes.append(
+            f"recorded: {len(gone)} of {len(ids)} vehicles leave within the time of a future; only the "
+            f"recorded column misses them from then on: {listing([int(track) for track in gone])}"
+        )
+    return notes
+
+
+def recorded_info(scene: SeedScene, recorded: Recorded | None) -> dict[str, Any] | None:
+    """Return the entry ``recorded`` of ``run.json``; None without a recorded future.
+
+    ``left``: last step of each vehicle that leaves, by track id. ``overlaps``: two track ids and the time, s.
+    """
+    if recorded is None:
+        return None
+    ids, hits = [int(track) for track in scene.track_ids], recorded.overlaps
+    pairs = zip(hits.first.tolist(), hits.second.tolist(), hits.time_s.tolist(), strict=True)
+    last = recorded.last_step.tolist()
+    return {
+        "left": {str(ids[v]): last[v] for v in range(len(ids)) if last[v] < recorded.steps},
+        "overlaps": [[ids[a], ids[b], time_s] for a, b, time_s in pairs],
+    }

@@ -38,16 +38,8 @@ _KINDS = {
 }
 """Road users; the others are things, or one of two boxes: motorcycle and rider, bicycle and rider."""
 _LANE_KINDS = {"VEHICLE": "vehicle", "BIKE": "bicycle", "BUS": "bus"}
-_COLUMNS = (
-    "track_id",
-    "object_type",
-    "timestep",
-    "position_x",
-    "position_y",
-    "velocity_x",
-    "velocity_y",
-    "heading",
-)
+_MOTION = ("position_x", "position_y", "velocity_x", "velocity_y", "heading")
+_COLUMNS = ("track_id", "object_type", "timestep", *_MOTION)
 
 
 def _read_road(path: Path, **options: Any) -> Road:
@@ -100,23 +92,11 @@ def _scenario(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
 def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
     from pyarrow import feather
 
-    wanted = (
-        "track_uuid",
-        "category",
-        "timestamp_ns",
-        "tx_m",
-        "ty_m",
-        "length_m",
-        "width_m",
-        "qw",
-        "qx",
-        "qy",
-        "qz",
-    )
-    names, kinds, time, x, y, length, width, *turn = _columns(feather.read_table(path), wanted)
-    pose_time, ego_x, ego_y, *ego_turn = _columns(
-        feather.read_table(path.with_name(POSES)), ("timestamp_ns", "tx_m", "ty_m", "qw", "qx", "qy", "qz")
-    )
+    boxes, poses = feather.read_table(path), feather.read_table(path.with_name(POSES))
+    turns = ("qw", "qx", "qy", "qz")
+    wanted = ("track_uuid", "category", "timestamp_ns", "tx_m", "ty_m", "length_m", "width_m", *turns)
+    names, kinds, time, x, y, length, width, *turn = _columns(boxes, wanted)
+    pose_time, ego_x, ego_y, *ego_turn = _columns(poses, ("timestamp_ns", "tx_m", "ty_m", *turns))
     if not len(pose_time):
         raise TrackError(f"{path.with_name(POSES)}: no pose in it; fetch the file again")
     order = np.argsort(pose_time)
@@ -196,10 +176,6 @@ def _name(path: Path) -> str:
     return f"av2_{path.stem.removeprefix('log_map_archive_')[:8]}"
 
 
-def _name_of(map_path: Path, files: Sequence[Path]) -> str:
-    return _name(map_path)
-
-
 ARGOVERSE_MAP = MapFormat(
     is_mine=lambda path: path.match(MAP),
     read=_read_road,
@@ -207,4 +183,10 @@ ARGOVERSE_MAP = MapFormat(
     name=_name,
     asks_for="--tracks scenario_*.parquet",
 )
-ARGOVERSE = Dataset(is_mine=_is_tracks, read=_read, recordings=_recordings, name=_name_of, from_car=True)
+ARGOVERSE = Dataset(
+    is_mine=_is_tracks,
+    read=_read,
+    recordings=_recordings,
+    name=lambda path, files: _name(path),
+    from_car=True,
+)

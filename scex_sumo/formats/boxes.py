@@ -17,7 +17,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import InputError, TrackError, reason_of
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
-from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable, track_table
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S
 
@@ -95,16 +95,10 @@ def box_table(
         notes.append(f"the recording vehicle {ego} is vehicle {numbers[labels.tolist().index(ego)]}")
     motor: BoolArray = np.array([word in MOTOR_TYPES for word in words], bool)[track]
     steps = np.diff(values[:, 0])[np.diff(track) == 0]
-    return (
-        TrackTable(
-            path=path,
-            cases=("",),
-            vehicles=_rows(track, values, motor, numbers, words),
-            others=_rows(track, values, ~motor, numbers, words),
-            step_s=float(np.median(steps)) / 1000.0 if len(steps) else STEP_S,
-        ),
-        tuple(notes),
-    )
+    step_s = float(np.median(steps)) / 1000.0 if len(steps) else STEP_S
+    columns = dict(zip(FLOAT_COLUMNS, values.T.copy(), strict=True))
+    columns["psi_rad"] = np.asarray(wrap(columns["psi_rad"]))
+    return track_table(path, motor, track, numbers, words, step_s=step_s, **columns), tuple(notes)
 
 
 def yaw_of(qw: Any, qx: Any, qy: Any, qz: Any) -> Any:
@@ -172,11 +166,3 @@ def _numbers(labels: list[str], motor: list[bool]) -> tuple[list[str], list[str]
             free, named = free + 1, named + 1
             numbers.append(str(free))
     return numbers, ["vehicles are numbered in the order of their names"] if named > 1 else []
-
-
-def _rows(
-    track: IntArray, values: FloatArray, keep: BoolArray, labels: Sequence[str], words: Sequence[str]
-) -> TrackRows:
-    columns = dict(zip(FLOAT_COLUMNS, values[keep].T.copy(), strict=True))
-    columns["psi_rad"] = np.asarray(wrap(columns["psi_rad"]))
-    return track_rows(track[keep], labels, words, **columns)

@@ -24,10 +24,7 @@ class Links:
 
 
 def connected(
-    findings: Findings,
-    links: Links,
-    lanes: Mapping[int, Lane],
-    may_change: Callable[[int, int, bool], bool],
+    findings: Findings, links: Links, lanes: Mapping[int, Lane], may_change: Callable[[int, int, bool], bool]
 ) -> dict[int, Lane]:
     """Add successors, predecessors and neighbours to vehicle lanes, each known to both sides.
 

@@ -177,7 +177,8 @@ def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[i
             drawn.note("lanes with one name, the first kept", str(one.name)[:24])
         else:
             lines[ids[one.name]] = one, centre, bounds
-    usual = _usual_width([one.width_m for one, *_ in lines.values()])
+    widths = [one.width_m for one, *_ in lines.values() if one.width_m and math.isfinite(one.width_m)]
+    usual = float(np.clip(np.median(widths), *WIDTHS_M)) if widths else WIDTH_M
     lanes, unlimited = {}, set()
     for i, (one, centre, bounds) in sorted(lines.items()):
         width = float(np.nan_to_num(np.clip(one.width_m or math.nan, *WIDTHS_M), nan=usual))
@@ -208,11 +209,6 @@ def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[i
         )
         drawn.remarks.append(f"{len(unlimited)} lanes have no speed limit: {said} km/h by their type")
     return lanes
-
-
-def _usual_width(widths: Iterable[float | None]) -> float:
-    known = np.array([width for width in widths if width and math.isfinite(width)])
-    return float(np.clip(np.median(known), *WIDTHS_M)) if len(known) else WIDTH_M
 
 
 def _heights(drawn: DrawnLane, lane: Lane, frame: FloatArray) -> FloatArray:
@@ -330,11 +326,8 @@ def _regulations(
     for name, place in drawn.lit.items():
         if (lane := ids.get(name)) in lanes and lane is not None:
             number += 1
-            lines = (
-                ()
-                if place is None
-                else (_stop_line(lanes[lane], np.asarray(place, np.float64)[:2] - drawn.frame),)
-            )
+            places = [] if place is None else [np.asarray(place, np.float64)[:2] - drawn.frame]
+            lines = tuple(_stop_line(lanes[lane], point) for point in places)
             yield Regulation(
                 element_id=number, kind="traffic_light", lanes=(lane,), stop_lines=lines, lights=(number,)
             )

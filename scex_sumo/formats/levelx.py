@@ -1,4 +1,4 @@
-"""Recordings of inD, rounD, exiD and highD.
+"""Recordings of inD, rounD, exiD and highD; highD's map, a straight motorway from its lane markings.
 
 Positions are centres in metres from a UTM point, y to the north. In highD ``x, y`` is the upper left corner
 of a box in the picture, y down, and ``width, height`` are its sides.
@@ -17,26 +17,45 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.cleaning.heading import FORWARD_MPS
 from scex_sumo.converters.lanelet.file import read_map_file
 from scex_sumo.converters.lanelet.origin import on_earth
 from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.lanelet.repair import Place, distance_m, middle
-from scex_sumo.converters.naming import number, open_binary, open_text, plain_or_packed, unpacked_name
-from scex_sumo.converters.registries import Dataset, Recording, place_name, recording_name
+from scex_sumo.converters.naming import (
+    map_name,
+    number,
+    open_binary,
+    open_text,
+    plain_or_packed,
+    unpacked_name,
+)
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, place_name, recording_name
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
-from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, track_rows
+from scex_sumo.converters.tracks.rows import TrackTable, track_table
+from scex_sumo.formats.boxes import one_line
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.road import Lane, Road
 
 TRACKS = "_tracks.csv"
 LOCATION_M = 100_000.0  # an origin farther from the recording's location is a mistake, or of another zone
-_IND = ("trackId", "frame", "xCenter", "yCenter", "heading", "width", "length", "xVelocity", "yVelocity")
+_IND = {"id": "trackId", "frame": "frame", "x": "xCenter", "y": "yCenter", "psi_rad": "heading"}
+_IND |= {"width": "width", "length": "length", "vx": "xVelocity", "vy": "yVelocity"}
 _HIGHD = ("id", "frame", "x", "y", "width", "height", "xVelocity", "yVelocity")
 _MAX = dict.fromkeys(("id", "trackId"), 2**63) | {"frame": 1e9}
 _MAX |= dict.fromkeys(("x", "y", "xCenter", "yCenter"), MAX_VALUES["x"])
+
+META = "_recordingMeta.csv"
+FILMED_M = 420.0
+"""Length of road in a highD picture, as published; x runs from 0 to there."""
+BEYOND_M = 150.0
+"""Straight extension at both ends: 180 km/h drives so far in 3 s."""
+NO_LIMIT_MPS = 130.0 / 3.6
+"""If ``speedLimit`` is -1: the advised speed on German motorways without a limit."""
+_POINT_M = 10.0
 
 
 def read_levelx(path: str | Path) -> TrackTable:
@@ -51,7 +70,7 @@ def read_levelx(path: str | Path) -> TrackTable:
         where = _recording_file(path, "recordingMeta")
         raise TrackError(f"{where}: frameRate is {meta.get('frameRate')!r}; frames per second expected")
     highd = has_lane_markings(meta)
-    columns = _read_columns(path, _HIGHD if highd else _IND)
+    columns = _read_columns(path, _HIGHD if highd else tuple(_IND.values()))
     of_track = _track_meta(_recording_file(path, "tracksMeta"), "id" if highd else "trackId")
     flat = _highd(columns, of_track, path) if highd else _ind(columns)
     order = np.lexsort((flat["frame"], flat["id"]))
@@ -63,16 +82,15 @@ def read_levelx(path: str | Path) -> TrackTable:
         where = _recording_file(path, "tracksMeta")
         raise TrackError(f"{where}: no row for track {missing[0]}; take the files as published")
     frame: IntArray = flat.pop("frame").astype(np.int64)
-    flat_kind, notes = _kinds(ids, kind, flat)
-    motor = np.array([flat_kind[int(number)] in MOTOR_TYPES for number in ids], bool)
-    return TrackTable(
-        path=path,
-        cases=("",),
-        vehicles=_rows(flat, ids, frame, flat_kind, rate_hz, motor),
-        others=_rows(flat, ids, frame, flat_kind, rate_hz, ~motor),
-        step_s=1.0 / rate_hz,
-        notes=notes,
-    )
+    numbers, track = np.unique(ids, return_inverse=True)
+    kinds, notes = _kinds([kind[number] for number in numbers.tolist()], track, flat)
+    usual = np.array([obstacle_size(name) for name in kinds]).reshape(-1, 2)[track]
+    for k, name in enumerate(("length", "width")):
+        flat[name] = np.where(flat[name] > 0.0, flat[name], usual[:, k])
+    flat["timestamp_ms"] = np.asarray(1000.0 * frame / rate_hz, np.float64)
+    motor = np.array([name in MOTOR_TYPES for name in kinds], bool)[track]
+    labels, step_s = [str(number) for number in numbers], 1.0 / rate_hz
+    return track_table(path, motor, track, labels, kinds, step_s=step_s, notes=notes, frame_id=frame, **flat)
 
 
 def is_levelx(path: Path) -> bool:
@@ -155,15 +173,13 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
     meta = read_meta(meta_path)
     if not meta.get("xUtmOrigin") or not meta.get("yUtmOrigin"):
         return None
-    try:
-        east, north = float(meta["xUtmOrigin"]), float(meta["yUtmOrigin"])
-        near = float(meta["latLocation"]), float(meta["lonLocation"])
-    except KeyError:
+    origin = np.array([[number(meta["xUtmOrigin"]), number(meta["yUtmOrigin"])]])
+    if "latLocation" in meta and "lonLocation" in meta:
+        near = number(meta["latLocation"]), number(meta["lonLocation"])
+    else:
         near = middle(read_map_file(map_path))
-    except ValueError:
-        east, north, near = math.nan, math.nan, (math.nan, math.nan)
     try:
-        [place] = to_degrees(np.array([[east, north]]), near, absolute=True)
+        [place] = to_degrees(origin, near, absolute=True)
     except RuntimeError:
         place = np.full(2, math.nan)
     if not on_earth(*place) or distance_m(place, near) > LOCATION_M:
@@ -173,28 +189,18 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
 
 
 def _kinds(
-    ids: IntArray, kind: dict[int, str], flat: dict[str, FloatArray]
-) -> tuple[dict[int, str], tuple[str, ...]]:
-    numbers, track = np.unique(ids, return_inverse=True)
-    types = sorted(set(kind.values()))
-    given = np.array([types.index(kind[int(number)]) for number in numbers], np.int64)
+    kind: list[str], track: IntArray, flat: dict[str, FloatArray]
+) -> tuple[list[str], tuple[str, ...]]:
+    types = sorted(set(kind))
+    given = np.array([types.index(name) for name in kind], np.int64)
     speed = np.hypot(flat["vx"], flat["vy"])
     kinds, notes = with_unknown_vehicles(types, given, track, flat["length"], flat["width"], speed)
-    return {int(number): types[k] for number, k in zip(numbers, kinds, strict=True)}, notes
+    return [types[k] for k in kinds], notes
 
 
 def _ind(columns: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "id": columns["trackId"],
-        "frame": columns["frame"],
-        "x": columns["xCenter"],
-        "y": columns["yCenter"],
-        "vx": columns["xVelocity"],
-        "vy": columns["yVelocity"],
-        "psi_rad": wrap(np.radians(columns["heading"])),
-        "length": columns["length"],
-        "width": columns["width"],
-    }
+    ours = {name: columns[theirs] for name, theirs in _IND.items()}
+    return {**ours, "psi_rad": wrap(np.radians(ours["psi_rad"]))}
 
 
 def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: Path) -> dict[str, FloatArray]:
@@ -216,25 +222,6 @@ def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: P
         "length": columns["width"],
         "width": columns["height"],
     }
-
-
-def _rows(
-    flat: dict[str, FloatArray],
-    ids: IntArray,
-    frame: IntArray,
-    kind: dict[int, str],
-    rate_hz: float,
-    keep: BoolArray,
-) -> TrackRows:
-    numbers, track = np.unique(ids[keep], return_inverse=True)
-    kinds = [kind[int(number)] for number in numbers]
-    usual = np.array([obstacle_size(name) for name in kinds]).reshape(-1, 2)
-    columns = {name: values[keep] for name, values in flat.items()}
-    for k, name in enumerate(("length", "width")):
-        columns[name] = np.where(columns[name] > 0.0, columns[name], usual[track, k])
-    columns["timestamp_ms"] = np.asarray(1000.0 * frame[keep] / rate_hz, np.float64)
-    labels = [str(number) for number in numbers]
-    return track_rows(track.astype(np.int64), labels, kinds, frame_id=frame[keep], **columns)
 
 
 def _track_meta(path: Path, id_column: str) -> dict[int, dict[str, str]]:
@@ -289,3 +276,82 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
 
 
 LEVELX = Dataset(is_mine=is_levelx, read=_read, recordings=_recordings, origin=_origin)
+
+
+def _name(path: Path) -> str:
+    return f"highd_{map_name(path).removesuffix(Path(META).stem)}"
+
+
+def _tracks(path: Path) -> Path:
+    tracks = path.with_name(unpacked_name(path).replace(META, TRACKS))
+    return plain_or_packed(tracks) or tracks
+
+
+def _read_road(path: Path, **_: object) -> Road:
+    """Build lanes, with highD's own ``laneId``, from ``upperLaneMarkings`` and ``lowerLaneMarkings``."""
+    with one_line(MapError, path, "map of highD"):
+        meta = read_meta(path)
+    if not has_lane_markings(meta):
+        raise MapError(f"{path}: no lane markings in it, so no road; give a Lanelet2 map (.osm)")
+    upper, lower = (_markings(path, meta, f"{side}LaneMarkings") for side in ("upper", "lower"))
+    try:
+        limit = float(meta.get("speedLimit") or -1.0)
+    except ValueError:
+        raise MapError(f"{path}: speedLimit is {meta['speedLimit']!r}; a number expected, in m/s") from None
+    speed = limit if limit > 0.0 else NO_LIMIT_MPS
+    lanes = _carriageway(upper, first_id=2, leftwards=True, speed_mps=speed)
+    lanes |= _carriageway(lower, first_id=len(upper) + 2, leftwards=False, speed_mps=speed)
+    return Road(
+        name=_name(path),
+        lanes=lanes,
+        notes=(
+            f"straight lanes by highD's markings, {BEYOND_M:g} m longer than filmed at both ends"
+            + ("" if limit > 0.0 else "; no speed limit: 130 km/h"),
+        ),
+    )
+
+
+def _markings(path: Path, meta: dict[str, str], name: str) -> FloatArray:
+    text = meta.get(name, "")
+    try:
+        values = np.array([float(part) for part in text.split(";") if part.strip()])
+    except ValueError:
+        values = np.array([math.nan])
+    if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 1.0).all():
+        raise MapError(f"{path}: {name} is {text!r}; rising numbers more than 1 m apart expected")
+    return values
+
+
+def _carriageway(
+    markings: FloatArray, *, first_id: int, leftwards: bool, speed_mps: float
+) -> dict[int, Lane]:
+    x = np.linspace(-BEYOND_M, FILMED_M + BEYOND_M, round((FILMED_M + 2 * BEYOND_M) / _POINT_M) + 1)
+    x = x[::-1] if leftwards else x
+    count = len(markings) - 1
+    lanes = {}
+    for k in range(count):
+        top, bottom = -markings[k], -markings[k + 1]
+        # For a vehicle that drives to the left, left is downwards in the picture.
+        left, right = (bottom, top) if leftwards else (top, bottom)
+        above, below = (first_id + k - 1 if k else None), (first_id + k + 1 if k + 1 < count else None)
+        on_left, on_right = (below, above) if leftwards else (above, below)
+        lanes[first_id + k] = Lane(
+            lane_id=first_id + k,
+            centreline=np.stack((x, np.full(len(x), (top + bottom) / 2.0)), axis=1),
+            left_bound=np.stack((x, np.full(len(x), left)), axis=1),
+            right_bound=np.stack((x, np.full(len(x), right)), axis=1),
+            width_m=float(top - bottom),
+            speed_limit_mps=speed_mps,
+            subtype="highway",
+            location="nonurban",
+            left=on_left,
+            right=on_right,
+            adjacent_left=on_left,
+            adjacent_right=on_right,
+        )
+    return lanes
+
+
+HIGHD = MapFormat(
+    is_mine=lambda path: unpacked_name(path).endswith(META), read=_read_road, tracks=_tracks, name=_name
+)

@@ -28,8 +28,12 @@ _KINDS = {"medium vehicle": "car", "heavy vehicle": "truck"}
 _TABLE = re.compile(r"rdb\w*")
 
 
+def _opened(path: Path) -> closing[sqlite3.Connection]:
+    return closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True))
+
+
 def _rows(path: Path, table: str, columns: Sequence[str]) -> list[tuple[Any, ...]]:
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as file:
+    with _opened(path) as file:
         file.execute("PRAGMA trusted_schema = OFF")
         known = {row[1] for row in file.execute(f'PRAGMA table_info("{table}")')}
         if missing := [name for name in columns if name not in known]:
@@ -39,7 +43,7 @@ def _rows(path: Path, table: str, columns: Sequence[str]) -> list[tuple[Any, ...
 
 def _tables(path: Path) -> list[str]:
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as file:
+        with _opened(path) as file:
             rows = file.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
     except sqlite3.Error:
         return []  # reported when the recording is read

@@ -14,7 +14,8 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MapError, MissingExtraError, TrackError
+from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import beginning
 from scex_sumo.converters.net.plan.layout import NetLayout
 from scex_sumo.converters.net.plan.lights import Programme
@@ -52,12 +53,8 @@ _LABELS = {
 
 
 def _msgpack() -> Any:
-    try:
+    with extra_for("logs of 123D need msgpack", "formats"):
         import msgpack
-    except ImportError as error:
-        raise MissingExtraError(
-            f"logs of 123D need msgpack ({error}); install it: pip install 'scex-sumo[formats]'"
-        ) from None
     return msgpack
 
 
@@ -181,12 +178,8 @@ def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray]:
     file = _modality(path, "box_detections_se3")
     stamps = np.zeros(0)
     if file is not None:
-        table, word = (
-            _table(file),
-            str(_meta(file)["box_detection_label_class"])
-            .rsplit(".", 1)[-1]
-            .removesuffix("BoxDetectionLabel"),
-        )
+        table, label_class = _table(file), str(_meta(file)["box_detection_label_class"])
+        word = label_class.rsplit(".", 1)[-1].removesuffix("BoxDetectionLabel")
         if word not in _LABELS:
             raise ValueError(f"unknown box types {word}")
         words = _LABELS[word].split()
@@ -195,9 +188,8 @@ def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray]:
         for stamp, tokens, labels, boxes, velocities in zip(stamps, *lists, strict=True):
             for token, label, box, velocity in zip(tokens, labels, boxes, velocities, strict=True):
                 names.append(str(token))
-                kinds[names[-1]] = (
-                    words[label] if label < len(words) and words[label] != "-" else f"type {label}"
-                )
+                is_user = label < len(words) and words[label] != "-"
+                kinds[names[-1]] = words[label] if is_user else f"type {label}"
                 x, y, _, qw, qx, qy, qz, length, width, _ = box
                 vx, vy, _ = velocity or (np.nan, np.nan, np.nan)
                 parts.append(

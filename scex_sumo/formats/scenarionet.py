@@ -162,7 +162,8 @@ def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
     drawn = DrawnMap(path=path)
     features = {str(name): feature for name, feature in scenario["map_features"].items()}
     lanes = {name: one for name, one in features.items() if str(one["type"]).startswith("LANE_")}
-    names = {name: _key(name, lanes) for name in lanes}
+    numbered = all(name.isascii() and name.isdigit() for name in lanes)
+    names: dict[str, Hashable] = {name: int(name) if numbered else name for name in lanes}
     limits = {name: _limit_mps(one) for name, one in lanes.items()}
     given = {limit for limit in limits.values() if limit is not None}
     if len(given) == 1 and abs(given.pop() / KMH - FILLER_KMH) < 0.1:
@@ -212,10 +213,6 @@ def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
         if name in names:
             drawn.lit[names[name]] = place
     return drawn
-
-
-def _key(name: str, lanes: Mapping[str, Any]) -> Hashable:
-    return int(name) if all(other.isascii() and other.isdigit() for other in lanes) else name
 
 
 def _line(points: Any) -> FloatArray:

@@ -60,16 +60,14 @@ def recorded_programme(
     runs = _read_phases(signals)
     moves = _read_movements(_kml_beside(signals), origin)
     groups: dict[str, int] = {}
-    controlled: list[Connection] = []
     ways = _Ways(layout)
     for c in layout.connections:
         matching = [move.group for move in moves if move.group in runs and _belongs(ways, c, move)]
         if matching:
             groups[c.internal.name] = matching[0]
-            controlled.append(c)
-    if not controlled:
+    if not groups:
         return None, [f"no connection of the net belongs to a movement of {signals.name}: no lights"]
-    return _programme(controlled, groups, runs), []
+    return _programme(layout, groups, runs), []
 
 
 def lane_programme(
@@ -85,15 +83,13 @@ def lane_programme(
     known = {lane: [(time, letter) for time, letter in run if letter] for lane, run in states.items()}
     runs = {lane: [(0.0, run[0][1]), *run] for lane, run in known.items() if run}
     groups: dict[str, int] = {}
-    controlled: list[Connection] = []
     for c in layout.connections:
         first, *others = c.lanelets
         # Some maps give the light to the lane across the junction, others to the one before.
         lit = next((i for i in (*others, first) if i in runs), None)
         if lit is not None and (lit != first or others):
             groups[c.internal.name] = lit
-            controlled.append(c)
-    if not controlled:
+    if not groups:
         return None, [f"no connection of the net belongs to a lane with known lights of {name}: no lights"]
     end = max(run[-1][0] for run in states.values() if run)
     unknown = len(states) - len(runs)
@@ -101,12 +97,13 @@ def lane_programme(
     runs = {
         lane: [x for k, x in enumerate(run) if not k or run[k - 1][1] != x[1]] for lane, run in runs.items()
     }
-    return _programme(controlled, groups, runs | {-1: [(end, "")]}), notes
+    return _programme(layout, groups, runs | {-1: [(end, "")]}), notes
 
 
 def _programme(
-    links: list[Connection], groups: dict[str, int], runs: dict[int, list[tuple[float, str]]]
+    layout: NetLayout, groups: dict[str, int], runs: dict[int, list[tuple[float, str]]]
 ) -> Programme:
+    links = [c for c in layout.connections if c.internal.name in groups]
     phases = _phases(links, groups, runs)
     return Programme(name="tl_recorded", connections=tuple(links), phases=phases, programme="recorded")
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.reader import NetContent
+from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.geometry.polylines import samples, wrap
 from scex_sumo.road import Lane, Road
 
@@ -22,14 +22,6 @@ ENDS_NEAR_M = 2.5  # from a lanelet's end to a SUMO lane beside it
 CONNECTOR_M = 0.25  # shorter SUMO lanes only join others; they lie on every lanelet that begins there
 COVERED = 0.9  # share of a lanelet's length from which it counts as covered
 AHEAD_RAD = np.deg2rad(60.0)
-
-
-class LaneNames(Protocol):
-    """What the judge needs of a lane table."""
-
-    def sumo_lanes(self, lanelet_id: int) -> tuple[str, ...]:
-        """Return the SUMO lanes of a lanelet."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +62,7 @@ def sample_headings(points: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(*np.gradient(points, axis=0).T[::-1]))
 
 
-def match_lanelets(net: NetContent, road: Road, lanes: LaneNames | None) -> Matching:
+def match_lanelets(net: NetContent, road: Road, lanes: LaneTable | None) -> Matching:
     """Find the SUMO lanes of every lanelet: from the converter's table or, without one, by geometry."""
     if lanes is None:
         named = _by_geometry(net, road)

@@ -13,10 +13,11 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from scex_sumo.converters.net.reader import read_net
+from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.judge.driving import EMERGENCY, STANDOFF, Driving
 from scex_sumo.judge.geometry import Shapes
 from scex_sumo.judge.loading import Loading
-from scex_sumo.judge.matching import LaneNames, match_lanelets
+from scex_sumo.judge.matching import match_lanelets
 from scex_sumo.judge.priority import RightOfWay
 from scex_sumo.judge.topology import Moves
 from scex_sumo.road import Road
@@ -240,7 +241,7 @@ class FidelityReport:
         return found + (self.driving.problems() if self.driving is not None else [])
 
 
-def check_net(net_path: Path, road: Road, lanes: LaneNames | None = None) -> FidelityReport:
+def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> FidelityReport:
     """Judge a net against its map; what the road itself lost of the map counts as missing.
 
     Args:

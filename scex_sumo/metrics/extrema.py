@@ -9,8 +9,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.base import Rows
-from scex_sumo.metrics.metric import Metric
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
+from scex_sumo.metrics.registry import Metric
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 from rich.console import Console
-from rich.table import Table
 
 from scex_sumo.evaluation.outcomes import collided
 from scex_sumo.exact.tables import InfluenceTable
@@ -116,8 +115,9 @@ def print_pair(one: Meeting, console: Console) -> None:
         print_table(
             console_table("by their models", heads, [list(e.values()) for e in row["models"]]), console
         )
-    if hits := _colliding_children(run, row):
-        shown = ", ".join(str(child) for child in hits[:12]) + (", ..." if len(hits) > 12 else "")
+    hits = np.flatnonzero(found.happens("collision")).tolist()
+    if hits:
+        shown = ", ".join(map(str, hits[:12])) + (", ..." if len(hits) > 12 else "")
         print_line(f"collides in futures {shown}", console)
     look = f"look: scex-sumo view {run.folder} --encounter {row['track_id']},{row['other_id']}"
     console.print(look, soft_wrap=True, highlight=False)
@@ -140,11 +140,9 @@ def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, m
         UsageError: a model is unknown, or a weight is below 0.
     """
     given = ", ".join(f"{model} {weight:g}" for model, weight in weights.items())
-    table = Table(title=f"P with {given} instead of the run's weights", title_justify="left")
-    table.add_column("pair", no_wrap=True)
-    for event in EVENTS:
-        table.add_column(QUESTIONS[event], justify="right")
+    heads: list[Head] = [("pair", "names", ""), *((QUESTIONS[event], "text", "") for event in EVENTS)]
     pairs, sampled = [row for row in run.encounters.to_pylist() if row["critical"] > 0], False
+    rows = []
     for row in pairs[:most]:
         found = Encounter(row=row, run=run)
         marks = {event: "" if found.table_of(event) is not None else "~" for event in EVENTS}
@@ -153,20 +151,14 @@ def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, m
             f"{mark}{found.probability(event):.2%} → {'–' if new is None else f'{new:.2%}'}"
             for (event, new), mark in zip(found.weighted(weights).items(), marks.values(), strict=True)
         ]
-        table.add_row(f"{row['track_id']} → {row['other_id']}", *cells)
+        rows.append([f"{row['track_id']} → {row['other_id']}", *cells])
     new = "–"
     with suppress(TooFewFuturesError):
         new = f"{run.p_collision(weights):.2%}"
     mark = "" if run.p_collision.exact is not None else "~"
-    table.add_row("any", f"{mark}{run.p_collision():.2%} → {new}", *[""] * (len(EVENTS) - 1))
-    print_table(table, console)
+    rows.append(["any", f"{mark}{run.p_collision():.2%} → {new}", *[""] * (len(EVENTS) - 1)])
+    print_table(console_table(f"P with {given} instead of the run's weights", heads, rows), console)
     if sampled or mark:
         print_line("~ from the drawn futures, weighted; – too few of them are driven like this", console)
     if len(pairs) > most:
         print_line(f"{len(pairs) - most} more pairs with --most", console)
-
-
-def _colliding_children(run: Run, row: Mapping[str, Any]) -> list[int]:
-    ids = [np.asarray(run.collisions[name]) for name in ("track_id", "other_id")]
-    pair = np.sort(np.stack(ids), axis=0) == np.sort([row["track_id"], row["other_id"]])[:, None]
-    return [int(child) for child in np.asarray(run.collisions["child"])[pair.all(axis=0)]]

@@ -36,7 +36,7 @@ def scene_html(scene: SeedScene) -> str:
     """Return a table of the vehicles of a seed scene."""
     import numpy as np
 
-    from scex_sumo.reports.page.html import element
+    from scex_sumo.reports.page.html import element, plain_table
 
     now = scene.now
     heads = ("track", "type", "x [m]", "y [m]", "speed [m/s]", "heading [°]", "length [m]", "width [m]")
@@ -45,6 +45,4 @@ def scene_html(scene: SeedScene) -> str:
         [str(track), kind, *(f"{column[v]:.1f}" for column in columns)]
         for v, (track, kind) in enumerate(zip(scene.track_ids, scene.types, strict=True))
     ]
-    rows = [element("tr", *(element("td", cell) for cell in cells)) for cells in table]
-    head = element("tr", *(element("th", name) for name in heads))
-    return element("div", element("p", repr(scene)), element("table", head, *rows))
+    return element("div", element("p", repr(scene)), plain_table(heads, table))

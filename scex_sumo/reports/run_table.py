@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -14,7 +14,7 @@ from rich.text import Text
 
 from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.extrapolation.rollout import fallback_lines
-from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of, side_of
+from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of
 from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.exact import CollisionShare
@@ -28,7 +28,7 @@ MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 Head: TypeAlias = tuple[str, str, str]
 """Title, format and hint of a column in the terminal and on a page.
 
-Formats: text, names and words (left-aligned), real, percent, seconds, metres.
+Formats: text, names and words (left-aligned), real, percent, seconds, metres; in a terminal also ``.2f``.
 """
 _FORMS = {"real": "{:.2f}", "percent": "{:.1%}", "seconds": "{:.1f} s", "metres": "{:.1f} m"}
 
@@ -135,17 +135,24 @@ def _always(run: Run) -> list[str]:
 
 
 def console_table(
-    title: str, heads: Sequence[Head], rows: Sequence[Sequence[Any]], *, caption: str | None = None
+    title: str, heads: Sequence[Head], rows: Iterable[Sequence[Any] | None], *, caption: str | None = None
 ) -> Table:
-    """Return a table for the terminal; None is a dash, and a column of words may fold."""
+    """Return a table for the terminal; None and NaN are dashes, and a column of words may fold.
+
+    A row None begins a section.
+    """
     table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     for name, form, _ in heads:
         left, words = form in ("names", "words"), form == "words"
         style: dict[str, Any] = {"overflow": "fold"} if words else {"no_wrap": True}
         table.add_column(Text(name), justify="left" if left else "right", **style)
-    forms = [_FORMS.get(form, "{}") for _, form, _ in heads]
+    forms = [f"{{:{form}}}" if form[:1] == "." else _FORMS.get(form, "{}") for _, form, _ in heads]
     for row in rows:
-        table.add_row(*(Text("–" if c is None else f.format(c)) for f, c in zip(forms, row, strict=True)))
+        if row is None:
+            table.add_section()
+        else:
+            cells = zip(forms, row, strict=True)
+            table.add_row(*(Text("–" if c is None or c != c else form.format(c)) for form, c in cells))
     return table
 
 
@@ -173,43 +180,39 @@ def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -
 def summary_table(run: Run, preset: str | None = None) -> Table:
     """Return recorded value, median, critical share and number of defined futures by metric."""
     scene, likely = run.info["seed_scene"], run.reference
-    table = Table(
-        title=f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}",
-        title_justify="left",
-        caption=f"median: of each future's worst value; {_interval_of(run)}",
-        caption_justify="left",
-    )
+    title = f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
     if likely is not None:
-        table.title = f"{table.title}, {likely.children} human-like ones"
+        title += f", {likely.children} human-like ones"
     if region := run.info.get("region"):
         inside = counted(len(region["vehicles"]), "vehicle")
-        table.title = f"{table.title}\nonly pairs with one of {inside} {region['words']}"
-    table.add_column("metric")
-    possible = "P(critical)" if likely is None else "stress test"
-    likely_head = () if likely is None else ("human-like",)
-    for name in ("recorded", "median", "critical if", *likely_head, possible, "95 %", "defined"):
-        table.add_column(name, justify="right", no_wrap=True)
+        title += f"\nonly pairs with one of {inside} {region['words']}"
+    shares = ("P(critical)",) if likely is None else ("human-like", "stress test")
+    heads = ("recorded", "median", "critical if", *shares, "95 %", "defined")
+    rows: list[Sequence[str] | None] = []
     if COLLISION in run.metrics.column_names:
         human = () if likely is None else (_human_share(likely),)
-        shares = _collision_shares(run.p_collision)
-        table.add_row("collision", _recorded_overlaps(run), "–", "any", *human, *shares, "all")
+        found = _collision_shares(run.p_collision)
+        rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *found, "all"))
     if (injuries := expected_injuries(run)) is not None:
         expected = None if likely is None else expected_injuries(likely)
         human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)
-        table.add_row(Text(SEVERITY), *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all")
-    main, folded = shown_columns(run, preset)
-    for part in (main, folded):
-        table.add_section()
+        rows.append((SEVERITY, *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all"))
+    for part in shown_columns(run, preset):
+        rows.append(None)
         for column in part:
             recorded, samples = run.recorded_value(column), run.samples(column)
-            table.add_row(
-                Text(metric_of(column).titled()),  # not markup: the unit is in brackets
-                _number(recorded if recorded is None or np.isfinite(recorded) else None),
-                _number(float(np.median(samples)) if len(samples) else None),
-                *_critical(run, column, likely),
-                _defined(run, column, likely),
+            rows.append(
+                (
+                    metric_of(column).titled(),
+                    _number(recorded if recorded is None or np.isfinite(recorded) else None),
+                    _number(float(np.median(samples)) if len(samples) else None),
+                    *_critical(run, column, likely),
+                    _defined(run, column, likely),
+                )
             )
-    return table
+    caption = f"median: of each future's worst value; {_interval_of(run)}"
+    named: list[Head] = [("metric", "names", ""), *((head, "text", "") for head in heads)]
+    return console_table(title, named, rows, caption=caption)
 
 
 def shown_columns(run: Run, preset: str | None) -> tuple[list[str], list[str]]:
@@ -234,12 +237,11 @@ def _critical(run: Run, column: str, likely: Run | None) -> tuple[str, ...]:
     threshold = run.thresholds.get(column)
     if threshold is None:
         return ("–",) * (3 if likely is None else 4)
-    sign = "≤" if side_of(column) == "left" else "≥"
     human = (
         "–" if likely is None or not len(likely.samples(column)) else f"{likely.p_critical(column).value:.1%}"
     )
     shares = _shares(run.p_critical(column)) if len(run.samples(column)) else ("–", "–")
-    return f"{sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
+    return f"{metric_of(column).sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
 
 
 def _defined(run: Run, column: str, likely: Run | None) -> str:

@@ -54,18 +54,9 @@ def save_part(folder: Path, part: Part) -> None:
     given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "tested": part.tested}
     some: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
     some |= {name: _packed(table) for name, table in tables.items()}
+    some |= {name: getattr(part.states, name) for name in _STATES}
     with replacing(target) as temporary, temporary.open("wb") as file:
-        np.savez(
-            file,
-            children=part.children,
-            x=part.states.x,
-            y=part.states.y,
-            heading=part.states.heading,
-            speed=part.states.speed,
-            values=part.values,
-            defined=part.defined,
-            **some,
-        )
+        np.savez(file, children=part.children, values=part.values, defined=part.defined, **some)
 
 
 def remove_broken(folder: Path) -> None:

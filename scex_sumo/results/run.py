@@ -13,10 +13,9 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.registry import Registry
+from scex_sumo.base.importing import Registry
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
-from scex_sumo.results.densities import half_widths, metric_density
-from scex_sumo.results.design import column_of, intervals_of, is_critical
+from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
 from scex_sumo.results.exact import CollisionShare, Encounter, Exact, read_exact
 from scex_sumo.results.info import read_info
 from scex_sumo.results.rare import Rare, read_rare
@@ -176,13 +175,15 @@ class Run:
     @cached_property
     def baseline(self) -> Run | None:
         """The same children without the models under test; None if it was not run."""
-        folder = self.folder / BASELINE
-        return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
+        return self._within(BASELINE)
 
     @cached_property
     def reference(self) -> Run | None:
         """The reference with human-like drivers; None if it was not run."""
-        folder = self.folder / REFERENCE
+        return self._within(REFERENCE)
+
+    def _within(self, name: str) -> Run | None:
+        folder = self.folder / name
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
     @cached_property

@@ -35,13 +35,7 @@ def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = No
     """Read a Parquet file of a result, as `Run.table`."""
     with as_table(file):
         table = pq.ParquetFile(file.absolute()).read()  # a relative one may be a URI to Arrow
-    missing = [column for column in columns if column not in table.column_names]
-    if missing:
-        raise ResultError(
-            f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again"
-        )
-    if rows not in (None, table.num_rows):
-        raise ResultError(f"{file}: has {table.num_rows} rows, run.json says {rows}; run again")
+    _check_fit(file, table.column_names, columns, table.num_rows, rows)
     return table
 
 
@@ -75,16 +69,27 @@ def read_assignments(file: Path, *, rows: int) -> pa.Table:
 
 def read_states(file: Path, *, rows: int) -> pa.Table:
     """Read ``tracks.parquet``, with finite states no larger than those of a recording."""
-    table = read_table(file, columns=("case_id", "track_id", *_STATES), rows=rows)
-    _check_states(file, table)
-    return table
+    return _checked_states(file, read_table(file, columns=("case_id", "track_id", *_STATES), rows=rows))
 
 
-def _check_states(file: Path, table: pa.Table) -> None:
+def _checked_states(file: Path, table: pa.Table) -> pa.Table:
     for name in _STATES:
         numbers = pa.types.is_floating(table.schema.field(name).type)
         if not numbers or not (np.abs(np.asarray(table[name])) <= MAX_STATE).all():
             raise ResultError(f"{file}: column {name} has impossible values; run again")
+    return table
+
+
+def _check_fit(
+    file: Path, columns: Sequence[str], wanted: Sequence[str], rows: int, said: int | None
+) -> None:
+    missing = [column for column in wanted if column not in columns]
+    if missing:
+        raise ResultError(
+            f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again"
+        )
+    if said not in (None, rows):
+        raise ResultError(f"{file}: has {rows} rows, run.json says {said}; run again")
 
 
 class StateBlocks:
@@ -96,15 +101,8 @@ class StateBlocks:
         with as_table(file):
             self._parquet = pq.ParquetFile(file.absolute())
             there = self._parquet.metadata
-            missing = [name for name in _STATES if name not in self._parquet.schema_arrow.names]
             groups = [there.row_group(index).num_rows for index in range(there.num_row_groups)]
-        if missing:
-            raise ResultError(
-                f"{file}: column {missing[0]} is missing; the file was edited or damaged: run again"
-            )
-        if there.num_rows != children * rows:
-            wanted = children * rows
-            raise ResultError(f"{file}: has {there.num_rows} rows, run.json says {wanted}; run again")
+        _check_fit(file, self._parquet.schema_arrow.names, _STATES, there.num_rows, children * rows)
         self._whole = any(size % rows for size in groups)  # a child lies in two groups
         groups = [there.num_rows] if self._whole else groups
         self.ends = np.cumsum([size // rows for size in groups], dtype=np.int64)
@@ -118,7 +116,7 @@ class StateBlocks:
             with as_table(self._file):
                 blocks = range(self._parquet.num_row_groups) if self._whole else [block]
                 table = self._parquet.read_row_groups(blocks, columns=list(_STATES))
-            _check_states(self._file, table)
+            _checked_states(self._file, table)
             x, y, vx, vy, psi = (np.asarray(table[name]).reshape(self._shape) for name in _STATES)
             self._last = block, States(x=x, y=y, heading=psi, speed=np.hypot(vx, vy))
         return self._last[1]

@@ -14,8 +14,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.registry import column_named, side_of
-from scex_sumo.results.densities import metric_density
-from scex_sumo.results.design import is_critical
+from scex_sumo.results.design import is_critical, metric_density
 from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.statistics.paired import mcnemar, signed_rank, signs
@@ -126,9 +125,9 @@ class UnderTest:
         two, there_too = self.values(column, "baseline")
         both = there & there_too
         sign = -1.0 if side_of(column) == "left" else 1.0
-        limit = self.thresholds.get(column)
+        limit = self.thresholds.get(column, float("nan"))  # without a threshold no child is critical
         change = signs(sign * one[both], sign * two[both])
-        critical = [_critical(values[both], limit, sign) for values in (one, two)]
+        critical = [is_critical(values[both], column, limit) for values in (one, two)]
         newly, no_longer = (int((a & ~b).sum()) for a, b in (critical, critical[::-1]))
         return Difference(
             column=column,
@@ -142,14 +141,8 @@ class UnderTest:
             baseline_p_critical=self.p_critical(column, "baseline"),
             newly_critical=newly,
             no_longer_critical=no_longer,
-            critical_p_value=mcnemar(newly, no_longer) if limit is not None and both.any() else float("nan"),
+            critical_p_value=float("nan") if np.isnan(limit) or not both.any() else mcnemar(newly, no_longer),
         )
-
-
-def _critical(values: FloatArray, limit: float | None, sign: float) -> BoolArray:
-    if limit is None:
-        return np.zeros(len(values), dtype=np.bool_)
-    return np.asarray(sign * values >= sign * limit)
 
 
 def _median(values: FloatArray) -> float:

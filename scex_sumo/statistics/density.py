@@ -96,7 +96,6 @@ def density(
     x: ArrayLike | None = None,
     reflect: bool = False,
     half_width: float | None = None,
-    confidence: float = CONFIDENCE,
 ) -> Density:
     """Return the Gaussian kernel density with an absolute bandwidth.
 
@@ -128,7 +127,7 @@ def density(
         pdf = np.where(grid >= 0, pdf + mirrored_pdf, 0.0)
         below = np.where(grid >= 0, below + mirrored_below - finite.size, 0.0)
     cdf = below / values.size
-    half = dkw_half_width(values.size, confidence) if half_width is None else half_width
+    half = dkw_half_width(values.size) if half_width is None else half_width
     return Density(
         x=grid,
         pdf=pdf / (values.size * bandwidth),
@@ -137,29 +136,27 @@ def density(
     )
 
 
-def dkw_half_width(count: int, confidence: float = CONFIDENCE) -> float:
-    """Return the half-width of the band around a cumulative distribution of ``count`` independent samples.
+def dkw_half_width(count: int) -> float:
+    """Return the half-width of the 95 % band around a distribution of ``count`` independent samples.
 
     Source: Dvoretzky, Kiefer, Wolfowitz 1956, with the constant of Massart 1990.
     """
-    _check_confidence(confidence)
-    return float(np.sqrt(np.log(2 / (1 - confidence)) / (2 * count)))
+    return float(np.sqrt(np.log(2 / (1 - CONFIDENCE)) / (2 * count)))
 
 
-def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> Interval:
+def wilson(successes: int, count: int) -> Interval:
     """Return the share of successes with its score interval (Wilson 1927); NaN in 0 to 1 for no trials."""
-    _check_confidence(confidence)
     if count == 0:
         return Interval(value=float("nan"), low=0.0, high=1.0, count=0)
-    low, high = wilson_of(successes / count, count, confidence)
+    low, high = wilson_of(successes / count, count)
     return Interval(value=successes / count, low=low, high=high, count=count)
 
 
-def wilson_of(share: float, number: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def wilson_of(share: float, number: float) -> tuple[float, float]:
     """Return Wilson's interval of a share of ``number`` trials, whole or not; inf gives the share alone."""
     if not np.isfinite(number):
         return share, share
-    z2 = float(ndtri(0.5 + confidence / 2)) ** 2
+    z2 = float(ndtri(0.5 + CONFIDENCE / 2)) ** 2
     centre = (share * number + z2 / 2) / (number + z2)
     half = np.sqrt(z2 * (share * (1 - share) * number + z2 / 4)) / (number + z2)
     low = 0.0 if share == 0 else max(float(centre - half), 0.0)
@@ -174,11 +171,6 @@ def checked(samples: ArrayLike, what: str) -> FloatArray:
     if missing:
         raise InputError(f"{what}: {missing} of {values.size} samples are NaN (undefined); drop them first")
     return values
-
-
-def _check_confidence(confidence: float) -> None:
-    if not 0 < confidence < 1:
-        raise InputError(f"confidence {confidence}; choose one between 0 and 1, e.g. 0.95")
 
 
 def common_grid(finite: FloatArray, bandwidth: float) -> FloatArray:

@@ -14,10 +14,8 @@ from scex_sumo.statistics.density import CONFIDENCE, Interval
 from scex_sumo.statistics.tilting import Proposal, Variables, weights
 
 
-def weighted_interval(
-    hits: FloatArray, largest: float, number: int, confidence: float = CONFIDENCE
-) -> Interval:
-    """Return Σ hits with a gamma interval; without hits the upper limit is that of one side.
+def weighted_interval(hits: FloatArray, largest: float, number: int) -> Interval:
+    """Return Σ hits with a 95 % gamma interval; without hits the upper limit is that of one side.
 
     Args:
         hits: (k,) weights of the futures with the event.
@@ -26,9 +24,9 @@ def weighted_interval(
 
     Source: Fay, Feuer 1997, for sums of Poisson counts with weights.
     """
-    tail, value, variance = (1 - confidence) / 2, float(hits.sum()), float((hits**2).sum())
+    tail, value, variance = (1 - CONFIDENCE) / 2, float(hits.sum()), float((hits**2).sum())
     if not len(hits):
-        return Interval(value=0.0, low=0.0, high=min(1.0, -largest * np.log(1 - confidence)), count=number)
+        return Interval(value=0.0, low=0.0, high=min(1.0, -largest * np.log(1 - CONFIDENCE)), count=number)
     low = variance / value * gammaincinv(value**2 / variance, tail)
     value_on, variance_on = value + largest, variance + largest**2
     high = variance_on / value_on * gammaincinv(value_on**2 / variance_on, 1 - tail)

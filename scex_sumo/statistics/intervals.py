@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import InputError
-from scex_sumo.statistics.density import CONFIDENCE, Interval, dkw_half_width, wilson_of
+from scex_sumo.statistics.density import Interval, dkw_half_width, wilson_of
 
 ORDERS: Final = 3
 """Interactions of more vehicles count as noise of single children."""
@@ -42,7 +42,7 @@ _WIDEST: Final = 0.9  # quantile over thresholds
 
 
 class DesignIntervals:
-    """Intervals of shares, and bands of distributions, over the children of one design.
+    """95 % intervals of shares, and bands of distributions, over the children of one design.
 
     Attributes:
         balanced: False for independent draws, which have the ordinary intervals.
@@ -55,7 +55,6 @@ class DesignIntervals:
         *,
         design: str,
         shares: Sequence[FloatArray] | None = None,
-        confidence: float = CONFIDENCE,
     ) -> None:
         """Prepare for children.
 
@@ -65,10 +64,7 @@ class DesignIntervals:
             shares: per vehicle, the intended share of each level; by default equal for all that occur.
         """
         self.count = len(levels)
-        self._levels, self._design, self._shares = np.asarray(levels, dtype=np.int64), design, shares
-        self._confidence = confidence
-        self._parts: dict[tuple[int, int], DesignIntervals] = {}
-        factors = _factors(self._levels, shares)
+        factors = _factors(np.asarray(levels, dtype=np.int64), shares)
         self.whole = design == "all"
         self.balanced = design not in ("random", "all") and bool(factors) and self.count >= FEWEST_CHILDREN
         self._blocks: list[_Block] = []
@@ -79,18 +75,6 @@ class DesignIntervals:
             self._blocks = [
                 _Block([(level[p], share) for level, share in factors], p, compact=compact) for p in parts
             ]
-
-    def among(self, vehicle: int, child: int) -> DesignIntervals:
-        """Return the intervals of the children in which a vehicle has the same model as in ``child``."""
-        key = (vehicle, int(self._levels[child, vehicle]))
-        if key not in self._parts:
-            shares, levels = self._shares, self._levels[self._levels[:, vehicle] == key[1]]
-            if shares is not None:
-                shares = [np.ones(1) if v == vehicle else share for v, share in enumerate(shares)]
-            self._parts[key] = DesignIntervals(
-                levels, design=self._design, shares=shares, confidence=self._confidence
-            )
-        return self._parts[key]
 
     def variance(self, values: FloatArray) -> FloatArray:
         """Return (M,) variances of the means of values (C, M) over the children under the design."""
@@ -120,9 +104,7 @@ class DesignIntervals:
             return [Interval(value=float("nan"), low=0.0, high=1.0, count=0)] * hits.shape[1]
         share = hits.mean(axis=0)
         effective = self.effective_number(hits)
-        bounds = [
-            wilson_of(float(p), float(n), self._confidence) for p, n in zip(share, effective, strict=True)
-        ]
+        bounds = [wilson_of(float(p), float(n)) for p, n in zip(share, effective, strict=True)]
         return [
             Interval(value=float(p), low=low, high=high, count=self.count)
             for p, (low, high) in zip(share, bounds, strict=True)
@@ -155,7 +137,7 @@ class DesignIntervals:
         """Return (M,) half-widths, 0 to 1, of many metrics at once, (C, M); 1 for a column of NaN."""
         known = ~np.isnan(values)
         counts = known.sum(axis=0)
-        widths = np.array([min(dkw_half_width(n, self._confidence), 1.0) if n else 1.0 for n in counts])
+        widths = np.array([min(dkw_half_width(n), 1.0) if n else 1.0 for n in counts])
         some = np.flatnonzero(counts)
         if self.whole:
             widths[some] = 0.0
@@ -166,7 +148,7 @@ class DesignIntervals:
         ends = np.cumsum([part.shape[1] for part in linear])[:-1]
         for m, spread in zip(some, np.split(spreads, ends), strict=True):
             # The band of independent draws, in largest standard deviations of a share.
-            width = 2 * float(np.quantile(spread, _WIDEST)) * dkw_half_width(1, self._confidence)
+            width = 2 * float(np.quantile(spread, _WIDEST)) * dkw_half_width(1)
             widths[m] = min(widths[m], width)
         return widths
 

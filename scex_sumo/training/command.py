@@ -17,8 +17,8 @@ from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Seed
 
 if TYPE_CHECKING:
+    from scex_sumo.converters.datasets.moment import Split
     from scex_sumo.converters.datasets.recordings import Recording
-    from scex_sumo.converters.datasets.split import Split
     from scex_sumo.training.train import Progress, Trainer
 
 NETWORKS = ("graph", "hybrid")
@@ -65,7 +65,7 @@ def train_command(
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
-    from scex_sumo.converters.datasets.split import Split
+    from scex_sumo.converters.datasets.moment import Split
 
     if kind == SCENES:
         kept = Split(kept_validation=tuple(validation or ()))

@@ -14,8 +14,8 @@ from torch import Tensor, nn
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.datasets.moment import Split
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
-from scex_sumo.converters.datasets.split import Split
 from scex_sumo.scenarios.scene_context import (
     COLUMNS,
     LaneTable,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.converters.net.reader import read_net
 from scex_sumo.scene import STEP_S, States
-from scex_sumo.world.frame import to_sumo
+from scex_sumo.world.batch import to_sumo
 from scex_sumo.world.tiles import tile_id
 
 _TURN_COST_M_PER_RAD = 3.0  # a lane in another direction costs as much as one farther away

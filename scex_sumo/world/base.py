@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from scex_sumo.base.arrays import BoolArray, IntArray
-from scex_sumo.base.registry import Registry
+from scex_sumo.base.importing import Registry
 from scex_sumo.scene import SeedScene, States
 
 if TYPE_CHECKING:

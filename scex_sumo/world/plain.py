@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import States
 from scex_sumo.world.base import BatchStart, World, WorldRequest
-from scex_sumo.world.frame import angle_read_back, from_sumo, to_sumo
+from scex_sumo.world.batch import angle_read_back, from_sumo, to_sumo
 from scex_sumo.world.sumo import SumoSimulator
 
 SAMPLE = 2  # children of a checked batch in SUMO

@@ -16,8 +16,16 @@ from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 from scex_sumo.world.base import BatchStart, SumoDriven, World, WorldRequest
-from scex_sumo.world.batch import ANY_LANE, CAR_LANE, RunningBatch, Selection, new_batch, vehicle_ids
-from scex_sumo.world.frame import from_sumo, to_sumo
+from scex_sumo.world.batch import (
+    ANY_LANE,
+    CAR_LANE,
+    RunningBatch,
+    Selection,
+    from_sumo,
+    new_batch,
+    to_sumo,
+    vehicle_ids,
+)
 from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
@@ -58,13 +66,7 @@ class SumoWorld:
         self._temporary = TemporaryFolder()
         self._types = TypeBook(scene)
         self._session = SumoSession(
-            net,
-            slots,
-            self._types,
-            Path(self._temporary.name),
-            gui=gui,
-            delay_ms=delay_ms,
-            legend=legend,
+            net, slots, self._types, Path(self._temporary.name), gui=gui, delay_ms=delay_ms, legend=legend
         )
         self._gui = gui
         self._length = np.asarray(scene.length, dtype=np.float64)

@@ -53,7 +53,11 @@ def tile_prefix(slot: int) -> str:
 
 def tile_id(slot: int, name: str) -> str:
     """Return an id in a tile; a leading colon stays in front."""
-    return f":{tile_prefix(slot)}{name[1:]}" if name.startswith(":") else tile_prefix(slot) + name
+    return _prefixed(tile_prefix(slot), name)
+
+
+def _prefixed(prefix: str, name: str) -> str:
+    return f":{prefix}{name[1:]}" if name.startswith(":") else prefix + name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,17 +174,13 @@ def _mark(element: ElementTree.Element) -> None:
         attributes.pop(key, None)
     for key in _IDS.get(element.tag, ()):
         if key in attributes:
-            attributes[key] = " ".join(_marked_id(name) for name in attributes[key].split())
+            attributes[key] = " ".join(_prefixed(_PREFIX, name) for name in attributes[key].split())
     for key in ("shape", "outlineShape"):
         if key in attributes:
             attributes[key] = " ".join(_marked_point(point) for point in attributes[key].split())
     if "x" in attributes and "y" in attributes:
         x, y = attributes.pop("x"), attributes.pop("y")  # x before y, as in shapes
         attributes |= {key: f"{_COORDINATE}{value}{_COORDINATE}" for key, value in (("x", x), ("y", y))}
-
-
-def _marked_id(name: str) -> str:
-    return f":{_PREFIX}{name[1:]}" if name.startswith(":") else _PREFIX + name
 
 
 def _marked_point(point: str) -> str:

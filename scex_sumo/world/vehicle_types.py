@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr as quoted
 
-from scex_sumo.base.sumo_models import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
+from scex_sumo.base.programs import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.gui_drawings import OTHER_RGB

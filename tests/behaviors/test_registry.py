@@ -15,7 +15,7 @@ from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.single import SingleVehicle
+from scex_sumo.behaviors.plug_in.user_model import SingleVehicle
 from scex_sumo.behaviors.registry import (
     DEFAULT_MODELS,
     DEFAULTS,

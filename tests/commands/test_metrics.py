@@ -90,7 +90,7 @@ def test_limits_by_type_reach_wttc(tracks: Path, tmp_path: Path, monkeypatch: py
         (["--level", "pairs"], 2, "unknown level 'pairs'; known: pair, scene, scenario, worst"),
         (["--preset", "best"], 2, "unknown preset 'best'; known: paper, path"),
         (["--metrics", "ttc,speed"], 2, "unknown metric 'speed'; nearest: "),
-        (["--wttc-limits", "car"], 2, "'car' is not TYPE=M/S2"),
+        (["--wttc-limits", "car"], 2, "car: needs TYPE=M/S2"),
         (["--wttc-limits", "car=-1"], 1, "largest acceleration of type 'car' is -1.0"),
         (["-o", "out.xlsx"], 2, "unknown format '.xlsx'"),
     ],

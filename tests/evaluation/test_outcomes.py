@@ -12,8 +12,8 @@ from scex_sumo.evaluation.outcomes import (
     collisions_table,
     encounter_rows,
     encounters_of_rows,
+    severity_of,
 )
-from scex_sumo.evaluation.severity import severity_of
 from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.collisions import find_collisions
 from tests.evaluation.test_encounters import LEVELS, TRACKS, children

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.exporters.registry import EXPORTERS
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 
 pytest.importorskip("scenariogeneration")

@@ -7,9 +7,8 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.exporters.commonroad_road import lanelet_numbers, point_by_point, road_elements
-from scex_sumo.exporters.registry import EXPORTERS
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.commonroad import lanelet_numbers, point_by_point, road_elements
+from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.results.run import Run

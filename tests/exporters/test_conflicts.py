@@ -12,8 +12,7 @@ import pytest
 import sumolib
 
 from scex_sumo.base.programs import environment, program, sumo_home
-from scex_sumo.exporters.registry import EXPORTERS
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path

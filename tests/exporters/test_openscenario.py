@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.exporters.openscenario import axle_offset
-from scex_sumo.exporters.registry import EXPORTERS
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 from tests.exporters.openscenario_reader import box_centres
 

@@ -6,8 +6,7 @@ import pytest
 
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.opendrive.file import opendrive_text
-from scex_sumo.exporters.registry import EXPORTERS
-from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from tests.exporters.quality_checkers import checker, findings

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.exporters.registry import EXPORTERS
-from scex_sumo.exporters.request import Request, closest_encounters, critical_children
+from scex_sumo.exporters.request import EXPORTERS, Request, closest_encounters, critical_children
 from scex_sumo.results.run import Run
 
 

@@ -10,7 +10,7 @@ from matplotlib.patches import FancyArrowPatch
 
 import scex_sumo as scex
 from scex_sumo.base.errors import UsageError
-from scex_sumo.exporters.scene_graph_picture import scene_graph_panel
+from scex_sumo.exporters.scene_graph import scene_graph_panel
 from tests.behaviors.roads import lane, road, scene_of
 
 PARALLEL = road(lane(1, [(0.0, 0.0), (200.0, 0.0)], left=2), lane(2, [(0.0, 3.5), (200.0, 3.5)], right=1))

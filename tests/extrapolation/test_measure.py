@@ -16,8 +16,8 @@ from scex_sumo.extrapolation.measure import (
     recorded_steps_of,
     worst_of,
 )
-from scex_sumo.extrapolation.notes import outcome_notes
 from scex_sumo.extrapolation.rollout import Rollout
+from scex_sumo.extrapolation.writing import outcome_notes
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
 from tests.seeds import straight_seed

@@ -25,7 +25,7 @@ KEPT: Final = {
 RESULTS: Final = {"run": "metrics.parquet", "rank": "ranking.csv", "validate": "values.parquet"}
 """A file of theirs that an interruption does not change."""
 _INTERRUPTED = (
-    "from scex_sumo.results.output_folder import OutputFolder as F\n"
+    "from scex_sumo.results.folder import OutputFolder as F\n"
     "from scex_sumo.cli import main; import sys\n"
     "def stop(*_, **__): raise KeyboardInterrupt\n"
     "F.finish = stop; sys.argv = ['scex-sumo', *sys.argv[1:]]; main()"

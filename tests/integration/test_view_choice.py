@@ -12,8 +12,8 @@ from scex_sumo import example_path, extrapolate, read_seed
 from scex_sumo.base.errors import MapError, ResultError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.views.children import most_critical, most_different, write_encounter, write_grid, write_worst
-from scex_sumo.views.crop import crop_extras
 from scex_sumo.views.fcd import LaneFinder
+from scex_sumo.views.replay import crop_extras
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
-from scex_sumo.metrics.pairs.batches import scene_batches
+from scex_sumo.metrics.evaluate import scene_batches
 from scex_sumo.scene import STEP_S, States
 
 

@@ -9,13 +9,12 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, UsageError
+from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
-from scex_sumo.metrics.metric import Metric
-from scex_sumo.metrics.pairs import batches
 from scex_sumo.metrics.pairs.leaders import preset_named
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
-from scex_sumo.metrics.registry import COLUMNS, METRICS
+from scex_sumo.metrics.registry import COLUMNS, METRICS, Metric
 from scex_sumo.scene import STEP_S, States
 from tests.metrics.scenes import one_scene, random_run
 
@@ -111,7 +110,7 @@ def test_children_do_not_depend_on_who_shares_their_batch(
     tracks, planned = random_run(np.random.default_rng(3), children=7, absent=absent)
     together = evaluate(tracks, planned)
     for pair_steps in (1, 200):
-        monkeypatch.setattr(batches, "BATCH_PAIR_STEPS", pair_steps)
+        monkeypatch.setattr(evaluation, "BATCH_PAIR_STEPS", pair_steps)
         np.testing.assert_array_equal(evaluate(tracks, planned).values, together.values)
     for child in range(7):
         alone = evaluate(tracks.children(slice(child, child + 1)), planned.children(slice(child, child + 1)))

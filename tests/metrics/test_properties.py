@@ -44,7 +44,7 @@ def assert_same(first: ScenarioValues, second: ScenarioValues, tolerance: float 
     np.testing.assert_allclose(second.values, first.values, rtol=tolerance, atol=tolerance)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seeds, presets, st.floats(-np.pi, np.pi), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))
 def test_turning_and_shifting_the_map_changes_nothing(
     seed: int, preset: str, angle: float, east: float, north: float
@@ -58,7 +58,7 @@ def test_turning_and_shifting_the_map_changes_nothing(
     assert_same(every(tracks, planned, preset), every(*moved(tracks, planned, motion), preset))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seeds, presets)
 def test_a_mirrored_world_is_as_critical(seed: int, preset: str) -> None:
     tracks, planned = run(seed)
@@ -66,7 +66,7 @@ def test_a_mirrored_world_is_as_critical(seed: int, preset: str) -> None:
     assert_same(every(tracks, planned, preset), every(*mirrored, preset), 1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seeds, presets, st.lists(st.integers(-3, 3), min_size=6, max_size=6))
 def test_full_turns_of_headings_change_nothing(seed: int, preset: str, turns: list[int]) -> None:
     tracks, planned = run(seed)
@@ -74,7 +74,7 @@ def test_full_turns_of_headings_change_nothing(seed: int, preset: str, turns: li
     assert_same(every(tracks, planned, preset), every(replace(tracks, states=states), planned, preset), 1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seeds, presets, st.permutations(range(6)))
 def test_the_order_of_vehicles_changes_nothing(seed: int, preset: str, order: list[int]) -> None:
     tracks, planned = run(seed)
@@ -93,7 +93,7 @@ def test_the_order_of_vehicles_changes_nothing(seed: int, preset: str, order: li
         np.testing.assert_array_equal(worst.step[worst.defined], after.worst[name].step[worst.defined])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seeds, presets)
 def test_an_absent_vehicle_is_as_good_as_none(seed: int, preset: str) -> None:
     tracks, planned = run(seed)
@@ -112,7 +112,7 @@ def test_an_absent_vehicle_is_as_good_as_none(seed: int, preset: str) -> None:
     assert_same(every(without, fewer, preset), every(replace(tracks, present=gone), planned, preset), 1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seeds, st.floats(1.0, 3.0))
 def test_larger_vehicles_are_never_safer(seed: int, factor: float) -> None:
     """By WTTC; TQ may fall: a longer vehicle counts more neighbours, whose speeds may be more alike."""

@@ -7,10 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
-from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
-from scex_sumo.metrics.pairs import batches
-from scex_sumo.metrics.pairs.batches import track_pairs
+from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs, track_pairs
 from scex_sumo.metrics.pairs.leaders import preset_named
 from tests.metrics.scenes import find_encounters, random_run
 
@@ -39,8 +38,8 @@ def test_sharing_changes_no_byte(
 ) -> None:
     tracks, planned = mixed_run(seed, absent=absent)
     found = []
-    for pair_steps in (batches.SHARED_PAIR_STEPS, 0):
-        monkeypatch.setattr(batches, "SHARED_PAIR_STEPS", pair_steps)
+    for pair_steps in (evaluation.SHARED_PAIR_STEPS, 0):
+        monkeypatch.setattr(evaluation, "SHARED_PAIR_STEPS", pair_steps)
         values = evaluate(tracks, planned, preset=preset, metrics=METRICS)
         some = evaluate(tracks, planned, preset=preset, metrics=METRICS, vehicles=[1, 3])
         pairs = evaluate_pairs(tracks, planned, preset=preset, metrics=METRICS)

@@ -103,7 +103,6 @@ def test_without_samples_nothing_is_known() -> None:
         (lambda: density([]), "no samples"),
         (lambda: density([1.0, np.nan]), "1 of 2 samples are NaN"),
         (lambda: density([1.0], 0.0), "bandwidth 0.0"),
-        (lambda: wilson(1, 1, 95), "between 0 and 1"),
     ],
 )
 def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:

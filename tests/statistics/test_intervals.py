@@ -36,16 +36,6 @@ def test_all_assignments_leave_nothing_uncertain_not_even_of_a_share_of_1() -> N
     assert found.half_width(np.full(16, np.nan)) == 1  # defined nowhere: nothing is known
 
 
-def test_the_children_with_one_model_of_a_vehicle_are_a_design_of_the_others() -> None:
-    rows = drawn(385, 0)
-    inside = rows[:, 2] == rows[7, 2]
-    critical = (additive(rows) > 3)[inside]
-    found = DesignIntervals(rows, design="balanced").among(2, 7).share(critical)
-    ordinary = wilson(int(critical.sum()), int(inside.sum()))
-    assert found.value == pytest.approx(ordinary.value)
-    assert found.high - found.low < 0.6 * (ordinary.high - ordinary.low)
-
-
 def test_random_draws_have_the_ordinary_intervals() -> None:
     rows = drawn(117, 0)
     found = DesignIntervals(rows, design="random")

@@ -10,13 +10,13 @@ from scipy import stats
 from scipy.spatial.distance import jensenshannon
 
 from scex_sumo.statistics.density import density
-from scex_sumo.studies.distances import (
+from scex_sumo.studies.compare.compare import (
     Scale,
-    errors,
     jensen_shannon_distances,
     pooled_scale,
     wasserstein_distances,
 )
+from scex_sumo.studies.sample_size.sample_size import errors
 
 INF, NAN = float("inf"), float("nan")
 ROUNDING = 1e-9  # sums of at most 80 terms of size 1e3 in other orders

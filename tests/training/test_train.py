@@ -14,8 +14,8 @@ torch = pytest.importorskip("torch")
 
 from scex_sumo.base.errors import MapError, MissingExtraError, ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
+from scex_sumo.converters.datasets.moment import Split  # noqa: E402
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
-from scex_sumo.converters.datasets.split import Split  # noqa: E402
 from scex_sumo.road import Road  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
 from scex_sumo.training.command import train_command  # noqa: E402

@@ -18,8 +18,8 @@ from scex_sumo.world.gui_drawings import (
     frame_of,
     letter_height,
     readable,
+    write_view_settings,
 )
-from scex_sumo.world.gui_settings import write_view_settings
 
 RED, BLUE = (214, 64, 58), (54, 124, 196)
 MAP = (0.0, 0.0, 300.0, 100.0)

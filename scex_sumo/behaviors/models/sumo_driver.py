@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.sumo_models import check_driver
+from scex_sumo.base.programs import check_driver
 from scex_sumo.behaviors.base import Sight, check_path
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice, planned_lanes

@@ -16,7 +16,7 @@ from scex_sumo.base.errors import ScexError
 from scex_sumo.base.importing import own_error_reason
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.behaviors.models.idm import follow_path
-from scex_sumo.behaviors.plug_in.single import SingleVehicle
+from scex_sumo.behaviors.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 

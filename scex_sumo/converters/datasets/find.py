@@ -1,4 +1,4 @@
-"""Recordings in folders, and the recording of a map, by the layouts of datasets."""
+"""Recordings in folders, and the recording of a map, by the layouts of datasets; INTERACTION and TAF-BW."""
 
 from __future__ import annotations
 
@@ -9,9 +9,20 @@ from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.datasets.interaction import TRACKS, tracks_of_map
-from scex_sumo.converters.naming import all_plain_or_packed, plain_or_packed, unpacked_name
-from scex_sumo.converters.registries import Dataset, Recording, dataset_of, map_format, refuse_folder
+from scex_sumo.converters.lanelet.origin import META_DATA
+from scex_sumo.converters.naming import all_plain_or_packed, map_name, plain_or_packed, unpacked_name
+from scex_sumo.converters.registries import (
+    Dataset,
+    Recording,
+    dataset_of,
+    map_format,
+    recording_name,
+    refuse_folder,
+)
+from scex_sumo.converters.tracks.reader import read_tracks
+from scex_sumo.converters.tracks.rows import TrackTable
+
+TRACKS = "vehicle_tracks_*.csv"
 
 
 def find_recordings(roots: Sequence[str | Path]) -> tuple[Recording, ...]:
@@ -105,3 +116,52 @@ def _with_unique_names(recordings: list[Recording]) -> Iterator[Recording]:
             name = f"{safe}-{count}"
         used.add(name)
         yield replace(recording, name=name)
+
+
+def tracks_of_map(map_path: Path) -> list[Path]:
+    """All track files where the layouts have those of a map."""
+    name, above = map_name(map_path), map_path.parent.parent
+    beside = [map_path.with_name(f"{name}.csv"), *(above / s / f"{name}_{s}.csv" for s in ("train", "val"))]
+    files = all_plain_or_packed(above / "recorded_trackfiles" / name, TRACKS)
+    return [*files, *(file for file in map(plain_or_packed, beside) if file is not None)]
+
+
+def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    table = read_tracks(paths[0])
+    return table, table.notes
+
+
+def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
+    for path in files:
+        map_path = _map_of(path) if unpacked_name(path).endswith(".csv") else None
+        if map_path is not None:
+            yield Recording(
+                name=recording_name(map_path, (path,)),
+                site=map_name(map_path),
+                dataset="taf_bw" if path.with_name(META_DATA).is_file() else "interaction",
+                map_path=map_path,
+                track_paths=(path,),
+            )
+
+
+def _map_of(path: Path) -> Path | None:
+    folder, stem = path.parent, Path(unpacked_name(path)).stem
+    if path.name.startswith("vehicle_tracks_"):
+        map_path = folder.parent.parent / "maps" / f"{folder.name}.osm"
+        only = [*folder.glob("*.osm")]  # somebody's own folder
+        beside = plain_or_packed(path.with_name(f"{folder.name}.osm")) or (
+            only[0] if len(only) == 1 else None
+        )
+        return plain_or_packed(map_path) or beside or map_path
+    if folder.name in ("train", "val") and stem.endswith(f"_{folder.name}"):
+        map_path = folder.parent / "maps" / f"{stem.removesuffix(f'_{folder.name}')}.osm"
+        return plain_or_packed(map_path) or map_path
+    return plain_or_packed(path.with_name(f"{stem}.osm"))
+
+
+def _siblings(path: Path) -> Sequence[Path]:
+    own_folder = path.name.startswith("vehicle_tracks_")
+    return all_plain_or_packed(path.parent, TRACKS) if own_folder else ()
+
+
+INTERACTION = Dataset(is_mine=lambda path: True, read=_read, recordings=_recordings, siblings=_siblings)

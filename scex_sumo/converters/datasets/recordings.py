@@ -90,11 +90,7 @@ def load_recording(recording: Recording, origin: tuple[float, float] | None = No
 
 
 def seed_at(
-    loaded: LoadedRecording,
-    time_s: float,
-    *,
-    case: str | None = None,
-    min_history: int = 0,
+    loaded: LoadedRecording, time_s: float, *, case: str | None = None, min_history: int = 0
 ) -> SeedScene:
     """Cut out the seed scene of one moment, the same as `scex_sumo.read_seed` gives for that file and time.
 

@@ -125,9 +125,8 @@ def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:
         return np.zeros(np.broadcast_shapes(first.shape, time_ms.shape), np.int64)
     start = rows.timestamp_ms.min() - 1e6
     length = rows.timestamp_ms.max() + 1e6 - start
-    piece = np.cumsum(np.append(0, np.diff(rows.segment) != 0))
-    axis = rows.timestamp_ms - start + length * piece
-    wanted = np.clip(time_ms - start, 0.0, length) + length * piece[first]
+    axis = rows.timestamp_ms - start + length * rows.piece
+    wanted = np.clip(time_ms - start, 0.0, length) + length * rows.piece[first]
     return np.asarray(np.searchsorted(axis, wanted), np.int64)
 
 

@@ -12,17 +12,20 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
 import numpy as np
 
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, listed
 from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.naming import open_binary
 
 Tags = Mapping[str, str]
+Points: TypeAlias = Mapping[int, FloatArray]
+"""(P, 2) points of every way by id, m."""
 _ID = re.compile(r"-?[0-9]{1,19}")
 MAX_ID = 2**63 - 1  # Lanelet2's ids have 64 bits
 MAX_HEIGHT_M = 10_000.0  # no road lies higher

@@ -10,11 +10,10 @@ from typing import TypeAlias
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.lanelet.file import MapFile, Relation, Tags
-from scex_sumo.converters.lanelet.markings import Points
-from scex_sumo.converters.lanes_ahead import lanes_ahead
+from scex_sumo.converters.lanelet.file import MapFile, Points, Relation, Tags
 from scex_sumo.geometry.polylines import along, length_of, turn
 from scex_sumo.road import Lane, Regulation
+from scex_sumo.roads.routes import lanes_ahead
 
 _REGULATIONS = {"right_of_way", "all_way_stop", "traffic_light"}
 _SIGN_ELEMENTS = {"traffic_sign", "stop_sign", "yield_sign", "stop", "yield", "give_way"}

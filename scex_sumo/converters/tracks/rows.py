@@ -210,6 +210,29 @@ def track_rows(
     )
 
 
+def track_table(
+    path: Path,
+    motor: BoolArray,
+    track: IntArray,
+    labels: Sequence[str],
+    types: Sequence[str],
+    *,
+    step_s: float,
+    notes: tuple[str, ...] = (),
+    **columns: Any,
+) -> TrackTable:
+    """Build a recording, with the vehicles apart from the others; further arguments as of `track_rows`.
+
+    Args:
+        motor: (N,) whether a sample is one of a vehicle.
+    """
+    vehicles, others = (
+        track_rows(track[keep], labels, types, **{name: values[keep] for name, values in columns.items()})
+        for keep in (motor, ~motor)
+    )
+    return TrackTable(path=path, cases=("",), vehicles=vehicles, others=others, step_s=step_s, notes=notes)
+
+
 def joined_rows(*parts: TrackRows) -> TrackRows:
     """Join the tracks of several parts of one recording, the parts one after the other."""
     tracks = np.cumsum([0, *(part.tracks for part in parts)])

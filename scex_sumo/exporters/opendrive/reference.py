@@ -6,18 +6,29 @@ It meets the edges of the lanes at right angles, so that the next road begins wh
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
+from scex_sumo.road import Lane
 
 _MAX_PIECE_M, _MAX_PIECE_RAD = 5.0, 0.1  # length and turn of a piece
 _MIN_PIECES = 3  # per group, for cuts
 _MIN_EDGE_M = 0.5  # for a reliable direction
 _MAX_SKEW_RAD = math.radians(75)
+
+
+Group: TypeAlias = tuple[int, ...]  # lane ids, leftmost first
+Chain: TypeAlias = tuple[Group, ...]  # groups that follow one another, lane by lane
+
+
+def borders(lanes: Mapping[int, Lane], group: Group) -> list[FloatArray]:
+    """Return the left border of the leftmost lane, then each lane's right border, m."""
+    return [lanes[group[0]].left_bound, *(lanes[i].right_bound for i in group)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,10 +130,7 @@ def _shifts(groups: Sequence[Sequence[FloatArray]], directions: Sequence[FloatAr
 
 
 def _group_pieces(
-    lines: Sequence[FloatArray],
-    directions: Sequence[FloatArray | None],
-    shifts: FloatArray,
-    spacing_m: float,
+    lines: Sequence[FloatArray], directions: Sequence[FloatArray | None], shifts: FloatArray, spacing_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     from scipy.interpolate import CubicSpline
 

@@ -10,8 +10,14 @@ from itertools import pairwise
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.exporters.opendrive.groups import Chain, Group, borders
-from scex_sumo.exporters.opendrive.reference import Curve, curve_through, edge_direction
+from scex_sumo.exporters.opendrive.reference import (
+    Chain,
+    Curve,
+    Group,
+    borders,
+    curve_through,
+    edge_direction,
+)
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.road import Lane
 
@@ -149,10 +155,7 @@ def ribbon_of(
         if edge is not None:
             lines[at] = [edge.moved_onto(line, end=at < 0) for line in lines[at]]
             directions[at] = edge.direction
-    free = tuple(
-        direction if edge is not None else None
-        for edge, direction in zip(ends, directions[:: len(directions) - 1], strict=True)
-    )
+    free = [None if edge is None else edge.direction for edge in ends]
     best: Ribbon | None = None
     for spacing_m, square in _TRIALS:
         chosen = directions if square else [free[0], *directions[1:-1], free[1]]

@@ -157,10 +157,8 @@ class _Futures:
         from pyarrow import parquet
 
         job = self._extra.job
-        folder, table = (
-            job.folder,
-            assignments_table(job.scene, job.assignment[self._start :], job.models.names),
-        )
+        folder, own = job.folder, job.assignment[self._start :]
+        table = assignments_table(job.scene, own, job.models.names)
         child = np.asarray(table["child"]) + self._start
         parquet.write_table(table.set_column(0, "child", pa.array(child)), folder / "assignments.parquet")
         rows = [
@@ -175,11 +173,7 @@ class _Futures:
 
 
 def _searched(
-    drawn: DrawnModels,
-    futures: _Futures,
-    seen: dict[_Key, BoolArray],
-    keys: Sequence[_Key],
-    most: int,
+    drawn: DrawnModels, futures: _Futures, seen: dict[_Key, BoolArray], keys: Sequence[_Key], most: int
 ) -> Search:
     never = np.zeros(len(drawn.levels), dtype=np.bool_)
     search = Search(

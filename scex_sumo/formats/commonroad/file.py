@@ -1,18 +1,24 @@
-"""CommonRoad file: its XML, and notes about defects.
+"""CommonRoad file: its XML, its lanelets as plain data, and notes about defects.
 
-commonroad-io stops at the first broken element; the standard library keeps the sound ones.
+Broken parts are mended or left out: commonroad-io stops at the first broken element; the standard library
+keeps the sound ones.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import Findings, parse_xml
 from scex_sumo.converters.naming import beginning, number
+from scex_sumo.geometry.polylines import arc_lengths
 
 SUFFIXES = (".xml", ".xml.gz")
 VERSIONS = ("2018b", "2020a")
@@ -103,3 +109,165 @@ def coordinate(text: str | None) -> float:
     """Number that a text holds, or nan; a coordinate, time or size is below 1e9."""
     value = number(text)
     return value if abs(value) < 1e9 else math.nan
+
+
+_LINKS = ("successor", "predecessor", "adjacentLeft", "adjacentRight")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lanelet:
+    """One lanelet as the file has it; relations and signs by id; bounds (P, 2 or 3) in m.
+
+    Attributes:
+        types: ``urban``, ``highway``, ``sidewalk``, ...
+        one_way: road users along its direction: ``vehicle``, ``car``, ``bus``, ...
+        both_ways: road users in both directions.
+        left_marking: ``solid``, ``dashed``, ...
+        stop_line: (2, 2) ends, m.
+        speed_limit: as written on the lanelet itself (2018b), m/s.
+    """
+
+    left: FloatArray
+    right: FloatArray
+    centre: FloatArray
+    types: frozenset[str]
+    one_way: frozenset[str]
+    both_ways: frozenset[str]
+    left_marking: str
+    right_marking: str
+    successors: frozenset[int]
+    predecessors: frozenset[int]
+    left_neighbour: int | None
+    right_neighbour: int | None
+    signs: frozenset[int]
+    lights: frozenset[int]
+    stop_line: FloatArray | None
+    speed_limit: str | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Source:
+    file: CommonRoadFile
+    lanelet_id: int
+    xml: ElementTree.Element
+    left: FloatArray
+    right: FloatArray
+    known: Mapping[str, Collection[int]]
+    words: Mapping[str, set[str]]
+
+    def refs(self, tag: str, parent: ElementTree.Element) -> dict[int, ElementTree.Element]:
+        children: dict[int, ElementTree.Element] = {}
+        for child in parent.findall(tag):
+            target = element_id(child, "ref")
+            if target not in self.known[tag] or (target == self.lanelet_id and tag in _LINKS):
+                self.file.note(f"lanelets with a {tag} that is not there, dropped", self.lanelet_id)
+            elif target is not None:
+                children.setdefault(target, child)
+        return children
+
+    def neighbour(self, tag: str) -> int | None:
+        for target, child in self.refs(tag, self.xml).items():
+            return target if child.get("drivingDir") == "same" else None
+        return None
+
+    def said(self, tag: str, parent: ElementTree.Element | None) -> list[str]:
+        texts = [child.text or "" for child in parent.findall(tag)] if parent is not None else []
+        if not self.words[tag].issuperset(texts):
+            self.file.note(f"lanelets with a {tag} that CommonRoad does not have, left out", self.lanelet_id)
+        return [text for text in texts if text in self.words[tag]]
+
+    def stop_lines(self) -> Iterator[tuple[FloatArray, ElementTree.Element]]:
+        for line in self.xml.findall("stopLine"):
+            ends = _points(line)[:, :2]
+            usable = len(ends) in (0, 2) and bool(np.isfinite(ends).all())
+            if usable and line.findtext("lineMarking") in self.words["lineMarking"]:
+                yield (ends if len(ends) else np.array([self.left[-1, :2], self.right[-1, :2]])), line
+            else:
+                self.file.note("lanelets with an unusable stop line, left out", self.lanelet_id)
+
+
+def read_lanelets(file: CommonRoadFile, words: Mapping[str, set[str]]) -> dict[int, Lanelet]:
+    """Read usable lanelets by ascending id; ``words``: words of CommonRoad by tag.
+
+    Defects of the others go into the file's notes.
+    """
+    usable: dict[int, tuple[ElementTree.Element, FloatArray, FloatArray]] = {}
+    for xml in file.root.findall("lanelet"):
+        i = element_id(xml)
+        if i is None:
+            file.note("lanelets left out, their id is no positive number", xml.get("id", "")[:24] or "none")
+        elif i in usable:
+            file.note("ids used twice, the first lanelet kept", i)
+        elif (bounds := _bounds(xml, i, file)) is not None:
+            usable[i] = (xml, *bounds)
+    known: dict[str, Collection[int]] = dict.fromkeys(_LINKS, usable.keys())
+    known["trafficSignRef"] = file.elements("trafficSign").keys()
+    known["trafficLightRef"] = file.elements("trafficLight").keys()
+    return {
+        i: _lanelet(
+            _Source(file=file, lanelet_id=i, xml=xml, left=left, right=right, known=known, words=words)
+        )
+        for i, (xml, left, right) in sorted(usable.items())
+    }
+
+
+def _lanelet(source: _Source) -> Lanelet:
+    xml = source.xml
+    stop_line, line = next(source.stop_lines(), (None, None))
+    parents = [xml] if line is None else [xml, line]
+    markings = [source.said("lineMarking", xml.find(name)) for name in ("leftBound", "rightBound")]
+    left_marking, right_marking = (found[0] if found else "unknown" for found in markings)
+    return Lanelet(
+        left=source.left,
+        right=source.right,
+        centre=0.5 * (source.left + source.right),
+        types=frozenset(source.said("laneletType", xml)),
+        one_way=frozenset(source.said("userOneWay", xml)),
+        both_ways=frozenset(source.said("userBidirectional", xml)),
+        left_marking=left_marking,
+        right_marking=right_marking,
+        successors=frozenset(source.refs("successor", xml)),
+        predecessors=frozenset(source.refs("predecessor", xml)),
+        left_neighbour=source.neighbour("adjacentLeft"),
+        right_neighbour=source.neighbour("adjacentRight"),
+        signs=frozenset(ref for parent in parents for ref in source.refs("trafficSignRef", parent)),
+        lights=frozenset(ref for parent in parents for ref in source.refs("trafficLightRef", parent)),
+        stop_line=stop_line,
+        speed_limit=xml.findtext("speedLimit"),
+    )
+
+
+def _bounds(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[FloatArray, FloatArray] | None:
+    elements = [xml.find(name) for name in ("leftBound", "rightBound")]
+    lines = [_points(element) for element in elements if element is not None]
+    if len(lines) < 2:
+        file.note("lanelets left out, a bound is missing", i)
+        return None
+    if not all(np.isfinite(line).all() for line in lines):
+        file.note("lanelets left out, a bound has no usable coordinates", i)
+        return None
+    if any(len(np.unique(line, axis=0)) < 2 for line in lines):
+        file.note("lanelets left out, a bound is shorter than two points", i)
+        return None
+    width = min(line.shape[1] for line in lines)
+    left, right = (line[:, :width] for line in lines)
+    if len(left) == len(right):
+        return left, right
+    file.note("lanelets with unequally many points on their bounds, points put in between", i)
+    # Each bound gets a point at the same share of its length as each point of the other one.
+    arcs = [arc_lengths(line) for line in (left, right)]
+    shares = [arc / arc[-1] for arc in arcs]
+    every = np.unique(np.concatenate(shares))
+    left, right = (
+        np.stack([np.interp(every, share, line[:, k]) for k in range(width)], axis=1)
+        for share, line in zip(shares, (left, right), strict=True)
+    )
+    return left, right
+
+
+def _points(line: ElementTree.Element) -> FloatArray:
+    points = line.findall("point")
+    names = ("x", "y", "z") if points and all(p.find("z") is not None for p in points) else ("x", "y")
+    return np.array([[coordinate(p.findtext(name)) for name in names] for p in points]).reshape(
+        -1, len(names)
+    )

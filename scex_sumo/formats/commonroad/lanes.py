@@ -1,32 +1,98 @@
-"""Lanes, regulations and lines of a CommonRoad map, built from its lanelets."""
+"""Lanes, regulations and lines of a CommonRoad map, by types, road users, markings and signs of lanelets."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.lanelet.tags import default_speed_mps
-from scex_sumo.formats.commonroad.file import CommonRoadFile, element_id
-from scex_sumo.formats.commonroad.lanelets import Lanelet
-from scex_sumo.formats.commonroad.rules import (
-    CARS,
-    LINES,
-    Sign,
-    kind_by_types,
-    lane_tags,
-    may_cross,
-    priority_regulations,
-    sign_regulations,
-    sign_speed_mps,
-)
+from scex_sumo.converters.naming import number
+from scex_sumo.formats.commonroad.file import CommonRoadFile, Lanelet, element_id
 from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
 from scex_sumo.road import Area, Lane, Marking, Regulation
 
+CARS = {"vehicle", "car"}
+# In order of precedence.
+_KINDS = {
+    "crosswalk": "pedestrian",
+    "sidewalk": "pedestrian",
+    "bicycleLane": "bicycle",
+    "busLane": "bus",
+    "busStop": "bus",
+    "restricted": "bus",
+}
+_NEVER_DRIVEN = {"border", "parking", "restricted_area", "shoulder"}
+_SUBTYPES = {
+    "crosswalk": "crosswalk",
+    "sidewalk": "walkway",
+    "bicycleLane": "bicycle_lane",
+    "busLane": "bus_lane",
+    "restricted": "bus_lane",
+    "parking": "parking",
+    "restricted_area": "keepout",
+    "shoulder": "emergency_lane",
+    "highway": "highway",
+    "interstate": "highway",
+}
+_NO_CROSSING = {"solid", "broad_solid", "solid_solid", "curb", "lowered_curb"}
+# Lanelet2's type and subtype of the markings that are drawn.
+LINES = {
+    "dashed": ("line_thin", "dashed"),
+    "solid": ("line_thin", "solid"),
+    "broad_dashed": ("line_thick", "dashed"),
+    "broad_solid": ("line_thick", "solid"),
+    "solid_solid": ("line_thin", "solid_solid"),
+    "dashed_dashed": ("line_thin", "dashed"),
+    "solid_dashed": ("line_thin", "solid_dashed"),
+    "dashed_solid": ("line_thin", "dashed_solid"),
+    "curb": ("curbstone", "high"),
+    "lowered_curb": ("curbstone", "low"),
+}
+_SIGN_KINDS = {"YIELD": "yield", "STOP": "stop", "STOP_4_WAY": "all_way_stop"}
+_PRIORITY_SIGNS = {"PRIORITY", "RIGHT_OF_WAY"}
+_SPEED_SIGNS = ("MAX_SPEED", "MAX_SPEED_ZONE_START")
 JOINT_M = 0.1  # two lanes follow each other if both bounds meet within this distance
+MAX_LIMIT_MPS = 70.0  # no limit is above 250 km/h; greater numbers are km/h by mistake
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sign:
+    """Element of a traffic sign.
+
+    Attributes:
+        name: CommonRoad's name, the same in every country, e.g. ``YIELD``, ``MAX_SPEED``.
+        written: as the file has it, e.g. ``205``.
+    """
+
+    name: str
+    written: str
+    values: tuple[str, ...] = ()
+
+
+def kind_by_types(types: frozenset[str], users: frozenset[str]) -> str:
+    """Kind of a lane: ``vehicle``, ``bus``, ``bicycle``, ``pedestrian`` or ``other``."""
+    if types & _NEVER_DRIVEN:
+        return "other"
+    if users & CARS:
+        return "vehicle"
+    by_type = next((kind for name, kind in _KINDS.items() if name in types), None)
+    if by_type is not None:
+        return by_type
+    if not users:
+        return "vehicle"
+    return next((kind for kind in ("bus", "bicycle", "pedestrian") if kind in users), "other")
+
+
+def lane_tags(types: frozenset[str]) -> dict[str, str]:
+    """CommonRoad's lanelet types as Lanelet2's ``subtype`` and ``location``."""
+    subtype = next((word for name, word in _SUBTYPES.items() if name in types), "road")
+    location = "urban" if "urban" in types else "nonurban" if "country" in types else ""
+    return {"subtype": subtype, "location": location}
+
 
 Signs: TypeAlias = Mapping[int, tuple[Sign, ...]]
 Lanelets: TypeAlias = Mapping[int, Lanelet]
@@ -78,14 +144,14 @@ def _remark_limits(file: CommonRoadFile, lanes: list[Lane], limited: set[int]) -
 
 
 def _speed(file: CommonRoadFile, i: int, lanelet: Lanelet, signs: Signs) -> float | None:
-    elements = [sign for s in sorted(lanelet.signs) for sign in signs.get(s, ())]
-    if lanelet.speed_limit is not None:
-        elements.append(Sign(name="MAX_SPEED", written="speedLimit", values=(lanelet.speed_limit,)))
-    try:
-        return sign_speed_mps(elements)
-    except ValueError:
-        file.note("speed limits that are none in m/s, left out", i)
-        return None
+    """Lowest speed limit of a lanelet and its signs, m/s; None without one, or if one is no speed."""
+    shown = [sign for s in sorted(lanelet.signs) for sign in signs.get(s, ()) if sign.name in _SPEED_SIGNS]
+    texts = [sign.values[0] if sign.values else "" for sign in shown]
+    limits = [number(text) for text in (*texts, lanelet.speed_limit) if text is not None]
+    if all(0.0 < limit <= MAX_LIMIT_MPS for limit in limits):
+        return min(limits, default=None)
+    file.note("speed limits that are none in m/s, left out", i)
+    return None
 
 
 def driven_both_ways(lanelets: Lanelets, lanes: Mapping[int, Lane]) -> list[int]:
@@ -94,9 +160,12 @@ def driven_both_ways(lanelets: Lanelets, lanes: Mapping[int, Lane]) -> list[int]
 
 
 def may_change(lanelets: Lanelets, left: int, right: int, leftwards: bool) -> bool:
-    """Return whether the markings between two lanelets allow a lane change."""
-    lines = (lanelets[left].right_marking, lanelets[right].left_marking)
-    return all(may_cross(line, leftwards=leftwards) for line in lines)
+    """Return whether the markings between two lanelets allow a lane change.
+
+    The first word of ``dashed_solid`` is the left half of the line.
+    """
+    closed = {*_NO_CROSSING, "dashed_solid" if leftwards else "solid_dashed"}
+    return closed.isdisjoint((lanelets[left].right_marking, lanelets[right].left_marking))
 
 
 def rules_of(
@@ -105,18 +174,28 @@ def rules_of(
     """Regulations by signs, priority at intersections, and lights, by ascending id of their element."""
     one_way = [i for i, lane in lanes.items() if lane.kind == "vehicle" and lane.reverse_of is None]
     driven = {i: lanelets[i] for i in one_way}
-    stop_lines = {i: lanelet.stop_line for i, lanelet in driven.items() if lanelet.stop_line is not None}
-    users = {s: tuple(i for i, lanelet in driven.items() if s in lanelet.signs) for s in signs}
-    lane_signs = {
-        i: tuple(sign for s in sorted(lanelet.signs) for sign in signs.get(s, ()))
-        for i, lanelet in driven.items()
-    }
-    rules = sign_regulations(signs, users, stop_lines)
-    rules += priority_regulations(_incoming(file, driven), lane_signs)
+
+    def stop_lines(users: Iterable[int]) -> tuple[FloatArray, ...]:
+        return tuple(line for i in users if (line := driven[i].stop_line) is not None)
+
+    rules = [*_priority_rules(file, driven, signs)]
+    for s, elements in signs.items():
+        lanes_of_sign = tuple(i for i, lanelet in driven.items() if s in lanelet.signs)
+        kind = next((_SIGN_KINDS[sign.name] for sign in elements if sign.name in _SIGN_KINDS), None)
+        if kind is not None and lanes_of_sign:
+            rules.append(
+                Regulation(
+                    element_id=s,
+                    kind=kind,
+                    lanes=lanes_of_sign,
+                    yielding=lanes_of_sign,
+                    stop_lines=stop_lines(lanes_of_sign),
+                    signs=tuple(sign.written for sign in elements),
+                )
+            )
     for light in file.elements("trafficLight"):
-        lit = tuple(i for i, lanelet in driven.items() if light in lanelet.lights)
-        lines = tuple(stop_lines[i] for i in lit if i in stop_lines)
-        if lit:
+        if lit := tuple(i for i, lanelet in driven.items() if light in lanelet.lights):
+            lines = stop_lines(lit)
             rules.append(
                 Regulation(
                     element_id=light, kind="traffic_light", lanes=lit, stop_lines=lines, lights=(light,)
@@ -125,13 +204,25 @@ def rules_of(
     return tuple(sorted(rules, key=lambda rule: (rule.element_id, rule.kind)))
 
 
-def _incoming(file: CommonRoadFile, driven: Lanelets) -> dict[int, list[tuple[int, ...]]]:
-    groups_of: dict[int, list[tuple[int, ...]]] = {}
-    for i, element in file.elements("intersection").items():
-        groups = [group.findall("incomingLanelet") for group in element.findall("incoming")]
-        refs = [[element_id(lanelet, "ref") for lanelet in group] for group in groups]
-        groups_of[i] = [tuple(ref for ref in group if ref is not None and ref in driven) for group in refs]
-    return groups_of
+def _priority_rules(file: CommonRoadFile, driven: Lanelets, signs: Signs) -> Iterator[Regulation]:
+    """Yield the right of way of incoming lanes with a priority sign over those without, by intersection."""
+    prior = {s for s, elements in signs.items() if any(sign.name in _PRIORITY_SIGNS for sign in elements)}
+    for intersection, element in file.elements("intersection").items():
+        priority: list[int] = []
+        rest: list[int] = []
+        for group in element.findall("incoming"):
+            refs = [element_id(lanelet, "ref") for lanelet in group.findall("incomingLanelet")]
+            lanes = [i for i in refs if i is not None and i in driven]
+            (rest if all(prior.isdisjoint(driven[i].signs) for i in lanes) else priority).extend(lanes)
+        yielding = tuple(i for i in rest if i not in priority)
+        if priority and yielding:
+            yield Regulation(
+                element_id=intersection,
+                kind="right_of_way",
+                lanes=(*yielding, *priority),
+                yielding=yielding,
+                priority=tuple(priority),
+            )
 
 
 def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
@@ -146,8 +237,8 @@ def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
         if lanelet.stop_line is not None:
             lines.setdefault(lanelet.stop_line.tobytes(), ("stop_line", "", lanelet.stop_line))
     return tuple(
-        Marking(line_id=number, kind=kind, subtype=subtype, points=points)
-        for number, (kind, subtype, points) in enumerate(lines.values(), start=1)
+        Marking(line_id=k, kind=kind, subtype=subtype, points=points)
+        for k, (kind, subtype, points) in enumerate(lines.values(), start=1)
     )
 
 

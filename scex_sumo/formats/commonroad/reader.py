@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import TypeAlias
 from xml.etree import ElementTree
 
-from scex_sumo.base.errors import MapError, MissingExtraError
+from scex_sumo.base.errors import MapError
+from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats.commonroad.file import CommonRoadFile, is_commonroad, open_commonroad
-from scex_sumo.formats.commonroad.lanelets import read_lanelets
+from scex_sumo.formats.commonroad.file import CommonRoadFile, is_commonroad, open_commonroad, read_lanelets
 from scex_sumo.formats.commonroad.lanes import (
+    Sign,
     drawn_areas,
     drawn_markings,
     driven_both_ways,
@@ -24,7 +25,6 @@ from scex_sumo.formats.commonroad.lanes import (
     rules_of,
     with_reverse,
 )
-from scex_sumo.formats.commonroad.rules import Sign
 from scex_sumo.formats.lane_links import Links, connected
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import overlapping
@@ -72,14 +72,10 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
 
 
 def _library() -> tuple[ReadSign, dict[str, set[str]]]:
-    try:
+    with extra_for("CommonRoad maps need commonroad-io", "formats"):
         from commonroad.common.common_lanelet import LaneletType, LineMarking, RoadUser
         from commonroad.common.reader.file_reader_xml import TrafficSignElementFactory
         from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
-    except ImportError as error:
-        raise MissingExtraError(
-            f"CommonRoad maps need commonroad-io ({error}); install it: pip install 'scex-sumo[formats]'"
-        ) from None
 
     def sign(element: ElementTree.Element, country: str) -> str:
         known = {c.value for c in SupportedTrafficSignCountry}

@@ -1,4 +1,4 @@
-"""Floating car data of a SUMO simulation as tracks: XML, packed or not, or Parquet."""
+"""Floating car data (XML, packed or not, or Parquet) and saved states of a SUMO simulation as tracks."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.errors import TrackError
+from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.naming import beginning, open_binary
+from scex_sumo.converters.net.reader import unpacked
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.check import MAX_VALUES
-from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows
-from scex_sumo.geometry.polylines import wrap
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable, track_table
+from scex_sumo.geometry.polylines import along, length_of, wrap
 from scex_sumo.scene import STEP_S
 
 # SUMO's own sizes of its vehicle classes, length and width in m, by a word in the name of the type.
@@ -49,6 +50,8 @@ _MAX = (
 _FILLED_FROM_S = 0.5  # longer steps are filled in here, because straight lines between them cut curves
 MIN_STEP_S, MAX_STEP_S = 0.001, 2.0
 ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
+
+NEAR_M = 0.01  # the direction of a lane is taken over this length
 
 
 def is_fcd(path: Path) -> bool:
@@ -90,8 +93,9 @@ def tracks_of(
     labels, track = np.unique(names, return_inverse=True)
     order = np.lexsort((table[:, 0], track))
     track, table = track[order].astype(np.int64), table[order]
-    words = np.array([_word(kind) for kind in kinds])[order]
-    step_s = _step(track, table[:, 0])
+    words = np.array([_word_and_size(kind)[0] for kind in kinds])[order]
+    steps = np.diff(table[:, 0])[np.diff(track) == 0]
+    step_s = float(np.median(steps)) if len(steps) else STEP_S
     if not MIN_STEP_S <= step_s <= MAX_STEP_S:
         limits = f"{MIN_STEP_S:g} to {MAX_STEP_S:g} s"
         raise TrackError(f"{path}: simulated in steps of {step_s:g} s, {limits} are read; simulate again")
@@ -100,19 +104,15 @@ def tracks_of(
         findings.append(f"simulated in steps of {step_s:g} s: filled in to {STEP_S:g} s along curves")
         step_s = STEP_S
     vehicle = ~np.isin(words, _OTHERS)
-    numbered = _numbers([str(label) for label in labels])
+    numbered = numbers_of([str(label) for label in labels])
     if any(str(number) != str(label) for number, label in zip(numbered, labels, strict=True)):
         findings.append("vehicles are numbered in the order of their names")
-    return (
-        TrackTable(
-            path=path,
-            cases=("",),
-            vehicles=_rows(track[vehicle], table[vehicle], words[vehicle], [str(n) for n in numbered]),
-            others=_rows(track[~vehicle], table[~vehicle], words[~vehicle], [str(x) for x in labels]),
-            step_s=step_s,
-        ),
-        tuple(findings),
-    )
+    number = np.where(vehicle, track, track + len(labels))  # a person may have the name of a vehicle
+    types = dict(zip(number[::-1].tolist(), words[::-1].tolist(), strict=True))  # that of the first row
+    of_track = [types.get(k, "") for k in range(2 * len(labels))]
+    both = [*map(str, numbered), *map(str, labels)]
+    tracks = track_table(path, vehicle, number, both, of_track, step_s=step_s, **_columns(table))
+    return tracks, tuple(findings)
 
 
 def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
@@ -127,13 +127,10 @@ def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
 
 def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
     unknown = np.isnan(table[:, 5:7])
-    guessed = np.array([_size(kind) for kind in kinds])
+    guessed = np.array([_word_and_size(kind)[1] for kind in kinds])
     table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
-    return (
-        ["vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"]
-        if unknown.any()
-        else []
-    )
+    said = "vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"
+    return [said] if unknown.any() else []
 
 
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
@@ -188,26 +185,15 @@ def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
     )
 
 
-def _size(kind: str) -> tuple[float, float]:
+def _word_and_size(kind: str) -> tuple[str, tuple[float, float]]:
     if kind == "pedestrian":
-        return _PERSON
-    said = kind.lower()
-    return next((size for word, size in _SIZES if word in said), _CAR)
+        return kind, _PERSON
+    word, size = next((entry for entry in _SIZES if entry[0] in kind.lower()), ("car", _CAR))
+    return _KINDS.get(word, word), size
 
 
-def _word(kind: str) -> str:
-    if kind == "pedestrian":
-        return kind
-    word = next((word for word, _ in _SIZES if word in kind.lower()), "car")
-    return _KINDS.get(word, word)
-
-
-def _step(track: IntArray, time: FloatArray) -> float:
-    step = np.diff(time)[np.diff(track) == 0]
-    return float(np.median(step)) if len(step) else STEP_S
-
-
-def _numbers(labels: list[str]) -> list[int]:
+def numbers_of(labels: list[str]) -> list[int]:
+    """Return the numbers of vehicles by their distinct names in order: the names, if all are numbers."""
     if all(label.isdecimal() for label in labels):
         return [int(label) for label in labels]
     return list(range(1, len(labels) + 1))
@@ -248,7 +234,7 @@ def _runs(track: IntArray, time: FloatArray, step_s: float) -> list[tuple[int, i
     return list(zip(begin.tolist(), [*begin[1:].tolist(), len(track)], strict=True))
 
 
-def _rows(track: IntArray, table: FloatArray, words: Any, labels: list[str]) -> TrackRows:
+def _columns(table: FloatArray) -> dict[str, Any]:
     # SUMO angles: 0 = north, clockwise; ours: 0 = east, counter-clockwise.
     heading = np.asarray(wrap(np.radians(90.0 - table[:, 3])))
     c, s = np.cos(heading), np.sin(heading)
@@ -263,9 +249,7 @@ def _rows(track: IntArray, table: FloatArray, words: Any, labels: list[str]) -> 
         table[:, 5],
         table[:, 6],
     )
-    types = dict(zip(track[::-1].tolist(), words[::-1].tolist(), strict=True))  # that of the first row
-    of_track = [types.get(number, "") for number in range(len(labels))]
-    return track_rows(track, labels, of_track, **dict(zip(FLOAT_COLUMNS, values, strict=True)))
+    return dict(zip(FLOAT_COLUMNS, values, strict=True))
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
@@ -273,3 +257,70 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
 
 
 FCD = Dataset(is_mine=is_fcd, read=_read)
+
+
+def read_state(path: str | Path, net: Path | None) -> tuple[TrackTable, tuple[str, ...]]:
+    """Read the vehicles of a saved state; positions count along the lanes of the simulated net.
+
+    Vehicles that wait to be inserted are left out.
+    """
+    path = Path(path)
+    if net is None:
+        raise TrackError(
+            f"{path}: a saved state counts along the lanes of its SUMO net; give that as the map"
+        )
+    try:
+        root, roads = (ElementTree.fromstring(unpacked(file)) for file in (path, net))
+        time_s = float(root.get("time", "nan"))
+        rows = list(_state_rows(root, roads, time_s))
+    except KeyError as error:
+        raise TrackError(
+            f"{path}: {error.args[0]} is not in {net}; give the net that was simulated"
+        ) from None
+    except (MapError, ElementTree.ParseError, ValueError, LookupError) as error:
+        raise TrackError(f"{path}: cannot be read as a saved state of SUMO: {error}") from None
+    if not rows:
+        raise TrackError(f"{path}: no vehicle on the road in it; save a state of a simulation with traffic")
+    names, kinds, table = zip(*rows, strict=True)
+    return tracks_of(path, names, kinds, np.array(table))
+
+
+def _state_rows(
+    root: ElementTree.Element, roads: ElementTree.Element, time_s: float
+) -> Iterator[tuple[str, str, list[float]]]:
+    kinds = {kind.get("id", ""): kind for kind in root.iter("vType")}
+    vehicles = {vehicle.get("id", ""): vehicle for vehicle in root.iter("vehicle")}
+    lanes = {lane.get("id", ""): lane for lane in roads.iter("lane")}
+    for lane in root.iter("lane"):
+        for on in lane.iter("vehicles"):
+            for name in on.get("value", "").split():
+                vehicle = vehicles[name]
+                kind = kinds.get(vehicle.get("type", ""), ElementTree.Element("vType"))
+                angle, speed = (float(vehicle.get(key, "").split()[0]) for key in ("angle", "speed"))
+                x, y = _place(lanes[lane.get("id", "")], vehicle)
+                sizes = [float(kind.get(key, "nan")) for key in ("length", "width")]
+                word = kind.get("vClass", vehicle.get("type", ""))
+                yield name, word, [time_s, x, y, angle, speed, *sizes]
+
+
+def _place(lane: ElementTree.Element, vehicle: ElementTree.Element) -> tuple[float, float]:
+    shape = np.array([[float(v) for v in point.split(",")[:2]] for point in lane.get("shape", "").split()])
+    at = float(vehicle.get("pos", "").split()[0]) * length_of(shape) / float(lane.get("length", "nan"))
+    before, here, after = along(shape, at + np.array([-NEAR_M, 0.0, NEAR_M]))
+    ahead = (after - before) / max(float(np.hypot(*(after - before))), 1e-9)
+    x, y = here + float(vehicle.get("posLat", "0")) * np.array([-ahead[1], ahead[0]])
+    return float(x), float(y)
+
+
+def is_state(path: Path) -> bool:
+    """Whether a file is a saved state of a SUMO simulation, by its beginning."""
+    name = str(path).lower()
+    xml = name.endswith((".xml", ".xml.gz")) and not name.endswith((".net.xml", ".net.xml.gz"))
+    return xml and b"<snapshot" in beginning(path)
+
+
+def _read_saved(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    return read_state(paths[0], net)
+
+
+STATE = Dataset(is_mine=is_state, read=_read_saved)

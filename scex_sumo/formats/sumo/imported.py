@@ -67,10 +67,8 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise MapError(f"{path}: has a DOCTYPE, which could read other files; remove it")
     kind, options = ("opendrive", _OPENDRIVE) if _is_opendrive(path) else ("osm", _OPEN_STREET_MAP)
-    made_of = (
-        repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items()))).encode() + content
-    )
-    net = kept_net(path, made_of, lambda: _netconvert(path, kind, content, options))
+    made_with = repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items())))
+    net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, kind, content, options))
     try:
         road = read_sumo_road(net)
     except MapError as error:

@@ -9,8 +9,9 @@ import bisect
 import dataclasses
 from array import array
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 from xml.etree import ElementTree
@@ -21,7 +22,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.net.reader import net_root
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.sumo.fcd import tracks_of
+from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.imported import kept_net
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene
@@ -79,43 +80,29 @@ class Recorded:
         sizes = np.array([self.users[name][1:] for name in names]).reshape(-1, 2)
         table: FloatArray = np.column_stack([np.vstack(rows), sizes])
         tracks, findings = tracks_of(path, names, [self.users[name][0] for name in names], table)
-        numbers = dict(zip(tracks.vehicles.labels, _names_in_order(tracks, names), strict=True))
-        complete = _Completion(dataclasses.replace(self, frames=deque()), path, numbers)
+        ordered = np.unique(names).tolist()
+        simulated = dict(zip(map(str, numbers_of(ordered)), ordered, strict=True))
+        complete = partial(_completed, dataclasses.replace(self, frames=deque()), path, simulated)
         return dataclasses.replace(tracks, complete=complete), (*self.notes, *findings)
 
 
-def _names_in_order(tracks: TrackTable, names: Iterable[str]) -> list[str]:
-    """Return the names of the vehicles as simulated, in the order of their labels."""
-    ordered = np.unique(list(names)).tolist()
-    if all(name.isdecimal() for name in ordered):
-        return list(tracks.vehicles.labels)
-    return [ordered[int(label) - 1] for label in tracks.vehicles.labels]
-
-
-@dataclass(frozen=True, eq=False)
-class _Completion:
-    """Completes a seed scene: lights in their phases, names of vehicles, notes on absent ones."""
-
-    recorded: Recorded
-    path: Path
-    names: Mapping[str, str]
-
-    def __call__(self, scene: SeedScene) -> SeedScene:
-        time_s, notes = scene.time_s, list[str]()
-        road, held = with_lights(scene.road, self.recorded, time_s)
-        absent = [entry for entry in self.recorded.absent if abs(entry[0] - time_s) < STEP_S / 2]
-        for _, teleporting, parked, waiting in absent[:1]:
-            if teleporting:
-                notes.append(f"vehicles that teleport at this moment are left out: {listed(teleporting)}")
-            if parked:
-                notes.append(f"vehicles that are parked are left out: {listed(parked)}")
-            if waiting:
-                notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
-        if held:
-            notes.append(f"traffic lights that keep their present state in the futures: {listed(held)}")
-        vehicles = {str(track): self.names[str(track)] for track in scene.track_ids}
-        source = {"kind": "simulation", "simulation": str(self.path), "time_s": time_s, "vehicles": vehicles}
-        return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
+def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: SeedScene) -> SeedScene:
+    """Complete a seed scene: lights in their phases, names of vehicles, notes on absent ones."""
+    time_s, notes = scene.time_s, list[str]()
+    road, held = with_lights(scene.road, recorded, time_s)
+    absent = [entry for entry in recorded.absent if abs(entry[0] - time_s) < STEP_S / 2]
+    for _, teleporting, parked, waiting in absent[:1]:
+        if teleporting:
+            notes.append(f"vehicles that teleport at this moment are left out: {listed(teleporting)}")
+        if parked:
+            notes.append(f"vehicles that are parked are left out: {listed(parked)}")
+        if waiting:
+            notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
+    if held:
+        notes.append(f"traffic lights that keep their present state in the futures: {listed(held)}")
+    vehicles = {str(track): names[str(track)] for track in scene.track_ids}
+    source = {"kind": "simulation", "simulation": str(path), "time_s": time_s, "vehicles": vehicles}
+    return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
 
 
 class Recorder:

@@ -1,23 +1,29 @@
-"""SUMO configuration as a map and a recording: SUMO simulates the user's own scenario."""
+"""SUMO configuration as a map and a recording: SUMO simulates the user's own scenario, and writes no file."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Sequence
+import re
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+from xml.parsers import expat
 
 from scex_sumo.base.errors import MapError, SimulationError, TrackError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.programs import program, user_sumo
-from scex_sumo.converters.naming import map_name
+from scex_sumo.base.programs import checked_path, environment, program, user_sumo
+from scex_sumo.converters.naming import map_name, open_binary
+from scex_sumo.converters.net.allowed import allowed_content
+from scex_sumo.converters.net.reader import unpacked
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.extrapolation.workers import in_other_process
 from scex_sumo.formats.sumo.net import read_sumo_road
-from scex_sumo.formats.sumo.private import PrivateRun, net_of
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
@@ -27,6 +33,160 @@ _QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-vali
 SUBLANE = "the sublane model simulated it; futures with SUMO drivers keep to the middle of their lanes"
 
 Window = tuple[float | None, float | None]
+
+NET, ROUTES, ADDITIONAL, STATE = "net-file", "route-files", "additional-files", "load-state"
+_INPUTS = (NET, ROUTES, ADDITIONAL, STATE, "weight-files", "device.fcd-replay.files", "phemlight-path")
+_LEFT_OUT = ("configuration", "output", "report", "traci_server", "gui_only", "ssm_device")
+_WRITERS = ("file", "output", "dest")  # attributes that name a file to write
+_READERS = {"include": "href", "rerouter": "file", "variableSpeedSign": "file"}  # that name one to read
+_NOWHERE = "NUL"  # SUMO's own word for an output that is not written
+
+
+def options_of(config: Path) -> dict[str, str]:
+    """Read the options of a ``.sumocfg``, by the names in the file.
+
+    Raises:
+        MapError: it cannot be read as a configuration.
+    """
+    try:
+        root = ElementTree.fromstring(unpacked(config))
+    except (MapError, ElementTree.ParseError, LookupError, ValueError) as error:
+        raise MapError(f"{config}: cannot be read as a SUMO configuration: {error}") from None
+    if root.tag == "net":
+        raise MapError(f"{config}: a SUMO net, no configuration; name it NAME.net.xml")
+    options = {}
+    for element in root.iter():
+        value = element.get("value", element.get("v", "" if len(element) else (element.text or "").strip()))
+        if value and element is not root:
+            options[element.tag] = value
+    return options
+
+
+def net_of(config: Path) -> Path:
+    """Return the path of the net of a ``.sumocfg``."""
+    options = options_of(config)
+    given = next((options[name] for name in (NET, "net", "n") if name in options), None)
+    if given is None:
+        raise MapError(f"{config}: no <net-file> in it; give the configuration of a simulation")
+    return _files(config, given)[0]
+
+
+class PrivateRun:
+    """Options with which SUMO runs a configuration and writes no file.
+
+    Outputs, logs, ports and windows are left out by SUMO's own list of options. Files that name outputs
+    (detectors, probes, calibrators, devices) are copied without them into ``folder``.
+
+    Attributes:
+        options: words of the command line.
+    """
+
+    def __init__(self, config: Path, folder: Path, binary: str) -> None:
+        """Read the configuration and its files."""
+        self._folder = folder
+        self._safe: dict[Path, Path] = {}
+        known = _known_options(binary)
+        given: dict[str, str] = {}
+        for name, value in options_of(config).items():
+            option, section, kind = known.get(name, (name, "", ""))
+            if option in _INPUTS:
+                files = [self._input(option, file) for file in _files(config, value)]
+                given[option] = ",".join(map(checked_path, files))
+            elif (
+                section not in _LEFT_OUT and kind != "FILE" and not re.search(r"output|\.file$|^osg-", option)
+            ):
+                given[option] = value
+        if NET not in given:
+            raise MapError(f"{config}: no <net-file> in it; give the configuration of a simulation")
+        self.options = [word for name, value in given.items() for word in (f"--{name}", value)]
+
+    def _input(self, option: str, file: Path) -> Path:
+        if not file.exists():
+            raise MapError(f"{file}: no such file; the configuration names it as <{option}>")
+        if option == NET:
+            content, left_out = allowed_content(file)
+            return self._copy(file, content) if left_out else file
+        return self._safe_file(file) if option in (ROUTES, ADDITIONAL, STATE) else file
+
+    def _safe_file(self, file: Path) -> Path:
+        """Return the file, or a copy of it without outputs."""
+        file = file.resolve()
+        if file not in self._safe:
+            self._safe[file] = file  # an include that leads back to this file
+            if _names_files(file):
+                root = ElementTree.fromstring(unpacked(file))
+                for element in root.iter():
+                    self._make_safe(file, element)
+                self._safe[file] = self._copy(file, ElementTree.tostring(root, encoding="utf-8"))
+        return self._safe[file]
+
+    def _make_safe(self, file: Path, element: Element) -> None:
+        for child in [child for child in element if _is_output_parameter(child.tag, child.attrib)]:
+            element.remove(child)
+        reads = _READERS.get(element.tag)
+        if reads is not None and element.get(reads):
+            inner = file.parent / _expanded(element.attrib[reads])
+            if not inner.exists():
+                raise MapError(f"{inner}: no such file; {file} names it in <{element.tag}>")
+            element.set(reads, str(self._safe_file(inner)))
+        for name in _WRITERS:
+            if name in element.attrib and name != reads:
+                element.set(name, _NOWHERE)
+
+    def _copy(self, file: Path, content: bytes) -> Path:
+        copy = self._folder / f"{len(list(self._folder.iterdir()))}_{file.name.removesuffix('.gz')}"
+        copy.write_bytes(content)
+        return copy
+
+
+def _known_options(binary: str) -> dict[str, tuple[str, str, str]]:
+    """Return name, section and type of SUMO's options by each of their names."""
+    command = [binary, "--save-template", "-"]
+    done = subprocess.run(command, capture_output=True, env=environment(), check=False)
+    known = {}
+    try:
+        for section in ElementTree.fromstring(done.stdout):
+            for option in section:
+                for name in (option.tag, *option.get("synonymes", "").split()):
+                    known[name] = (option.tag, section.tag, option.get("type", ""))
+    except ElementTree.ParseError:
+        raise SimulationError(f"{binary}: does not list its options; install SUMO again") from None
+    return known
+
+
+def _files(config: Path, value: str) -> list[Path]:
+    names = [name.strip() for name in re.split("[,;]", value) if name.strip()]
+    return [(config.parent / _expanded(name)).absolute() for name in names]
+
+
+def _expanded(name: str) -> str:
+    return os.path.expandvars(name) if "${" in name else name
+
+
+def _is_output_parameter(tag: str, attributes: Mapping[str, str]) -> bool:
+    return tag == "param" and re.search("(?i)file|output", attributes.get("key", "")) is not None
+
+
+def _names_files(file: Path) -> bool:
+    """Whether a file of SUMO's names a file to write, or to read besides."""
+    found = False
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal found
+        found |= tag in _READERS or _is_output_parameter(tag, attributes)
+        found |= any(name in attributes for name in _WRITERS)
+
+    def refuse(*_: object) -> None:
+        raise MapError(f"{file}: has a DOCTYPE, which could read other files; remove it")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = start, refuse
+    try:
+        with open_binary(file) as stream:
+            parser.ParseFile(stream)
+    except (OSError, EOFError, expat.ExpatError) as error:
+        raise MapError(f"{file}: cannot be read: {error}; SUMO needs XML here") from None
+    return found
 
 
 def is_scenario(path: Path) -> bool:

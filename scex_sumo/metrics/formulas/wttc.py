@@ -2,6 +2,10 @@
 
 The reach of a vehicle is a disc through its corners that moves at the present velocity and grows by half the
 largest acceleration times t². WTTC is the time at which two discs touch.
+
+WTTC of outlines has rectangles that keep their headings. It is the first t at which the distance of the
+rectangles is ½ A t². The distance is convex in t, so the time at which its tangent meets the parabola is
+never late.
 """
 
 from __future__ import annotations
@@ -9,10 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.geometry.rectangles import separated
+from scex_sumo.metrics.formulas.distance import MARGIN, OutlinePairs, in_chunks, outline_pairs
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MAX_ITERATIONS = 100  # a double root converges by one bit per iteration; anything else within about ten
 TOLERANCE = 4e-16
+TOLERANCE_S = 1e-12  # of outlines
 CHUNK = 1 << 14  # pairs at a time: fits the processor's cache
 
 
@@ -181,3 +188,129 @@ def _times(scenes: Scenes) -> FloatArray:
         acceleration=np.broadcast_to(limit[first] + limit[second], shape).reshape(-1),
     )
     return time.reshape(shape)
+
+
+def worst_time_of_outlines(pairs: OutlinePairs, acceleration: FloatArray) -> FloatArray:
+    """Compute the smallest t >= 0 at which two outlines are no farther apart than ½ A t², (N,) s.
+
+    A is the sum of both largest accelerations, m/s². 0 on overlap; inf if the outlines never touch. Source:
+    Wachenfeld et al. 2016, with outlines instead of circles.
+    """
+    time = np.zeros(pairs.dx.shape)
+    active = np.arange(time.size)
+    for _ in range(MAX_ITERATIONS):
+        distance, slope = _distance_at(pairs, time[active])
+        now, limit = time[active], acceleration[active]
+        spare = distance - 0.5 * limit * now * now
+        step = _tangent_meets_parabola(spare, slope - limit * now, limit)
+        going = (distance > 0) & (spare > 0) & (step > TOLERANCE_S)
+        time[active] = np.where(going, now + step, now)
+        keep = np.flatnonzero(going & np.isfinite(step))
+        if keep.size == 0:
+            break
+        if keep.size < active.size:
+            active, pairs = active[keep], pairs.take(keep)
+    return time
+
+
+def _distance_at(pairs: OutlinePairs, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    cos_1, sin_1, cos_2, sin_2 = pairs.cos_1, pairs.sin_1, pairs.cos_2, pairs.sin_2
+    dx, dy = pairs.dx + pairs.dvx * time, pairs.dy + pairs.dvy * time
+    cos, sin = cos_1 * cos_2 + sin_1 * sin_2, cos_1 * sin_2 - sin_1 * cos_2
+    x_1, y_1 = dx * cos_1 + dy * sin_1, dy * cos_1 - dx * sin_1
+    x_2, y_2 = dx * cos_2 + dy * sin_2, dy * cos_2 - dx * sin_2
+    own, other = pairs.own, pairs.other
+    square_1, ax, ay = _corner_to_box(x_1, y_1, cos, sin, *other, *own)
+    square_2, bx, by = _corner_to_box(x_2, y_2, cos, -sin, *own, *other)
+    apart = separated(x_1, y_1, cos, sin, *other, *own) | separated(x_2, y_2, cos, sin, *own, *other)
+    from_1 = square_1 <= square_2
+    # from the first outline to the second one, in the map's frame
+    wx = np.where(from_1, ax * cos_1 - ay * sin_1, bx * cos_2 - by * sin_2)
+    wy = np.where(from_1, ax * sin_1 + ay * cos_1, bx * sin_2 + by * cos_2)
+    distance = np.where(apart, np.sqrt(np.minimum(square_1, square_2)), 0.0)
+    safe = np.where(distance > 0, distance, 1.0)
+    slope = np.where(distance > 0, (wx * pairs.dvx + wy * pairs.dvy) / safe, 0.0)
+    return distance, slope
+
+
+def _corner_to_box(
+    x: FloatArray,
+    y: FloatArray,
+    cos: FloatArray,
+    sin: FloatArray,
+    half_length: FloatArray,
+    half_width: FloatArray,
+    box_length: FloatArray,
+    box_width: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    along, across = (half_length * cos, half_length * sin), (-half_width * sin, half_width * cos)
+    best = np.full(np.shape(x), np.inf)
+    vector_x, vector_y = np.zeros(np.shape(x)), np.zeros(np.shape(x))
+    for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        px, py = x + a * along[0] + b * across[0], y + a * along[1] + b * across[1]
+        px -= np.clip(px, -box_length, box_length)
+        py -= np.clip(py, -box_width, box_width)
+        square = px * px + py * py
+        nearer = square < best
+        np.copyto(best, square, where=nearer)
+        np.copyto(vector_x, px, where=nearer)
+        np.copyto(vector_y, py, where=nearer)
+    return best, vector_x, vector_y
+
+
+def _tangent_meets_parabola(spare: FloatArray, slope: FloatArray, limit: FloatArray) -> FloatArray:
+    root = np.sqrt(np.maximum(slope * slope + 2 * limit * spare, 0.0))
+    closing = root - slope
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Two forms of the same root, each free of cancellation on its side of slope = 0.
+        step = np.where(slope < 0, 2 * spare / closing, (root + slope) / limit)
+    return np.where((limit == 0) & (slope >= 0), np.inf, step)
+
+
+def wttc_path(scenes: Scenes) -> Samples:
+    """Compute the WTTC of the outlines of all pairs, s."""
+    return scenes.of_all_pairs(_worst_times)
+
+
+def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
+    limit = scenes.max_acceleration
+
+    def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
+        one, two = (side[pair] for side in scenes.pairs)
+        both = scenes.size_of(limit, one, scene) + scenes.size_of(limit, two, scene)
+        return worst_time_of_outlines(outline_pairs(scenes, pair, scene), both)
+
+    return in_chunks(pair, scene, of_chunk)
+
+
+def least_wttc_path(scenes: Scenes) -> Samples:
+    """Compute the WTTC of the outlines of the pairs that can have the shortest one of their scene, s.
+
+    Along the line of the centres, the outlines approach no faster than their extents: a lower bound. Only
+    pairs with a bound below the time of the likeliest pair can be faster.
+    """
+    bound = scenes.of_pairs(_lower_bounds)
+    if not bound.size:
+        return scenes.unordered(bound)
+    scene = np.arange(scenes.count)
+    likely = bound.argmin(axis=0).reshape(-1)
+    first = scenes.at_pairs(_worst_times, likely, scene)
+    limit = np.where(scenes.both_present.any(axis=0).reshape(-1), first, -1.0)
+    close: BoolArray = scenes.both_present & (bound <= limit.reshape(scenes.shape) + MARGIN)
+    return scenes.of_some_pairs(_worst_times, close)
+
+
+def _lower_bounds(scenes: Scenes) -> FloatArray:
+    first, second = scenes.pairs
+    apart = np.where(scenes.distance > 0, scenes.distance, 1.0)
+    nx, ny = scenes.dx / apart, scenes.dy / apart
+    near, closing = scenes.distance.copy(), np.zeros(nx.shape)
+    for side, sign in ((first, -1.0), (second, 1.0)):
+        along = nx * scenes.cos[side] + ny * scenes.sin[side]
+        across = ny * scenes.cos[side] - nx * scenes.sin[side]
+        near -= scenes.length[side] / 2 * np.abs(along) + scenes.width[side] / 2 * np.abs(across)
+        closing += sign * along * scenes.speed[side]
+    limit = scenes.max_acceleration
+    both = np.broadcast_to(limit[first] + limit[second], near.shape)
+    least = _tangent_meets_parabola(np.maximum(near, 0.0), closing, both)
+    return np.where(scenes.both_present, np.where(near > 0, least, 0.0), np.inf)

@@ -18,7 +18,7 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.converters.datasets.moment import find_moments
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.exact.tables import InfluenceTable
-from scex_sumo.reports.page.html import BASE, Html, element, page_html
+from scex_sumo.reports.page.html import BASE, Html, element, page_html, plain_table
 from scex_sumo.reports.run_table import counted, expected_injuries
 from scex_sumo.results.run import Run
 from scex_sumo.scene import STEP_S
@@ -108,10 +108,6 @@ def _probability(run: Run) -> dict[str, str]:
 def _encounters(run: Run) -> Html:
     heads = ("pair", "P", "collides exactly if", "Δv [m/s]", "P(MAIS 3+)", "class", "avoidable by braking")
     rows = [row for row in run.encounters.to_pylist() if row["collision"] > 0]
-    lines = [
-        element("tr", *(element("td.words" if k in (2, 5) else "td", text) for k, text in enumerate(cells)))
-        for cells in (_encounter(run, row) for row in rows[:_WORST])
-    ]
     more = len(rows) - _WORST
     about = (
         f"and {counted(more, 'more pair')}" if more > 0 else "" if rows else "No pair collides in any future."
@@ -119,11 +115,7 @@ def _encounters(run: Run) -> Html:
     return element(
         "section",
         element("h2", "Worst encounters (hazardous events, 6.4)"),
-        element(
-            "table",
-            element("thead", element("tr", *(element("th", head) for head in heads))),
-            element("tbody", *lines),
-        ),
+        plain_table(heads, (_encounter(run, row) for row in rows[:_WORST]), words=(2, 5)),
         element("p.soft", about),
     )
 
@@ -135,15 +127,14 @@ def _encounter(run: Run, row: Mapping[str, Any]) -> tuple[str, ...]:
     changes, risks = (
         [_median(hits, name, track) for track in (one, other)] for name in ("delta_v", "p_mais3")
     )
-    ways = [] if found.table is None else found.table.in_words()
-    rest = f"; or in {len(ways) - _WAYS} more ways" if len(ways) > _WAYS else ""
+    ways = "" if found.table is None else found.table.told(_WAYS)
     faults = [_fault(hit) for hit in hits]
     often = max(sorted(set(faults)), key=faults.count) if faults else "undecided"
     braked = None if found.table is None else avoidable(found.table, (one, other))
     return (
         f"{one} → {other}",
         f"{found.probability():.2%}" + ("" if found.table is not None else " (sampled)"),
-        ("; or ".join(ways[:_WAYS]) + rest) if ways else "sampled",
+        ways or "sampled",
         " / ".join("–" if change is None else f"{change:.1f}" for change in changes),
         " / ".join("–" if risk is None else f"{risk:.1%}" for risk in risks),
         f"{row['kind']}, {often}",

@@ -1,8 +1,10 @@
-"""Report of a run: ``report.html`` in its result folder, with cards of what only some runs have."""
+"""Report of a run: ``report.html`` in its result folder, its body, and cards of what only some runs have."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -10,18 +12,19 @@ import numpy as np
 from scex_sumo.base.files import write_atomic
 from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
-from scex_sumo.reports.page.body import run_body
 from scex_sumo.reports.page.charts import line_legend, metric_title, ticks, value_range
 from scex_sumo.reports.page.contents import report_contents
-from scex_sumo.reports.page.html import BASE, Html, element, page_html
+from scex_sumo.reports.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.reports.page.study import card, table, table_place
+from scex_sumo.reports.run_table import counted
 from scex_sumo.reports.under_test_table import HEADS, under_test_rows
 from scex_sumo.results.run import Run
 from scex_sumo.results.under_test import Driven
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import STEP_S, SeedScene
 
 REPORT = "report.html"
 TABLE = "under-test"
+_WARNING = "warning: "
 _KINDS: dict[Driven, str] = {"under_test": "picked", "baseline": "drawn"}
 SCRIPTS = (
     *BASE,
@@ -133,3 +136,99 @@ def exact_card(run: Run) -> list[Html]:
             id="exact",
         )
     ]
+
+
+def run_body(info: Mapping[str, Any], *cards: Html) -> str:
+    """Return the body from the info of `report_contents`, with more cards before the notes."""
+    place = info["location"] if info["location"] != info["name"] else ""
+    about = [
+        counted(len(info["track_ids"]), "vehicle"),
+        counted(info["children"], "future"),
+        f"{info['steps'] * STEP_S:.1f} s ahead",
+        place,
+    ]
+    notes = info["notes"]
+    warnings = [note.removeprefix(_WARNING) for note in notes if note.startswith(_WARNING)]
+    return Template(asset("report.html")).substitute(
+        name=element("span", info["name"]),
+        about=joined(" · ".join(part for part in about if part)),
+        warnings=_note_card("Warnings", warnings),
+        verdict=joined(_collision_card(info), _encounter_card(info), _share_card(info)),
+        recorded="" if info["has_recorded"] else " hidden",
+        notes=joined(*cards, _note_card("Notes", [n for n in notes if not n.startswith(_WARNING)])),
+        foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
+    )
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, small ones with one decimal."""
+    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
+
+
+def _collision_card(info: Mapping[str, Any]) -> Html:
+    share, likely = info["collision"], info["likely_collisions"]
+    if share is None:
+        words = element("p.soft", "not in this result; run it again")
+        return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
+    parts = [_big(share, "stress test", "driven as any of the models", "p-collision", "drawn")]
+    if likely is not None:
+        parts.append(
+            _big(likely, "human-like", "driven as people were recorded", "likely-collision", "likely")
+        )
+    return element("div.card", element("h2", "P(collision)"), element("div.sets", *parts))
+
+
+def _big(share: Mapping[str, Any], what: str, how: str, name: str, kind: str) -> Html:
+    exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
+    value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
+    seen = f"{share['count']} of {counted(share['children'], 'future')}"
+    words = f"{seen}; 95 %: {interval}" if exact is None else f"exact; sampled: {seen}, {interval}"
+    if rare := share["rare"]:
+        value, words = rare["short"], f"{rare['words']}; drawn plainly: {seen}"
+    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
+    hurt = share["injuries"]
+    severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
+    counts = element("span", words, id=f"{name}-words", title=words)
+    return element(
+        "div", number, element("p.soft", element(f"b.{kind}", what), f", {how}: ", counts, *severe)
+    )
+
+
+def _share_card(info: Mapping[str, Any]) -> Html:
+    about = element("p.soft", _recorded_words(info["metrics"]))
+    whoever = f"Always so in this traffic: {', '.join(info['always'])}."
+    always = [element("p", whoever)] if info["always"] else []
+    always += [element("p", f"{info['above'][:1].upper()}{info['above'][1:]}.")] if info["above"] else []
+    return element("div.card", element("h2", "P(critical)"), element("div", id="shares"), about, *always)
+
+
+def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
+    judged = [m for m in metrics if None not in (m["recorded"], m["threshold"]) and not m["mean"]]
+    if not judged:
+        return "What really happened was not recorded."
+    names = [
+        f"{m['name']} {m['sign']} {m['threshold']:.3g} {m['unit']}".rstrip()
+        for m in judged
+        if (m["recorded"] <= m["threshold"] if m["side"] == "left" else m["recorded"] >= m["threshold"])
+    ]
+    return (
+        f"The recorded future had {', '.join(names)}." if names else "The recorded future was not critical."
+    )
+
+
+def _encounter_card(info: Mapping[str, Any]) -> Html:
+    is_critical = any(row["worst"] for row in info["encounters"]["rows"])
+    about = "A vehicle hits or follows → another; how, where, when; share of all futures; drivers."
+    parts = [
+        element("p.soft", about if is_critical else "No pair of vehicles has a critical encounter."),
+        element("ol", id="worst-encounters"),
+    ]
+    parts += [element("p", info["tested"])] if info["tested"] else []
+    return element("div.card", element("h2", "Worst encounters"), *parts)
+
+
+def _note_card(title: str, notes: Sequence[str]) -> Html:
+    if not notes:
+        return Html()
+    lines = element("ul", *(element("li", note) for note in notes), id=title.lower())
+    return element("section.card", element("h2", title), lines)

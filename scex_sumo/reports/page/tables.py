@@ -181,15 +181,12 @@ def _story(one: Meeting, human: Run | None) -> dict[str, Any]:
     drivers = [
         f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
     ]
-    ways = [] if table is None else table.in_words()
-    more = f"; or in {len(ways) - _WAYS} more ways" if len(ways) > _WAYS else ""
+    ways = "" if table is None else table.told(_WAYS)
     return {
         "question": question,
         "happens": happens,
         "about": ", ".join(part for part in (one.row["kind"], one.row["place"]) if part),
-        "why": f"exactly if {'; or '.join(ways[:_WAYS])}{more}"
-        if ways
-        else f"typically {', '.join(drivers)}",
+        "why": f"exactly if {ways}" if ways else f"typically {', '.join(drivers)}",
         "exact": "" if table is None else f"{100 * table.probability():.4g} %",
         "rare": pair and {"value": pair.value, "low": pair.low, "high": pair.high},
     }

@@ -49,7 +49,8 @@ def compare_command(
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.studies.compare.compare import KINDS, comparable, compare, comparison_lines, group_runs
+    from scex_sumo.studies.compare.compare import KINDS, comparable, compare, group_runs
+    from scex_sumo.studies.compare.page import comparison_lines
 
     if distance not in KINDS:
         raise UsageError(f"--distance: unknown distance {distance!r}; known: {', '.join(KINDS)}")

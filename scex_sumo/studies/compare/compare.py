@@ -1,12 +1,11 @@
 """Compare runs by the densities of their metrics: by the values, and by how often they are defined.
 
-Lines and a table of the comparison. Formulas: docs/compare.md.
+Axes are R (run), C (child), M (metric). Formulas: docs/compare.md.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias, get_args
 
@@ -15,23 +14,115 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError, ResultError, UsageError
-from scex_sumo.metrics.registry import metric_of
 from scex_sumo.results.design import column_of
 from scex_sumo.results.run import Run
-from scex_sumo.studies.distances import (
-    Columns,
-    Scale,
-    jensen_shannon_distances,
-    pooled_scale,
-    wasserstein_distances,
-)
+from scex_sumo.statistics.density import BANDWIDTH, density
 
 Kind: TypeAlias = Literal["w1", "jsd"]
 
 KINDS: Final[tuple[str, ...]] = get_args(Kind)
 FEW_CHILDREN: Final = 30
-MAX_IN_MATRIX = 20  # runs whose matrix fits a terminal of 110 characters
-MAX_PAIRS = 15
+
+Columns: TypeAlias = Sequence[FloatArray]
+"""One metric in all runs: R arrays (C,), NaN in the children where it is undefined; inf is a value."""
+
+SPREAD: Final = (0.1, 0.9)  # pooled quantiles between which the middle of all values lies
+FENCE: Final = 1.0  # spreads beyond those quantiles at which a value no longer moves a distance
+
+_LARGEST = 1e300  # larger values count as this one: differences stay finite
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """Unit of one metric, from the values of all runs together.
+
+    Attributes:
+        unit: 1 of distance, in the metric's unit; positive.
+        middle: pooled median; stands for undefined values.
+        low: lower values count as this one.
+        high: higher values, also inf, count as this one.
+    """
+
+    unit: float
+    middle: float
+    low: float
+    high: float
+
+    def place(self, column: FloatArray) -> FloatArray:
+        """Return values (C,) within the fences in units of the scale; undefined ones lie at the middle."""
+        known = np.where(np.isnan(column), self.middle, column)
+        return (np.clip(known, self.low, self.high) - self.middle) / self.unit
+
+
+def pooled_scale(columns: Columns) -> Scale:
+    """Return the scale of a metric from the finite values of all runs, each run with the same weight.
+
+    The unit is the width of the middle 80 % of the values. The fences lie one unit beyond it.
+    """
+    finite = [np.clip(column[np.isfinite(column)], -_LARGEST, _LARGEST) for column in columns]
+    pool = np.concatenate(finite)
+    if pool.size == 0:
+        return Scale(unit=1.0, middle=0.0, low=-1.0, high=1.0)
+    weight = np.concatenate([np.full(v.size, 1 / v.size) for v in finite if v.size])
+    low, middle, high = _quantiles(pool, weight, (SPREAD[0], 0.5, SPREAD[1]))
+    if low == high:
+        low, high = float(pool.min()), float(pool.max())
+    unit = high - low if high > low else 1.0
+    return Scale(unit=unit, middle=middle, low=low - FENCE * unit, high=high + FENCE * unit)
+
+
+def wasserstein_distances(columns: Columns, scale: Scale) -> FloatArray:
+    """Return the Wasserstein-1 distances (R, R) of one metric in units of its scale.
+
+    Every child counts, so the triangle inequality holds.
+    """
+    placed = [np.sort(scale.place(column)) for column in columns]
+    at = np.unique(np.concatenate(placed))
+    shares = np.stack([np.searchsorted(p, at, side="right") / p.size for p in placed])
+    width = np.diff(at)
+    areas = np.zeros((len(placed), len(placed)))
+    for r in range(len(placed) - 1):
+        areas[r, r + 1 :] = np.abs(shares[r + 1 :, :-1] - shares[r, :-1]) @ width
+    return areas + areas.T
+
+
+def jensen_shannon_distances(columns: Columns, bandwidth: float = BANDWIDTH) -> FloatArray:
+    """Return the square roots (R, R) of the Jensen-Shannon divergences (base 2) of one metric.
+
+    0 for equal, 1 for disjoint densities. Undefined and infinite values are classes of their own.
+
+    Source: Endres and Schindelin 2003.
+    """
+    finite = [column[np.isfinite(column)] for column in columns]
+    pool = np.concatenate(finite)
+    grid = density(pool, bandwidth).x if pool.size else np.empty(0)
+    masses = np.zeros((len(columns), grid.size + 3))
+    for row, column, values in zip(masses, columns, finite, strict=True):
+        if values.size:
+            heights = density(values, bandwidth, x=grid).pdf
+            row[: grid.size] = heights / heights.sum() * (values.size / column.size)
+        classes = (np.isnan(column), column == np.inf, column == -np.inf)
+        row[grid.size :] = [np.count_nonzero(which) / column.size for which in classes]
+    entropy = _entropy(masses)
+    divergence = np.zeros((len(columns), len(columns)))
+    for r in range(len(columns) - 1):
+        others = masses[r + 1 :]
+        divergence[r, r + 1 :] = _entropy((others + masses[r]) / 2) - (entropy[r + 1 :] + entropy[r]) / 2
+    # Differences of entropies leave 1e-16 where nothing differs, and its root would be 1e-8.
+    divergence = np.where(divergence < 1e-14, 0.0, np.minimum(divergence, 1.0))
+    return np.asarray(np.sqrt(divergence + divergence.T))
+
+
+def _quantiles(values: FloatArray, weight: FloatArray, levels: Sequence[float]) -> list[float]:
+    # Runs given in another order must find the same value, and sums in another order round differently.
+    at, group = np.unique(values, return_inverse=True)
+    share = np.cumsum(np.bincount(group, weight)) / weight.sum()
+    return [float(at[min(int(np.searchsorted(share, q - 1e-9)), at.size - 1)]) for q in levels]
+
+
+def _entropy(masses: FloatArray) -> FloatArray:
+    logarithm = np.log2(masses, where=masses > 0, out=np.zeros_like(masses))
+    return np.asarray(-np.sum(masses * logarithm, axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -264,88 +355,6 @@ def silhouette(distance: FloatArray, groups: Sequence[Hashable]) -> FloatArray:
     larger = np.maximum(within, between)
     fit = np.divide(between - within, larger, where=larger > 0, out=np.zeros(len(groups)))
     return np.where(sizes[own] > 1, fit, 0.0)
-
-
-def comparison_lines(
-    runs: Sequence[Run], comparison: Comparison, grouping: Grouping, centre: int | None
-) -> Iterable[str]:
-    """Yield the lines that the terminal shows.
-
-    Args:
-        centre: the run whose neighbours are listed; None lists pairs, or the nearest run of each.
-    """
-    names, count = comparison.labels, len(runs)
-    about = f"{count} runs, distance {comparison.kind}: mean over {len(comparison.metrics)} metrics"
-    yield f"{about}; {comparison.unit}"
-    yield f"by chance alone, two runs of one seed scene differ by about {comparison.chance:.2f}"
-    told = [(label, run.p_collision) for label, run in zip(names, runs, strict=True) if run.outcomes]
-    if 0 < len(told) <= MAX_IN_MATRIX:
-        yield "P(collision), 95 % interval:"
-        wide = max(len(label) for label in names)
-        yield from (f"  {label:<{wide}} {p.value:6.1%}  {p.low:.1%} – {p.high:.1%}" for label, p in told)
-    yield ""
-    yield from _matrix(comparison, grouping)
-    if count > 2:
-        yield from _groups(comparison, grouping)
-    if centre is not None:
-        yield f"nearest to {names[centre]}:"
-        for place, other in enumerate(comparison.nearest(centre), 1):
-            yield f"  {place:>2}. {_pair(runs, comparison, centre, int(other))}"
-        return
-    if count * (count - 1) // 2 <= MAX_PAIRS:
-        yield "pairs, the most similar first, and what sets them apart most:"
-        i, j = np.triu_indices(count, 1)
-        for k in np.argsort(comparison.total[i, j], kind="stable"):
-            yield f"  {names[i[k]]} | {_pair(runs, comparison, int(i[k]), int(j[k]))}"
-        return
-    yield "nearest neighbours, and what sets them apart most:"
-    for run in grouping.order:
-        yield f"  {names[run]} > {_pair(runs, comparison, int(run), int(comparison.nearest(run)[0]))}"
-    most = Counter(comparison.apart(i, j)[0][0] for i in range(count) for j in range(i))
-    shares = ", ".join(f"{metric} {n}" for metric, n in most.most_common())
-    yield f"what sets the {sum(most.values())} pairs apart most: {shares}"
-
-
-def _matrix(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
-    order = [int(r) for r in grouping.order]
-    if len(order) > MAX_IN_MATRIX:
-        yield f"(the matrix of more than {MAX_IN_MATRIX} runs: -o FOLDER, distances.csv and compare.html)"
-        yield ""
-        return
-    wide = max(len(comparison.labels[r]) for r in order)
-    yield f"{'distance x 100':<{wide + 3}}" + "".join(f"{n:>4}" for n in range(1, len(order) + 1))
-    for row, run in enumerate(order):
-        cells = [f"{100 * comparison.total[run, other]:>4.0f}" for other in order[:row]]
-        yield f"{row + 1:>2} {comparison.labels[run]:<{wide}}{''.join(cells)}   ."
-    yield ""
-
-
-def _groups(comparison: Comparison, grouping: Grouping) -> Iterable[str]:
-    fit = float(grouping.silhouette.mean())
-    quality = f"mean silhouette {fit:.2f}" + (", not clearly apart" if fit < 0.25 else "")
-    yield f"{grouping.groups} groups (Ward, {quality}):"
-    for number in range(1, grouping.groups + 1):
-        members = [comparison.labels[r] for r in grouping.order if grouping.group[r] == number]
-        yield f"  {number}: {', '.join(members)}"
-    yield ""
-
-
-def _pair(runs: Sequence[Run], comparison: Comparison, run: int, other: int) -> str:
-    metric, distance = comparison.apart(run, other)[0]
-    line = f"{comparison.labels[other]}: {comparison.total[run, other]:.2f}"
-    if distance == 0:
-        return f"{line}; nothing sets them apart"
-    medians = " | ".join(_typical(runs[r], metric) for r in (run, other))
-    return f"{line}; {metric} {distance:.2f} (median {medians})"
-
-
-def _typical(run: Run, metric: str) -> str:
-    samples = run.samples(metric)
-    share = len(samples) / run.children
-    if share == 0:
-        return "undefined"
-    text = f"{np.median(samples):.2f} {metric_of(metric).column_unit}".rstrip()
-    return text if share == 1 else f"{text}, defined in {share:.0%}"
 
 
 def distances_table(comparison: Comparison) -> pa.Table:

@@ -12,12 +12,11 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.reports.page.charts import metric_title
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.study import Table, card, plots, table_place, write_study
+from scex_sumo.reports.page.study import Column, Table, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.studies.explain.effects import Condition
 from scex_sumo.studies.explain.explain import WORST_SHARE, Explanation, pair_of
-from scex_sumo.studies.tables import Column, page_table
 
 HTML = "explain.html"
 _CELL_PX = 26

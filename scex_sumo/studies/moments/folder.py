@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from scex_sumo.base.errors import ResultError, one_line
 from scex_sumo.base.files import replacing, write_atomic
-from scex_sumo.results.output_folder import OutputFolder, as_json
+from scex_sumo.results.folder import OutputFolder, as_json
 
 _FAILED = "failed"
 

@@ -15,7 +15,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ResultError
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.extrapolation.job import Job, parts_in_memory
+from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.results.folder import tracks_table
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
@@ -80,22 +80,22 @@ def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart | ExactSc
     job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
     if task.drawn is not None:
         return find_exact_score(job, task.drawn, task.settings.by)
-    parts = parts_in_memory(job, task.children)
-    pairs = [rows for part in parts for rows in critical_pairs(part, scene.track_ids)]
+    part = run_in_memory(job, task.children)
+    pairs = critical_pairs(part, scene.track_ids)
     kept = choose_kept(score_of(pairs, task.settings.by), task.settings.keep, task.spare)
-    children = np.concatenate([part.children for part in parts])
     table = children_table(
-        children,
+        part.children,
         columns=run.columns,
-        values=np.concatenate([part.values for part in parts]),
-        defined=np.concatenate([part.defined for part in parts]),
-        fallbacks=np.concatenate([_fallbacks(part) for part in parts]),
+        values=part.values,
+        defined=part.defined,
+        fallbacks=_fallbacks(part),
         kept=kept,
         track_ids=np.asarray(scene.track_ids, dtype=np.int64),
-        models=np.asarray(models.names, dtype=object)[drawn[children]].tolist(),
+        models=np.asarray(models.names, dtype=object)[drawn[part.children]].tolist(),
         pairs=pairs,
     )
-    return MomentPart(children=table, tracks=_tracks(scene, parts, kept) if kept.any() else None)
+    chosen = dataclasses.replace(part, children=part.children[kept], states=part.states[kept])
+    return MomentPart(children=table, tracks=tracks_table(scene, chosen) if kept.any() else None)
 
 
 def _fallbacks(part: Part) -> IntArray:
@@ -113,18 +113,6 @@ def choose_kept(score: FloatArray, keep: str, spare: int) -> BoolArray:
     kept = np.zeros(len(score), dtype=bool)
     kept[np.argsort(-score, kind="stable")[:spare]] = True
     return np.asarray(kept & (score > 0), dtype=bool)
-
-
-def _tracks(scene: SeedScene, parts: list[Part], kept: BoolArray) -> pa.Table:
-    tables = []
-    start = 0
-    for part in parts:
-        some = kept[start : start + len(part.children)]
-        start += len(part.children)
-        if some.any():
-            chosen = dataclasses.replace(part, children=part.children[some], states=part.states[some])
-            tables.append(tracks_table(scene, chosen))
-    return pa.concat_tables(tables)
 
 
 def children_schema(columns: Sequence[str]) -> pa.Schema:

@@ -97,9 +97,9 @@ def _print_top(ranking: Ranking) -> None:
     from pyarrow.compute import is_in
 
     from scex_sumo.commands.console import output_console
+    from scex_sumo.reports.page.study import print_columns
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.studies.rank.table import printed_columns
-    from scex_sumo.studies.tables import print_columns
 
     shown = is_in(ranking.table["seed"], array(ranking.info["shown"], string()))
     console, rows = output_console(width=160), ranking.table.filter(shown).to_pylist()

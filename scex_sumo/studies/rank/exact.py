@@ -23,7 +23,7 @@ from scex_sumo.exact.tables import InfluenceTable, remainder_of, union_probabili
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
 from scex_sumo.extrapolation.extra.exact import MAX_FUTURES, MIN_CHECKED, why_not_exact
 from scex_sumo.extrapolation.extra.futures import DrawnModels, encounters_only
-from scex_sumo.extrapolation.job import Job, parts_in_memory
+from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.studies.moments.run import built
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, worth_of
 
@@ -166,8 +166,7 @@ class _Futures:
         new = {code: row for code, row in asked.items() if code not in self.known}
         if new:
             job = dataclasses.replace(self._job, assignment=self.drawn.assignment(np.array([*new.values()])))
-            parts = parts_in_memory(job, range(len(new)))
-            found = [pairs for part in parts for pairs in critical_pairs(part, job.scene.track_ids)]
+            found = critical_pairs(run_in_memory(job, range(len(new))), job.scene.track_ids)
             self.known |= dict(zip(new, found, strict=True))
         return _happens(self.events([self.known[row.tobytes()] for row in rows]), keys, len(rows))
 

@@ -29,13 +29,11 @@ class Places:
     """Ranks of n moments, 1 the most critical.
 
     Attributes:
-        score: (n,) mean over the children.
         rank: (n,) 1 plus the number of more critical moments.
         low: (n,) best rank of the 95 % interval.
         high: (n,) worst rank of the 95 % interval.
     """
 
-    score: FloatArray
     rank: IntArray
     low: IntArray
     high: IntArray
@@ -73,14 +71,14 @@ def place(
     """
     rank = _ranks(score if severity is None else _refined(score, severity_share(severity)))
     if len(score) < 2:
-        return Places(score=score, rank=rank, low=rank, high=rank)
+        return Places(rank=rank, low=rank, high=rank)
     level = (_levels(len(score), draws, seed) + 0.5) / draws
     possible = np.maximum(score[:, None] + error[:, None] * ndtri(level), 0.0)
     drawn = np.sort(np.stack([_ranks(possible[:, d]) for d in range(draws)]), axis=0)
     tail = (1 - CONFIDENCE) / 2
     low, high = drawn[int(tail * draws)], drawn[draws - 1 - int(tail * draws)]
     # Among many equals the draws spread over all their places; the rank itself is the best of them.
-    return Places(score=score, rank=rank, low=np.minimum(low, rank), high=np.maximum(high, rank))
+    return Places(rank=rank, low=np.minimum(low, rank), high=np.maximum(high, rank))
 
 
 def mean_score(values: FloatArray, intervals: DesignIntervals, unit: float = 1.0) -> tuple[float, float]:

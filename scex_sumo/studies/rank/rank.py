@@ -18,7 +18,7 @@ from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.recordings import find_recordings
 from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.provenance import versions
+from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.workers import moment_workers
 from scex_sumo.studies.rank.children import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -80,8 +81,8 @@ class RankingRun:
             chosen = None if number == 0 else self._chosen(number)
             self._begin_round(span, chosen)
             recordings = self.recordings if chosen is None else self._readable()
-            items = read_ahead(self._cut(recordings, span, chosen), _AHEAD)
-            try:
+            # Closed wherever the workers stop: that ends the thread.
+            with closing(read_ahead(self._cut(recordings, span, chosen), _AHEAD)) as items:
                 for task, result in self._workers.run(self._tasks(items, _cost(span))):
                     if isinstance(result, Failure):
                         self._fail(result)
@@ -92,8 +93,6 @@ class RankingRun:
                         self._folder.append(task.ref, result)
                         self._count(task.ref, result.children)
                     self._tick(_cost(span))
-            finally:
-                items.close()  # ends the thread, wherever the workers have stopped
 
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
         """Yield tasks that run moments once more, with all their children."""

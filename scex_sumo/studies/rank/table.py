@@ -16,6 +16,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.metrics.registry import metric_of, side_of
+from scex_sumo.reports.page.study import Column, Row
 from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -24,7 +25,6 @@ from scex_sumo.studies.rank.exact import COLLISION, CRITICAL, ExactScore
 from scex_sumo.studies.rank.places import Tally, place
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import MICRO, SCORED, RankSettings, pairs_of
-from scex_sumo.studies.tables import Column, Row
 
 _ROWS_AT_ONCE = 500
 
@@ -117,8 +117,7 @@ def ranks(row: Row) -> str:
 def critical_words(column: str, limit: float) -> str:
     """Return when a metric column is critical, in words."""
     metric, mean = metric_of(column), ", mean" if column.endswith("_mean") else ""
-    sign = "≤" if metric.side == "left" else "≥"
-    return f"{metric.words}{mean} {sign} {limit:.3g} {metric.column_unit}".rstrip()
+    return f"{metric.words}{mean} {metric.sign} {limit:.3g} {metric.column_unit}".rstrip()
 
 
 def _collision(row: Row) -> str:

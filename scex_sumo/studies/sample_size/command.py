@@ -149,8 +149,8 @@ def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _print(rows: list[dict[str, Any]], run: Run, draws: int, console: Console) -> None:
+    from scex_sumo.reports.page.study import Column, print_columns
     from scex_sumo.studies.sample_size.page import COLUMNS
-    from scex_sumo.studies.tables import Column, print_columns
 
     about = (
         "from all assignments, median and 95 % of the samples: KS largest difference of a share of "

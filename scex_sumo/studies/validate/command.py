@@ -54,11 +54,9 @@ def validate_command(
 
 
 def _print_scores(done: Validation) -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
     from scex_sumo.commands.console import output_console
-    from scex_sumo.reports.run_table import counted, print_line, print_table
+    from scex_sumo.reports.page.study import Column, print_columns
+    from scex_sumo.reports.run_table import counted, print_line
     from scex_sumo.studies.validate.page import collisions_in, printed_name
 
     info = done.info
@@ -71,26 +69,29 @@ def _print_scores(done: Validation) -> None:
         f"{info['mean_brier_base_rate']:.3f}; P(collision) {collisions_in(info)}"
     )
     print_line(told, console)
+
+    def scores(share: str, brier: str) -> list[Column]:
+        return [
+            Column("event", "event", "names"),
+            Column("happened", "happened", share),
+            Column("forecast", "forecast", share),
+            Column("brier", "Brier", brier),
+            Column("brier_constant_velocity", "Brier: const. vel.", brier),
+            Column("skill_base_rate", "skill: base rate", ".2f"),
+            Column("skill_seed_moment", "seed moment", ".2f"),
+            Column("skill_constant_velocity", "const. vel.", ".2f"),
+        ]
+
+    events, pairs = scores(".0%", ".3f"), scores(".2%", ".4f")
+    del pairs[-2]  # a pair has no forecast by the moment itself
+    values = [
+        Column(lambda row: printed_name(row["column"]), "value", "names"),
+        Column("count", "cases"),
+        Column("crps_skill", "CRPS skill", ".2f"),
+        Column("coverage", "within 5-95 %", ".0%"),
+    ]
     about = "skill: 1 perfect, 0 as good as the base rate, the seed moment, constant velocity"
-    events = Table(title="events", title_justify="left", caption=about, caption_justify="left")
-    pairs = Table(title="pairs of vehicles", title_justify="left")
-    for table, name, seed_moment in ((events, "events", ("skill_seed_moment",)), (pairs, "pairs", ())):
-        skills = ("skill_base_rate", *seed_moment, "skill_constant_velocity")
-        heads = ("skill: base rate", *("seed moment" for _ in seed_moment), "const. vel.")
-        for head in ("event", "happened", "forecast", "Brier", "Brier: const. vel.", *heads):
-            table.add_column(head, justify="left" if head == "event" else "right")
-        for row in done.tables[name].to_pylist():
-            shares = [f"{row[key]:.{0 if table is events else 2}%}" for key in ("happened", "forecast")]
-            scores = [
-                f"{row[key]:.{3 if table is events else 4}f}" for key in ("brier", "brier_constant_velocity")
-            ]
-            gains = ["–" if row[key] != row[key] else f"{row[key]:.2f}" for key in skills]
-            table.add_row(row["event"], *shares, *scores, *gains)
-    values = Table(title="values", title_justify="left")
-    for name in ("value", "cases", "CRPS skill", "within 5-95 %"):
-        values.add_column(name, justify="left" if name == "value" else "right")
-    for row in done.tables["values"].to_pylist():
-        name, share = escape(printed_name(row["column"])), f"{row['coverage']:.0%}"
-        values.add_row(name, str(row["count"]), f"{row['crps_skill']:.2f}", share)
-    for each in (events, pairs, values):
-        print_table(each, console, breaks=(" base rate", " moment", " vel."))
+    pieces = (events, "events", about), (pairs, "pairs of vehicles", None), (values, "values", None)
+    for name, (columns, title, caption) in zip(("events", "pairs", "values"), pieces, strict=True):
+        rows = done.tables[name].to_pylist()
+        print_columns(columns, rows, console, title, caption, breaks=(" base rate", " moment", " vel."))

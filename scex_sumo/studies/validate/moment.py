@@ -1,31 +1,80 @@
-"""Forecast of a moment in a worker: its children and what really happened, measured by the same code."""
+"""Forecast of a moment in a worker, measured by the same code as what really happened; settings and folder.
+
+In the folder of a validation moments are added whole, never changed, and found again after a crash.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import TrackError
+from scex_sumo.base.errors import ResultError, TrackError, UsageError
+from scex_sumo.behaviors.models.population import population_digest
+from scex_sumo.converters.datasets.moment import PARTS, Moment, Split, split_moments
+from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, recording_moments
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.extrapolation.job import Job, parts_in_memory
+from scex_sumo.evaluation.outcomes import collided
+from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.collisions import OVERLAP_M2
-from scex_sumo.scene import SeedScene, States
-from scex_sumo.studies.moments.folder import Failure
+from scex_sumo.scene import STEP_S, SeedScene, States
+from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder, damaged, read_table, write_table
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
 from scex_sumo.studies.validate.realism import FEATURES, realism, realism_score
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS, POSITIONS, gap_forecasts, position_forecasts
+
+ALL = "all"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidationSettings(StudySettings):
+    """Settings of a validation.
+
+    Attributes:
+        part: ``train``, ``validation`` or ``test`` of each recording's time, as for learned drivers, or
+            ``all``.
+    """
+
+    part: str = ALL
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.part not in (*PARTS, ALL):
+            raise UsageError(f"--part {self.part}: unknown; choose {', '.join(PARTS)} or {ALL}")
+
+    def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
+        """Return the values that identify the validation of some recordings."""
+        # first, top and keep as of a ranking that gives every moment all children
+        shared = self.identity(recordings, first=self.children, top=10, keep="none")
+        return {**shared, "part": self.part, "population": population_digest()}
+
+    def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
+        """Return the moments of the part of a recording, at least ``every`` seconds apart."""
+        found = recording_moments(loaded, every_s=STEP_S)
+        if self.part != ALL:
+            found = split_moments(found, Split())[self.part]  # type: ignore[index]
+        else:  # from the first that can be judged on: a recording shorter than ``every`` has one, too
+            found = [moment for moment in found if moment.case or moment.complete]
+        moments: list[Moment] = []
+        for moment in found:
+            if not moments or moment.case or moment.time_s >= moments[-1].time_s + self.every - 1e-6:
+                moments.append(moment)
+        return moments
+
 
 RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
 COMPARED = (RECORDED, CONSTANT_VELOCITY, SEED_MOMENT)
@@ -141,28 +190,19 @@ def _run(
     drawn = models.draw(scene.track_ids, children=count, seed=settings.seed, design=settings.design)
     counted = recorded_steps_of(scene, settings.steps)
     job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted, compared=compared)
-    parts = parts_in_memory(job, range(count))
-    hit = [
-        np.asarray(part.collisions["child"], dtype=np.int64) for part in parts if part.collisions is not None
-    ]
-    collided = np.zeros(count, dtype=bool)
-    for children in hit:
-        collided[children] = True
+    part, no_plans = run_in_memory(job, range(count)), np.empty(0)
+    assert part.collisions is not None
     return _Children(
-        collided=collided,
+        collided=collided(part.collisions, part.children),
         driven=Rollout(
-            children=np.concatenate([part.children for part in parts]),
-            states=States.concatenate([part.states for part in parts], axis=0),
-            plan_x=_joined([part.plan_x for part in parts]),
-            plan_y=_joined([part.plan_y for part in parts]),
+            children=part.children,
+            states=part.states,
+            plan_x=no_plans if part.plan_x is None else part.plan_x,
+            plan_y=no_plans if part.plan_y is None else part.plan_y,
             replan=settings.replan,
         ),
-        values=np.concatenate([np.where(part.defined, part.values, np.nan) for part in parts]),
+        values=np.where(part.defined, part.values, np.nan),
     )
-
-
-def _joined(plans: Sequence[FloatArray | None]) -> FloatArray:
-    return np.concatenate([plan for plan in plans if plan is not None] or [np.empty(0)])
 
 
 def _seen(
@@ -178,10 +218,8 @@ def _seen(
         counted=counted,
         limit_m2=OVERLAP_M2,
     )
-    collided = np.zeros(len(seen.children), dtype=bool)
-    collided[found.collisions.child] = True
     values = np.where(found.values.defined, found.values.values, np.nan)
-    return _Children(driven=seen, values=values, collided=collided)
+    return _Children(driven=seen, values=values, collided=found.collisions.any_of(len(seen.children)))
 
 
 def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
@@ -198,3 +236,64 @@ def _children_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatAr
         data[name] = pa.array(values[:, index], mask=np.isnan(values[:, index]))
     data["collision"] = pa.array(np.concatenate([part[2] for part in rows]))
     return pa.table(data)
+
+
+_MOMENTS = "moments"
+
+
+class ForecastFolder(StudyFolder):
+    """Folder of the forecasts of moments: ``moments/NAME/children.parquet`` and four more tables."""
+
+    info, what, another, kept = "validate.json", "validation", "another validation", (_MOMENTS,)
+    evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", _MOMENTS)
+
+    def __init__(
+        self,
+        path: Path,
+        identity: Mapping[str, Any],
+        settings: ValidationSettings,
+        *,
+        overwrite: bool = False,
+    ) -> None:
+        self._schemas = forecast_schemas(settings)
+        self._columns = asked_of(settings).columns
+        self._children = list(range(settings.children))
+        super().__init__(path, identity, overwrite=overwrite)
+
+    def _prepare(self) -> None:
+        super()._prepare()
+        for folder in (self.path / _MOMENTS).glob("*/"):
+            try:
+                self._read(folder)
+            except ResultError:
+                shutil.rmtree(folder)
+
+    def restart(self) -> None:
+        """Remove the moments that have run."""
+        self._clear()
+        self._prepare()
+
+    def has(self, ref: MomentRef) -> bool:
+        """Whether a moment has run."""
+        return (self.path / _MOMENTS / ref.moment).is_dir()
+
+    def append(self, ref: MomentRef, forecast: Forecast) -> None:
+        """Add the forecast of a moment."""
+        for name in self._schemas:
+            write_table(self.path / _MOMENTS / ref.moment / f"{name}.parquet", getattr(forecast, name))
+
+    def read(self, ref: MomentRef) -> Forecast:
+        """Read the forecast of a moment."""
+        return self._read(self.path / _MOMENTS / ref.moment)
+
+    def _read(self, folder: Path) -> Forecast:
+        tables = {
+            name: read_table(folder / f"{name}.parquet", schema, self._columns)
+            for name, schema in self._schemas.items()
+        }
+        for name, more in (("children", COMPARED), ("seen", ())):
+            if tables[name]["child"].to_pylist() != [*self._children, *more]:
+                raise damaged(folder / f"{name}.parquet", "has other futures than the validation")
+        if len(tables["realism"]) != 1:
+            raise damaged(folder / "realism.parquet", "needs one row")
+        return Forecast(**tables)

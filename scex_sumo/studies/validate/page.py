@@ -12,63 +12,73 @@ import numpy as np
 from scex_sumo.metrics.registry import known_metrics
 from scex_sumo.reports.page.charts import Plane, metric_title
 from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.study import Table, card, plots, table, table_place, write_study
+from scex_sumo.reports.page.study import Column, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted
 
 HTML = "validation.html"
 _BRIER = "95 % interval of the Brier score, recordings drawn with replacement"
 _RESOLUTION = "Part of the score: how different the outcomes of forecasts are; more is better"
+_BASE_RATE = "Brier score of the share that happened; no forecast changes it"
+_CRPS = "Distance of the futures' distribution from the recorded value, in its unit"
+_MOVING = "Whether only vehicles that move count"
+_OF_MEAN = "Distance of the futures' mean from the recorded place"
+_WITHIN = "Recorded places within the futures'"
 _AS_RECORDED = "Of futures with errors of the boxes"
-_EVENT_HEADS = (
-    ("event", "event", "text", ""),
-    ("happened", "happened", "percent", "Share of the moments with the event"),
-    ("forecast", "forecast", "percent", "Mean probability that the futures gave it"),
-    ("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
-    ("brier_constant_velocity", "constant velocity", "real", "Brier score if all go on as they do"),
-    ("uncertainty", "base rate", "real", "Brier score of the share that happened; no forecast changes it"),
-    ("brier_seen", "as recorded", "real", "Brier score of futures with errors of the boxes"),
-    ("brier_low", "Brier from", "real", _BRIER),
-    ("brier_high", "to", "real", _BRIER),
-    ("reliability", "reliability", "real", "Part of the score: error of the probabilities; 0 is best"),
-    ("resolution", "resolution", "real", _RESOLUTION),
-    ("skill_base_rate", "better than the base rate", "real", "1: perfect, 0: no better, below: worse"),
-    ("skill_seed_moment", "than the moment itself", "real", "Forecast: what is so now stays so"),
-    ("skill_constant_velocity", "than constant velocity", "real", "Forecast: all go on as they do"),
-    ("calibration_error", "calibration error", "real", "Mean distance of the dots below from the line"),
-    ("roc_area", "ROC area", "real", "How often an event got more than no event; 0.5 is chance"),
-    ("precision_area", "PR area", "real", "Area under precision over recall"),
+_EVENT_COLUMNS = (
+    Column("event", "event"),
+    Column("happened", "happened", "percent", "Share of the moments with the event"),
+    Column("forecast", "forecast", "percent", "Mean probability that the futures gave it"),
+    Column("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
+    Column("brier_constant_velocity", "constant velocity", "real", "Brier score if all go on as they do"),
+    Column("uncertainty", "base rate", "real", _BASE_RATE),
+    Column("brier_seen", "as recorded", "real", "Brier score of futures with errors of the boxes"),
+    Column("brier_low", "Brier from", "real", _BRIER),
+    Column("brier_high", "to", "real", _BRIER),
+    Column("reliability", "reliability", "real", "Part of the score: error of the probabilities; 0 is best"),
+    Column("resolution", "resolution", "real", _RESOLUTION),
+    Column("skill_base_rate", "better than the base rate", "real", "1: perfect, 0: no better, below: worse"),
+    Column("skill_seed_moment", "than the moment itself", "real", "Forecast: what is so now stays so"),
+    Column("skill_constant_velocity", "than constant velocity", "real", "Forecast: all go on as they do"),
+    Column("calibration_error", "calibration error", "real", "Mean distance of the dots below from the line"),
+    Column("roc_area", "ROC area", "real", "How often an event got more than no event; 0.5 is chance"),
+    Column("precision_area", "PR area", "real", "Area under precision over recall"),
 )
-_VALUE_HEADS = (
-    ("column", "value", "text", ""),
-    ("count", "cases", "text", ""),
-    ("crps", "CRPS", "real", "Distance of the futures' distribution from the recorded value, in its unit"),
-    ("crps_skill", "better than constant velocity", "real", "1: perfect, 0: no better, below: worse"),
-    ("crps_skill_seen", "as recorded", "real", _AS_RECORDED),
-    ("coverage_driven", "within 5 – 95 %", "percent", "Recorded values within the futures' as driven"),
-    ("coverage", "as recorded", "percent", "Within the futures' with errors of the boxes"),
-    ("coverage_low", "from", "percent", "95 % interval of that share"),
-    ("coverage_high", "to", "percent", "95 % interval of that share"),
+_VALUE_COLUMNS = (
+    Column(lambda row: printed_name(row["column"]), "value"),
+    Column("count", "cases"),
+    Column("crps", "CRPS", "real", _CRPS),
+    Column("crps_skill", "better than constant velocity", "real", "1: perfect, 0: no better, below: worse"),
+    Column("crps_skill_seen", "as recorded", "real", _AS_RECORDED),
+    Column("coverage_driven", "within 5 – 95 %", "percent", "Recorded values within the futures' as driven"),
+    Column("coverage", "as recorded", "percent", "Within the futures' with errors of the boxes"),
+    Column("coverage_low", "from", "percent", "95 % interval of that share"),
+    Column("coverage_high", "to", "percent", "95 % interval of that share"),
 )
-_POSITION_HEADS = (
-    ("second", "after [s]", "text", ""),
-    ("moving", "moving", "text", "Whether only vehicles that move count"),
-    ("vehicles", "vehicles", "text", ""),
-    ("error_of_mean_m", "of the mean", "metres", "Distance of the futures' mean from the recorded place"),
-    ("mean_error_m", "mean", "metres", "Mean distance of a future from the recorded place"),
-    ("least_error_m", "least", "metres", "Distance of the nearest future"),
-    ("constant_velocity_error_m", "constant velocity", "metres", "Distance where all go on as they do"),
-    ("along_coverage_driven", "along, within 5 – 95 %", "percent", "Recorded places within the futures'"),
-    ("along_coverage", "as recorded", "percent", _AS_RECORDED),
-    ("across_coverage_driven", "across, within 5 – 95 %", "percent", "The same across the way"),
-    ("across_coverage", "as recorded", "percent", _AS_RECORDED),
+_POSITION_COLUMNS = (
+    Column("second", "after [s]"),
+    Column(lambda row: "yes" if row["moving"] else "no", "moving", "text", _MOVING),
+    Column("vehicles", "vehicles"),
+    Column("error_of_mean_m", "of the mean", "metres", _OF_MEAN),
+    Column("mean_error_m", "mean", "metres", "Mean distance of a future from the recorded place"),
+    Column("least_error_m", "least", "metres", "Distance of the nearest future"),
+    Column("constant_velocity_error_m", "constant velocity", "metres", "Distance where all go on as they do"),
+    Column("along_coverage_driven", "along, within 5 – 95 %", "percent", _WITHIN),
+    Column("along_coverage", "as recorded", "percent", _AS_RECORDED),
+    Column("across_coverage_driven", "across, within 5 – 95 %", "percent", "The same across the way"),
+    Column("across_coverage", "as recorded", "percent", _AS_RECORDED),
 )
 _NO_PAIR = ("brier_seen", "skill_seed_moment")
-_PAIR_HEADS = (
-    ("event", "event of a pair", "text", ""),
-    ("pairs", "pairs", "text", ""),
-    *(head for head in _EVENT_HEADS[1:] if head[0] not in _NO_PAIR),
+_PAIR_COLUMNS = (
+    Column("event", "event of a pair"),
+    Column("pairs", "pairs"),
+    *(one for one in _EVENT_COLUMNS[1:] if one.cell not in _NO_PAIR),
 )
-_HEADS = {"events": _EVENT_HEADS, "pairs": _PAIR_HEADS, "values": _VALUE_HEADS, "positions": _POSITION_HEADS}
+_TABLES = {
+    "events": _EVENT_COLUMNS,
+    "pairs": _PAIR_COLUMNS,
+    "values": _VALUE_COLUMNS,
+    "positions": _POSITION_COLUMNS,
+}
 
 
 def write_validation_page(
@@ -117,7 +127,7 @@ def write_validation_page(
         ),
         *_failures(info["failed"]),
     ]
-    tables = {name: _table(heads, rows[name]) for name, heads in _HEADS.items()}
+    tables = {name: page_table(columns, rows[name]) for name, columns in _TABLES.items()}
     about = (
         f"{counted(info['seeds'], 'seed scene')} of {counted(info['recordings'], 'recording')}, "
         f"{info['children']} futures each, part of the recordings: {info['part']}"
@@ -141,10 +151,6 @@ def _shown(value: float | None) -> str:
     return "–" if value is None or math.isnan(value) else f"{value:.3f}"
 
 
-def _table(heads: Sequence[tuple[str, str, str, str]], rows: Sequence[Mapping[str, Any]]) -> Table:
-    return table([head[1:] for head in heads], [[_cell(row, head[0]) for head in heads] for row in rows])
-
-
 def collisions_in(info: Mapping[str, Any]) -> str:
     """Return P(collision) of all seed scenes, and of those without a recorded overlap, in words."""
     without = info["p_collision_without_overlap"]
@@ -155,15 +161,6 @@ def collisions_in(info: Mapping[str, Any]) -> str:
 def printed_name(column: str) -> str:
     """Return the printed name of a metric column; other values keep their names."""
     return metric_title(column) if column.removesuffix("_mean") in known_metrics() else column
-
-
-def _cell(row: Mapping[str, Any], key: str) -> Any:
-    value = row[key]
-    if key == "column":
-        return printed_name(value)
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def _diagram(row: Mapping[str, Any]) -> Html:

@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.metrics.registry import THRESHOLDS, metric_of, side_of
+from scex_sumo.metrics.registry import COLLISION, THRESHOLDS, metric_of
+from scex_sumo.results.design import is_critical
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.validate.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
 from scex_sumo.studies.validate.scores import (
@@ -29,8 +30,6 @@ from scex_sumo.studies.validate.scores import (
 )
 from scex_sumo.studies.validate.vehicles import PAIR_EVENTS
 
-COLLISION: Final = "collision"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
@@ -38,7 +37,7 @@ class Event:
 
     Attributes:
         column: metric column, or ``collision``.
-        threshold: from which value on it has happened; unused for ``collision``.
+        threshold: from which value on it has happened.
         paper: one of the four that the paper suggests.
     """
 
@@ -49,22 +48,13 @@ class Event:
 
     def happened(self, value: FloatArray) -> BoolArray:
         """Return whether it happened, from values of its column; undefined (NaN) is no event."""
-        if self.column == COLLISION:
-            return np.asarray(value > 0, dtype=bool)
-        with np.errstate(invalid="ignore"):
-            beyond = value <= self.threshold if side_of(self.column) == "left" else value >= self.threshold
-        return np.asarray(beyond, dtype=bool)
+        return is_critical(value, self.column, self.threshold)
 
 
 def _paper(column: str, threshold: float) -> Event:
     metric = metric_of(column)
-    sign = "≤" if side_of(column) == "left" else "≥"
-    return Event(
-        name=f"{metric.label or column} {sign} {threshold:.3g}",
-        column=column,
-        threshold=threshold,
-        paper=True,
-    )
+    name = f"{metric.label or column} {metric.sign} {threshold:.3g}"
+    return Event(name=name, column=column, threshold=threshold, paper=True)
 
 
 EVENTS: Final = (

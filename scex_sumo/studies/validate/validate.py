@@ -17,17 +17,21 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
-from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.datasets.moment import Moment, Split
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, find_recordings
-from scex_sumo.converters.datasets.split import Split
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.provenance import versions
+from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers, moment_workers
-from scex_sumo.studies.validate.folder import ForecastFolder
-from scex_sumo.studies.validate.moment import ForecastTask, validate_moment
+from scex_sumo.studies.validate.moment import (
+    ALL,
+    ForecastFolder,
+    ForecastTask,
+    ValidationSettings,
+    validate_moment,
+)
 from scex_sumo.studies.validate.noise import BoxNoise, box_noise
 from scex_sumo.studies.validate.page import write_validation_page
 from scex_sumo.studies.validate.scoring import (
@@ -39,7 +43,6 @@ from scex_sumo.studies.validate.scoring import (
     summary,
     value_scores,
 )
-from scex_sumo.studies.validate.settings import ALL, ValidationSettings
 
 _AHEAD = 4  # seed scenes built before a worker asks for them
 
@@ -84,7 +87,7 @@ def validate(
     Args:
         roots: folders of recordings, or single files.
         out: folder of the validation; an interrupted one goes on.
-        every: as of `scex_sumo.studies.validate.settings.ValidationSettings`, like the next two.
+        every: as of `scex_sumo.studies.validate.moment.ValidationSettings`, like the next two.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
         overwrite: replace another validation in ``out``, or a finished one.
@@ -182,8 +185,7 @@ def _run(
 
     children = range(settings.children)
     cut = moment_tasks(recordings, {}, settings, children, wanted=left, choose=chosen)
-    items = read_ahead(cut, _AHEAD)
-    try:
+    with closing(read_ahead(cut, _AHEAD)) as items:
         for task, found in workers.run(tasks(items)):
             if isinstance(found, Failure):
                 folder.fail(found)
@@ -192,6 +194,4 @@ def _run(
             done += 1
             if progress is not None:
                 progress(done, max(len(refs), done))
-    finally:
-        items.close()
     return refs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -29,33 +30,27 @@ PAIR_EVENTS: Final = {
 """Events of a pair; a collision counts as each."""
 
 _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
-POSITIONS = pa.schema(
-    [
-        (name, kind)
-        for kind, names in (
-            (pa.int64(), ("track_id",)),
-            (pa.bool_(), ("moving",)),
-            (pa.int64(), ("second",)),
-            (pa.float64(), _NUMBERS),
-            (pa.bool_(), ("along_covered", "across_covered", "along_seen", "across_seen")),
-            (pa.float64(), ("along_rank", "across_rank")),
-        )
-        for name in names
-    ]
+
+
+def _schema(*groups: tuple[pa.DataType, Sequence[str]]) -> pa.Schema:
+    return pa.schema([(name, kind) for kind, names in groups for name in names])
+
+
+POSITIONS = _schema(
+    (pa.int64(), ("track_id",)),
+    (pa.bool_(), ("moving",)),
+    (pa.int64(), ("second",)),
+    (pa.float64(), _NUMBERS),
+    (pa.bool_(), ("along_covered", "across_covered", "along_seen", "across_seen")),
+    (pa.float64(), ("along_rank", "across_rank")),
 )
-ENCOUNTERS = pa.schema(
-    [
-        (name, kind)
-        for kind, names in (
-            (pa.int64(), ("first", "second")),
-            (pa.float64(), ("recorded_m",)),
-            (pa.bool_(), ("covered", "seen")),
-            (pa.float64(), ("rank", "crps_m", "crps_seen_m", "constant_velocity_error_m")),
-            (pa.float64(), [f"{name}_forecast" for name in PAIR_EVENTS]),
-            (pa.bool_(), [f"{name}_{what}" for name in PAIR_EVENTS for what in ("happened", "straight")]),
-        )
-        for name in names
-    ]
+ENCOUNTERS = _schema(
+    (pa.int64(), ("first", "second")),
+    (pa.float64(), ("recorded_m",)),
+    (pa.bool_(), ("covered", "seen")),
+    (pa.float64(), ("rank", "crps_m", "crps_seen_m", "constant_velocity_error_m")),
+    (pa.float64(), [f"{name}_forecast" for name in PAIR_EVENTS]),
+    (pa.bool_(), [f"{name}_{what}" for name in PAIR_EVENTS for what in ("happened", "straight")]),
 )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.datasets.moment import Moment, Part, Split, split_moments
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
     Recording,
@@ -21,7 +21,6 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
-from scex_sumo.converters.datasets.split import Part, Split, split_moments
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.training.data.obstacles import add_obstacles

@@ -11,7 +11,7 @@ import pytest
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.models.idm import IdmDriver, follow_path
 from scex_sumo.behaviors.plug_in.fallback import Fallible
-from scex_sumo.behaviors.plug_in.single import SingleVehicle
+from scex_sumo.behaviors.plug_in.user_model import SingleVehicle
 from scex_sumo.behaviors.registry import DEFAULTS
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex

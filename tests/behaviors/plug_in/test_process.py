@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.plug_in.process import ProcessDriver, split_command
+from scex_sumo.behaviors.plug_in.files import ProcessDriver, split_command
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.road import Road
@@ -87,7 +87,7 @@ def test_a_program_that_is_late_crashes_or_talks_garbage_is_said_to(
 def test_a_program_that_reads_nothing_does_not_stop_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scex_sumo.behaviors.plug_in.process.START_S", 0.3)
+    monkeypatch.setattr("scex_sumo.behaviors.plug_in.files.START_S", 0.3)
     file = tmp_path / "deaf.py"
     file.write_text("import time\ntime.sleep(60)\n")
     road = Road(name="large", lanes={1: lane(1, [(float(k), 0.0) for k in range(20_000)])})  # fills the pipe

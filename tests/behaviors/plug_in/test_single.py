@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scex_sumo.behaviors.plug_in.single import narrow_road
+from scex_sumo.behaviors.plug_in.user_model import narrow_road
 from tests.behaviors import roads
 
 

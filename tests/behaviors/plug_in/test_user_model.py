@@ -11,7 +11,7 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.plug_in.predictor import Predictor
-from scex_sumo.behaviors.plug_in.single import SingleVehicle
+from scex_sumo.behaviors.plug_in.user_model import SingleVehicle
 from scex_sumo.behaviors.registry import build, known_models, known_names, parse_models
 
 DRIVERS = '''

@@ -19,7 +19,7 @@ from tests.converters.sumo_roads import NetFile, arc, lane, load, road
 
 # Without shrinking, which would take minutes here; the examples are the same every time.
 PHASES = [Phase.explicit, Phase.generate]
-LIMITED = settings(max_examples=8, deadline=None, derandomize=True, database=None, phases=PHASES)
+LIMITED = settings(max_examples=8, derandomize=True, database=None, phases=PHASES)
 
 
 def bent(start: tuple[float, float], angle: float, size: float, bend: float) -> FloatArray:

@@ -10,8 +10,7 @@ import pytest
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.programs import environment, program
 from scex_sumo.formats.commonroad.file import is_commonroad
-from scex_sumo.formats.sumo.fcd import is_fcd, read_fcd
-from scex_sumo.formats.sumo.state import is_state, read_state
+from scex_sumo.formats.sumo.fcd import is_fcd, is_state, read_fcd, read_state
 from scex_sumo.scenarios.seeds import read_seed
 
 ROUTES = """<routes>

@@ -11,8 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scex_sumo.base.errors import InputError, ResultError, UsageError
-from scex_sumo.studies.compare.compare import comparable, compare, compare_samples
-from scex_sumo.studies.distances import pooled_scale, wasserstein_distances
+from scex_sumo.studies.compare.compare import (
+    comparable,
+    compare,
+    compare_samples,
+    pooled_scale,
+    wasserstein_distances,
+)
 
 INF, NAN = float("inf"), float("nan")
 ROUNDING = 1e-9  # sums of at most 80 terms of size 1e3 in other orders

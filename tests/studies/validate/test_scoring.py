@@ -14,12 +14,13 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scene import States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.studies.validate.folder import ForecastFolder
 from scex_sumo.studies.validate.moment import (
     CONSTANT_VELOCITY,
     RECORDED,
     SEED_MOMENT,
     Forecast,
+    ForecastFolder,
+    ValidationSettings,
     asked_of,
 )
 from scex_sumo.studies.validate.page import write_validation_page
@@ -35,7 +36,6 @@ from scex_sumo.studies.validate.scoring import (
     summary,
     value_scores,
 )
-from scex_sumo.studies.validate.settings import ValidationSettings
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS, PAIR_EVENTS
 from tests.behaviors import roads
 

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from scex_sumo.converters.lanes_ahead import lanes_ahead
 from scex_sumo.converters.net.plan.layout import Connection, NetLayout
 from scex_sumo.converters.net.plan.pedestrians import Crossing, Walks
 from scex_sumo.converters.net.topology.graph import Groups
 from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
+from scex_sumo.roads.routes import lanes_ahead
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
 AT_LINE_M = 2.0  # how far stop lines reach into crosswalks, as drawn
