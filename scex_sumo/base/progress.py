@@ -43,4 +43,5 @@ def progress_of(wanted: Progress | bool | None, label: str) -> Iterator[Progress
     try:
         yield tick
     finally:
-        stream.write("\n")
+        if last[0]:
+            stream.write("\n")

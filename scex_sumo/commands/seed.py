@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -39,6 +40,7 @@ def seed_scene(
     """
     from scex_sumo.converters.datasets.find import beside_tracks
     from scex_sumo.converters.lanelet.origin import parse_origin
+    from scex_sumo.converters.registries import dataset_of
     from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 
     if time is not None and not math.isfinite(time):
@@ -49,9 +51,19 @@ def seed_scene(
     if like is not None and synthetic is None:
         raise UsageError("--as: needs --synthetic N")
     if synthetic is None:
-        scene = read_seed(
-            map_path, tracks=tracks, case=case, time=time, origin=zero, cache=cache, force=force
-        )
+        simulated = tracks is None and dataset_of(map_path).simulated
+        shown = progress_bar(f"simulating {map_path.name}") if simulated else nullcontext()
+        with shown as tick:
+            scene = read_seed(
+                map_path,
+                tracks=tracks,
+                case=case,
+                time=time,
+                origin=zero,
+                cache=cache,
+                force=force,
+                progress=tick,
+            )
     else:
         options = {"--tracks": tracks, "--case": case, "--time": time}
         given = [name for name, value in options.items() if value is not None]

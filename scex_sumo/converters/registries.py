@@ -109,7 +109,7 @@ class Dataset:
         siblings: other recordings by the same tracker at the same site.
         repair: repair of this dataset's own defects before `repair_tracks`.
         simulated: whether positions and velocities are exact, and ``read`` takes ``window=(first, last)``, s,
-            to simulate only that.
+            to simulate only that, and ``progress``.
         from_car: whether a car recorded it, with a map in the same coordinates: nothing is aligned, and
             vehicles off the lanes are treated by `within_map`.
     """

@@ -178,12 +178,18 @@ class Workers:
                 idle.append(worker)
                 yield task, future
 
-    def submit(self, function: Callable[[], Any], *, where: str) -> Future[Any] | None:
-        """Let a worker call a function before its next task; return its future, or None without workers."""
+    def submit(
+        self, function: Callable[..., Any], *, where: str, on_step: OnStep | None = None
+    ) -> Future[Any] | None:
+        """Let a worker call a function before its next task; return its future, or None without workers.
+
+        With ``on_step`` the function gets a function of one number, which calls ``on_step`` here.
+        """
         if not self._workers:
             return None
         worker = self._workers[-1]
-        order = partial(worker.do, _pickled(partial(_calling, function)), None, lambda children: None)
+        work = _pickled(partial(_calling, function, on_step is not None))
+        order = partial(worker.do, work, None, on_step or (lambda children: None))
         return worker.thread.submit(self._try_twice, worker, where, order)
 
     def _try_twice(self, worker: _Worker, where: str, order: Callable[[], Report]) -> Any:
@@ -213,8 +219,8 @@ def succeeded(future: Future[Any]) -> bool:
 
 
 @contextmanager
-def _calling(function: Callable[[], Any]) -> Iterator[Callable[[Any, OnStep], Any]]:
-    yield lambda task, on_step: function()
+def _calling(function: Callable[..., Any], tells: bool) -> Iterator[Callable[[Any, OnStep], Any]]:
+    yield lambda task, on_step: function(on_step) if tells else function()
 
 
 def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
@@ -223,14 +229,16 @@ def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
             yield left.popleft()
 
 
-def in_other_process(function: Callable[[], T], *, where: str, died: str) -> T:
-    """Call a function in another process, and return what it returns.
+def in_other_process(
+    function: Callable[..., T], *, where: str, died: str, on_step: OnStep | None = None
+) -> T:
+    """Call a function in another process, and return what it returns; ``on_step`` as of `Workers.submit`.
 
     Raises:
         SimulationError: two processes died over it; ``died`` tells so.
     """
     with Workers(2) as workers:
-        future = workers.submit(function, where=where)
+        future = workers.submit(function, where=where, on_step=on_step)
         assert future is not None
         try:
             result: T = future.result()

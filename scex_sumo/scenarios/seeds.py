@@ -25,6 +25,7 @@ def read_seed(
     align: bool = True,
     force: bool = False,
     cache: bool = True,
+    progress: Progress | bool | None = None,
 ) -> SeedScene:
     """Read one moment of a recording, with its map; notes on both are `ScexWarning`.
 
@@ -39,6 +40,7 @@ def read_seed(
         align: move tracks beside the lanes onto them, see `align_tracks`.
         force: accept a moment with over half of its vehicles on no lane, as a wrong origin makes them.
         cache: keep the road in ``~/.cache/scex-sumo``.
+        progress: True for a bar; or called with (done, total) while SUMO simulates a configuration.
 
     Raises:
         MapError: the map cannot be read.
@@ -59,9 +61,17 @@ def read_seed(
         read_map(map_path)  # no map is the likelier reason
         raise
     road = read_map(map_path, origin=origin, tracks=track_path, own_corner=False, keep=cache)
-    scene = recorded_scene(
-        map_path, tracks=track_path, case=case, time_s=time, road=road, align=align, force=force
-    )
+    with progress_of(progress, f"simulating {map_path.name}") as tick:
+        scene = recorded_scene(
+            map_path,
+            tracks=track_path,
+            case=case,
+            time_s=time,
+            road=road,
+            align=align,
+            force=force,
+            progress=tick,
+        )
     warn_notes([*road.notes, *scene.notes])
     return scene
 

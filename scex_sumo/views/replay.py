@@ -107,12 +107,14 @@ def write_view(
         drawn += _choose_ids(folder / f"{name}.ids.txt", groups, children[0], letter_m, frame)
     additional.append(folder / f"{name}.add.xml")
     types = _types(scene, children, colors)
-    additional[-1].write_text(f"<additional>\n{types}{drawn}</additional>\n", encoding="utf-8")
+    lights = _delayed_lights(net_file, (children[0].past - 1) * STEP_S)
+    additional[-1].write_text(f"<additional>\n{types}{lights}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
         frame,
         letter_m=letter_m,
         chosen=True,
+        lights=bool(lights),
         snapshots=snapshots,
         # A pause at the end would keep a sumo-gui open that only writes snapshots.
         pause_s=None if snapshots else (children[0].stop_state + 1) * STEP_S,
@@ -142,6 +144,16 @@ def _filling(box: Box, count: int) -> Box:
     aspect = _GRID_ASPECT * math.ceil(count / columns) / columns
     x, y = max(aspect * tall - wide, 0.0) / 2, max(wide / aspect - tall, 0.0) / 2
     return left - x, low - y, right + x, high + y
+
+
+def _delayed_lights(net: Path, by_s: float) -> str:
+    """Return the lights of a net, later by the time before the seed scene that a replay shows."""
+    lights = {}  # of several programmes SUMO takes the last one
+    for light in net_root(net).iter("tlLogic"):
+        light.set("programID", "replay")
+        light.set("offset", f"{float(light.get('offset', '0')) + by_s:.2f}")
+        lights[light.get("id")] = ElementTree.tostring(light, encoding="unicode")
+    return "".join(lights.values())
 
 
 def _choose_ids(

@@ -47,7 +47,7 @@ _SETTINGS = """<viewsettings>
     <scheme name="scex-sumo">
         <opengl dither="0" fps="0" drawBoundaries="0"/>
         <background backgroundColor="{grass}" showGrid="0"/>
-        <edges laneEdgeMode="0" laneShowBorders="0" showLinkDecals="0" showLinkRules="0" showRails="0"
+        <edges laneEdgeMode="0" laneShowBorders="0" showLinkDecals="0" showLinkRules="{lights}" showRails="0"
                hideConnectors="0" showDirection="0" showSublanes="0" showLaneDirection="0" minSize="0">
             <colorScheme name="uniform">
 {roads}
@@ -323,6 +323,7 @@ def write_view_settings(
     delay_ms: int = 100,
     snapshots: tuple[tuple[float, str], ...] = (),
     pause_s: float | None = None,
+    lights: bool = False,
 ) -> None:
     """Write sumo-gui's view settings.
 
@@ -330,6 +331,7 @@ def write_view_settings(
         letter_m: height of vehicle ids; 0: no ids.
         chosen: ids of selected vehicles only.
         snapshots: times in s and file names.
+        lights: show traffic lights, as bars at the ends of lanes.
     """
     pictures = "".join(f'    <snapshot file="{name}" time="{time:.2f}"/>\n' for time, name in snapshots)
     if pause_s is not None:
@@ -340,6 +342,7 @@ def write_view_settings(
         junctions="\n".join(_ENTRY.format(_JUNCTION, kind) for kind in _JUNCTIONS),
         names=int(letter_m > 0),
         chosen=int(chosen),
+        lights=int(lights),
         name_size=f"{_SIZE_PER_M * letter_m:.2f}",
         text_size=f"{_SIZE_PER_M * frame.line_m:.2f}",
         delay=delay_ms,

@@ -14,6 +14,7 @@ import sumo
 
 from scex_sumo.scene import Obstacles, SeedScene, States
 from scex_sumo.views.replay import ChildView, write_view
+from tests.formats.sumo.simulations import in_sumo, write_grid
 
 STEPS = 40
 MODELS = ("standard_driver", "sumo:EIDM:tau=1.2")
@@ -130,6 +131,23 @@ def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path:
             states = children[slot].states[v]
             moved = States(x=states.x + dx, y=states.y + dy, heading=states.heading, speed=states.speed)
             agree(seen[f"t{slot}_{key}"], moved, float(scene().length[v]))
+
+
+@pytest.mark.parametrize("numbers", [(3,), (3, 5)])
+def test_lights_are_replayed_at_the_times_of_the_vehicles(tmp_path: Path, numbers: tuple[int, ...]) -> None:
+    net = write_grid(tmp_path).net
+    read = ElementTree.parse(net)
+    for light in read.iter("tlLogic"):
+        light.set("offset", "-41.5")
+    read.write(net)
+    shown = SimpleNamespace(path=net, extras=None)
+    configuration = write_view(tmp_path, shown, scene(), [child(n, -900.0) for n in numbers], COLORS)
+    in_run = in_sumo(net, 0.1, steps=30).lights  # a future begins at 0.1 s
+    in_replay = in_sumo(configuration, 1.0, steps=30).lights  # the tenth frame is the seed scene
+    in_replay = {name.removeprefix("t0_"): states for name, states in in_replay.items()}
+    here = [name for name in in_run if name in in_replay]  # a grid of futures is cut out
+    assert len({state for name in here for state in in_run[name]}) > len(here)
+    assert [in_replay[name] for name in here] == [in_run[name] for name in here]
 
 
 def test_vehicles_have_the_colour_of_their_model(crossing: SimpleNamespace, tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def align_tracks(
             if sum(part.tracks for _, part in parts) >= ENOUGH_TRACKS:
                 break
             parts.append(sibling)
-    pooled = _thinned(_pooled([part for _, part in sorted(parts, key=lambda named: named[0])]))
+    pooled = thinned(_pooled([part for _, part in sorted(parts, key=lambda named: named[0])]))
     estimate = _find_alignment(pooled, road)
     if estimate is None:
         return table, None
@@ -131,7 +131,7 @@ def _find_alignment(samples: Evidence, road: Road) -> tuple[_Alignment, float, f
 
 def fitted(samples: Evidence, road: Road) -> tuple[Evidence, float, float]:
     """Return samples moved onto the lanes near them, and the shift dx, dy, m."""
-    few = _thinned(samples)
+    few = thinned(samples)
     fit = _fit(few, road)
     x, y = fit.points(few.x, few.y)
     return replace(few, x=x, y=y, heading=few.heading + fit.turn), fit.dx, fit.dy
@@ -139,7 +139,7 @@ def fitted(samples: Evidence, road: Road) -> tuple[Evidence, float, float]:
 
 def on_lanes(samples: Evidence, road: Road) -> float:
     """Return the share of samples that match a lane; 1 without samples."""
-    few = _thinned(samples, most=400)
+    few = thinned(samples, most=400)
     if not len(few.x):
         return 1.0
     return len(np.unique(match(road, few.x, few.y, few.heading).vehicle)) / len(few.x)
@@ -147,7 +147,7 @@ def on_lanes(samples: Evidence, road: Road) -> float:
 
 def lane_distance(samples: Evidence, road: Road) -> float:
     """Return the median distance of samples to the middle of their lanes, m; nan without any."""
-    few = _thinned(samples)
+    few = thinned(samples)
     stay = _Alignment(dx=0.0, dy=0.0, turn=0.0, centre=(0.0, 0.0))
     offsets = _offsets(few, road, stay) if len(few.x) else np.zeros(0)
     return float(np.median(np.abs(offsets))) if len(offsets) else math.nan
@@ -225,7 +225,8 @@ def _pooled(parts: Sequence[Evidence]) -> Evidence:
     )
 
 
-def _thinned(samples: Evidence, most: int = MAX_SAMPLES) -> Evidence:
+def thinned(samples: Evidence, most: int = MAX_SAMPLES) -> Evidence:
+    """Return at most so many samples, evenly taken."""
     if len(samples.x) <= most:
         return samples
     chosen = np.zeros(len(samples.x), bool)

@@ -13,6 +13,7 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import ScexError, listed
+from scex_sumo.base.progress import Progress
 from scex_sumo.converters.cleaning.align import Evidence, align_tracks, evidence
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.sample import resample_tracks
@@ -30,15 +31,21 @@ PARKED_SHARE = 0.3  # of a lane's width: a vehicle this far from the middle does
 
 
 def read_recorded(
-    paths: Sequence[Path], net: Path | None = None, window: Window = (None, None)
+    paths: Sequence[Path],
+    net: Path | None = None,
+    window: Window = (None, None),
+    progress: Progress | None = None,
 ) -> tuple[TrackTable, tuple[str, ...]]:
     """Read a recording, one file or consecutive chunks; nothing is repaired.
+
+    ``progress`` tells how far SUMO has simulated a configuration.
 
     Returns:
         The recording, and a phrase for each thing left out.
     """
     dataset = dataset_of(paths[0])
-    table, notes = dataset.read(paths, net=net, **({"window": window} if dataset.simulated else {}))
+    simulation = {"window": window, "progress": progress} if dataset.simulated else {}
+    table, notes = dataset.read(paths, net=net, **simulation)
     check_values(table)
     return table, notes
 
@@ -50,6 +57,7 @@ def read_clean(
     repair: bool = True,
     align: bool = True,
     window: Window = (None, None),
+    progress: Progress | None = None,
 ) -> CleanRecording:
     """Read a recording, repair it, resample it to 10 Hz and align it to its map.
 
@@ -58,8 +66,9 @@ def read_clean(
         repair: as `repair_tracks`. Cases of INTERACTION v1.2 are repaired when one is taken.
         align: as `align_tracks`, with the other recordings of the folder if the evidence is thin.
         window: first and last time that is needed, s.
+        progress: as of `read_recorded`.
     """
-    table, findings = read_recorded(paths, None if road is None else road.net, window)
+    table, findings = read_recorded(paths, None if road is None else road.net, window, progress)
     if repair:
         table, findings = repaired(table, findings, dataset_of(paths[0]))
     from_car = dataset_of(paths[0]).from_car

@@ -9,9 +9,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from scex_sumo.base.errors import TrackError, listed
+from scex_sumo.base.progress import Progress
 from scex_sumo.converters.cleaning.align import Evidence, evidence, on_lanes
-from scex_sumo.converters.cleaning.mismatch import MIN_SHARE_ON_LANES, doubt_place, explain_mismatch
+from scex_sumo.converters.cleaning.mismatch import (
+    MIN_SHARE_ON_LANES,
+    doubt_place,
+    explain_mismatch,
+    on_closed_lanes,
+)
 from scex_sumo.converters.datasets.find import find_recordings, find_tracks
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.reader import read_clean
@@ -143,6 +151,7 @@ def recorded_scene(
     road: Road | None = None,
     align: bool = True,
     force: bool = False,
+    progress: Progress | None = None,
 ) -> SeedScene:
     """Read one moment of a recording.
 
@@ -157,6 +166,7 @@ def recorded_scene(
         road: the map as read; tracks beside its lanes are moved onto them.
         align: False leaves the tracks where they are, see `align_tracks`.
         force: accept a moment with over half of its vehicles on no lane.
+        progress: as of `read_clean`.
 
     Raises:
         TrackError: no or unusable tracks, an unknown case, a moment outside the recording or without
@@ -165,7 +175,12 @@ def recorded_scene(
     recording = recording_of(Path(map_path), tracks)
     at = time_s if time_s is not None and math.isfinite(time_s) else None
     clean = read_clean(
-        recording.track_paths, road, repair=repair, align=align, window=_with_history((at, at))
+        recording.track_paths,
+        road,
+        repair=repair,
+        align=align,
+        window=_with_history((at, at)),
+        progress=progress,
     )
     scene = take_scene(
         clean,
@@ -178,7 +193,8 @@ def recorded_scene(
     if road is None:
         return scene
     samples, off = evidence(clean.table.vehicles), off_road(road, scene)
-    _check_place(scene, off, samples, road, force=force)
+    simulated = dataset_of(recording.track_paths[0]).simulated
+    _check_place(scene, off, samples, road, force=force, simulated=simulated)
     scene = _warned(scene, off, _doubts(samples, road, recording.track_paths[0]))
     return clean.table.complete(dataclasses.replace(scene, road=road))
 
@@ -192,12 +208,20 @@ def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
     return Recording(name=name, site="", dataset="", map_path=map_path, track_paths=files)
 
 
-def _check_place(scene: SeedScene, off: list[int], samples: Evidence, road: Road, *, force: bool) -> None:
+def _check_place(
+    scene: SeedScene, off: list[int], samples: Evidence, road: Road, *, force: bool, simulated: bool
+) -> None:
     """Raise a `TrackError` if over half of the vehicles are ``off`` the lanes, without ``force``; or all."""
     if len(off) < scene.vehicles and (force or 2 * len(off) <= scene.vehicles):
         return
-    share, doubt = on_lanes(samples, road), doubt_place(samples, road)
-    if doubt is None and len(samples.x) and share >= MIN_SHARE_ON_LANES:
+    now = scene.now
+    here = Evidence(x=now.x[off], y=now.y[off], heading=now.heading[off], track=np.arange(len(off)))
+    share, doubt = on_lanes(samples, road), None if simulated else doubt_place(samples, road)
+    if closed := on_closed_lanes(here, road):
+        why = f"{closed}, or choose another moment with --time S"
+    elif simulated:
+        why = "the simulation has them beside the lanes for cars; choose another moment with --time S"
+    elif doubt is None and len(samples.x) and share >= MIN_SHARE_ON_LANES:
         why = f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
     else:
         why = doubt.removeprefix("warning: ") if doubt else explain_mismatch(samples, road)
@@ -225,7 +249,8 @@ def _with_history(window: Window) -> Window:
 
 
 def _doubts(samples: Evidence, road: Road, tracks: Path) -> tuple[str, ...]:
-    doubt = None if dataset_of(tracks).from_car else doubt_place(samples, road)
+    dataset = dataset_of(tracks)
+    doubt = None if dataset.from_car or dataset.simulated else doubt_place(samples, road)
     return (doubt,) if doubt else ()
 
 
@@ -237,7 +262,7 @@ def _check(table: TrackTable, road: Road, map_path: Path) -> None:
     if share < MIN_SHARE_ON_LANES:
         raise TrackError(
             f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; "
-            f"{explain_mismatch(samples, road)}"
+            f"{on_closed_lanes(samples, road) or explain_mismatch(samples, road)}"
         )
 
 

@@ -9,7 +9,7 @@ import bisect
 import dataclasses
 from array import array
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -20,12 +20,13 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
+from scex_sumo.converters.datasets.scene import FUTURE_STEPS
 from scex_sumo.converters.net.reader import net_root
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.imported import kept_net
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 
 # Variables of TraCI.
 _SPEED, _POSITION, _ANGLE, _VEHICLE, _STOP = 0x40, 0x42, 0x43, 0xC3, 0xB5
@@ -34,20 +35,31 @@ _NOWHERE_M = 1e8  # SUMO's coordinates of vehicles that are not in the network a
 _PARKED = 2  # bit of a stop's state
 _RAILS = ("rail", "rail_urban", "rail_electric", "rail_fast", "subway", "cable_car")
 _RAIL_SIGNALS = (1, 2)
-_LIGHTS = {0: "static", 3: "actuated", 5: "delay_based"}  # types that go on; others hold their state
+_STATIC, _BY_TRAFFIC = 0, (3, 5)  # types with known phases: fixed ones; actuated and delay-based ones
+_HELD_S = 1000.0
 
 Frame: TypeAlias = tuple[float, list[str], "array[float]"]
-Light: TypeAlias = tuple[float, str, int, str]
-"""Since when, s; programme, phase and state."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """State of a traffic light, which vehicles see in the steps that begin at ``since_s`` or later."""
+
+    since_s: float
+    programme: str
+    phase: int
+    state: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Programme:
-    """Programme of a traffic light: type, attributes of the phases, and parameters."""
+    """Programme of a traffic light: state, longest duration, s, and following phase of each phase.
 
-    kind: str | None
-    phases: tuple[Mapping[str, str], ...]
-    parameters: Mapping[str, str]
+    ``fixed``: whether traffic does not shorten the phases.
+    """
+
+    fixed: bool
+    phases: tuple[tuple[str, float, int], ...]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -70,6 +82,11 @@ class Recorded:
     programmes: dict[tuple[str, str], Programme] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
+    @property
+    def end_s(self) -> float:
+        """Time of the last step."""
+        return self.absent[-1][0]
+
     def tracks(self, path: Path) -> tuple[TrackTable, tuple[str, ...]]:
         """Return the tracks, and one phrase for each guess; at least one frame must hold a vehicle."""
         names, rows = [], []
@@ -89,7 +106,7 @@ class Recorded:
 def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: SeedScene) -> SeedScene:
     """Complete a seed scene: lights in their phases, names of vehicles, notes on absent ones."""
     time_s, notes = scene.time_s, list[str]()
-    road, held = with_lights(scene.road, recorded, time_s)
+    road, on_lights = with_lights(scene.road, recorded, time_s)
     absent = [entry for entry in recorded.absent if abs(entry[0] - time_s) < STEP_S / 2]
     for _, teleporting, parked, waiting in absent[:1]:
         if teleporting:
@@ -98,8 +115,7 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
             notes.append(f"vehicles that are parked are left out: {listed(parked)}")
         if waiting:
             notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
-    if held:
-        notes.append(f"traffic lights that keep their present state in the futures: {listed(held)}")
+    notes += on_lights
     vehicles = {str(track): names[str(track)] for track in scene.track_ids}
     source = {"kind": "simulation", "simulation": str(path), "time_s": time_s, "vehicles": vehicles}
     return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
@@ -132,6 +148,7 @@ class Recorder:
         while recorded.frames and recorded.frames[-1][0] >= time_s:  # no step was made, or a state was loaded
             recorded.frames.pop()
             recorded.absent.pop()
+        before_s = recorded.frames[-1][0] if recorded.frames else -np.inf
         names, parked, values = list[str](), list[str](), array("d")
         for domain, more in ((sumo.vehicle, _STOP), (sumo.person, _VEHICLE)):
             present, results = domain.getIDList(), domain.getAllSubscriptionResults()
@@ -158,12 +175,18 @@ class Recorder:
             if _SPENT not in state:  # subscribed by the user
                 continue
             changes = recorded.lights.setdefault(light, [])
-            now = state[_PROGRAMME], state[_PHASE], state[_STATE]
-            while changes and changes[-1][0] > time_s:
+            while changes and changes[-1].since_s >= time_s:
                 changes.pop()
-            if not changes or changes[-1][1:] != now:
-                changes.append((time_s - state[_SPENT], *now))
-                self._learn(light, now[0])
+            since_s = time_s - float(state[_SPENT])  # of NEMA lights this is the begin of the simulation
+            now = Light(
+                since_s=max(since_s, before_s) if changes else since_s,
+                programme=state[_PROGRAMME],
+                phase=state[_PHASE],
+                state=state[_STATE],
+            )
+            if not changes or dataclasses.replace(now, since_s=changes[-1].since_s) != changes[-1]:
+                changes.append(now)
+                self._learn(light, now.programme)
         return time_s
 
     def _subscribe(self, domain: Any, names: Sequence[str], more: int) -> None:
@@ -181,55 +204,101 @@ class Recorder:
         if (light, name) in known:
             return
         for logic in self._sumo.trafficlight.getAllProgramLogics(light):
-            phases = tuple(_phase(phase) for phase in logic.phases)
-            kind = None if logic.programID == "online" else _LIGHTS.get(int(logic.type))  # set by TraCI
-            parameters = dict(logic.subParameter)
-            known[light, logic.programID] = Programme(kind=kind, phases=phases, parameters=parameters)
-
-
-def _phase(phase: Any) -> dict[str, str]:
-    limits = {"minDur": phase.minDur, "maxDur": phase.maxDur}
-    attributes = {"duration": f"{phase.duration:g}", "state": phase.state}
-    attributes |= {name: f"{value:g}" for name, value in limits.items() if 0 <= value < 1e6}
-    return attributes | ({"next": " ".join(map(str, phase.next))} if phase.next else {})
+            by_traffic, phases = int(logic.type) in _BY_TRAFFIC, list[tuple[str, float, int]]()
+            for k, phase in enumerate(logic.phases):
+                limited = by_traffic and 0 <= phase.maxDur < 1e6
+                after = phase.next[0] if phase.next else (k + 1) % len(logic.phases)
+                phases.append((phase.state, phase.maxDur if limited else phase.duration, after))
+            # States set by TraCI, and those of other types, go on in ways that nobody knows.
+            if logic.programID != "online" and (by_traffic or int(logic.type) == _STATIC):
+                known[light, logic.programID] = Programme(fixed=not by_traffic, phases=tuple(phases))
 
 
 def with_lights(road: Road | None, recorded: Recorded, time_s: float) -> tuple[Road | None, list[str]]:
-    """Return a road whose net begins with the lights as they are at a time, and the lights that stay so."""
+    """Return a road whose net begins with the lights as they are at a time, and notes on the lights."""
     if road is None or road.net is None:
         return road, []
-    lights, held = {}, []
+    lights: dict[str, ElementTree.Element] = {}
+    groups: dict[str, list[str]] = {}
+    end_s = min(recorded.end_s, time_s + FUTURE_STEPS * STEP_S)
     for name, changes in recorded.lights.items():
-        at = bisect.bisect_right(changes, time_s + 1e-6, key=lambda change: change[0]) - 1
-        since, programme, phase, state = changes[max(at, 0)]
-        logic = recorded.programmes.get((name, programme))
-        if logic is None or logic.kind is None or not logic.phases[phase : phase + 1]:
-            held.append(name)
-            only = {"duration": "1000", "state": state}
-            programme, phase = "held", 0  # SUMO wants none with phases under the name "off"
-            logic = Programme(kind="static", phases=(only,), parameters={})
-        lights[name] = _light(name, programme, logic, phase, time_s - since)
+        phases, group = _phases_from(changes, partial(_programme, recorded, name), time_s, end_s)
+        groups.setdefault(group, []).append(name)
+        # A future begins at 0.1 s of its simulation.
+        light = ElementTree.Element("tlLogic", id=name, type="static", programID="0", offset=str(STEP_S))
+        for state, duration in phases:
+            if duration > 5e-4:
+                ElementTree.SubElement(light, "phase", duration=f"{duration:.3f}", state=state)
+        lights[name] = light
     if not lights:
         return road, []
     made_of = b"".join(ElementTree.tostring(light) for light in lights.values())
     given = road.net
     net = kept_net(given, given.read_bytes() + made_of, lambda: _relit(given, lights))
-    return dataclasses.replace(road, net=net), held
+    notes = [f"{said}: {listed(groups[said])}" for said in (_FOLLOWED, _LONGEST, _STILL) if said in groups]
+    return dataclasses.replace(road, net=net), notes
 
 
-def _light(name: str, programme: str, logic: Programme, phase: int, spent_s: float) -> ElementTree.Element:
-    """Return a light whose simulation at 0.1 s, when a future begins, is in a phase since a time."""
-    durations = [float(one["duration"]) for one in logic.phases]
-    spent_s = min(spent_s, durations[phase] - STEP_S)  # an actuated phase may last longer
-    begin = sum(durations[:phase]) + spent_s - STEP_S
-    offset = f"{-begin % sum(durations):.2f}"
-    kind = logic.kind or "static"
-    light = ElementTree.Element("tlLogic", id=name, type=kind, programID=programme, offset=offset)
-    for key, value in logic.parameters.items():
-        ElementTree.SubElement(light, "param", key=key, value=value)
-    for one in logic.phases:
-        ElementTree.SubElement(light, "phase", dict(one))
-    return light
+_FIXED = ""
+_FOLLOWED = "traffic lights that do in each future what they do in the simulation, whatever the traffic"
+_LONGEST = "traffic lights, actuated in the simulation, whose phases have their longest durations"
+_STILL = "traffic lights that keep their present state in the futures"
+
+
+def _programme(recorded: Recorded, light: str, name: str) -> Programme | None:
+    return recorded.programmes.get((light, name))
+
+
+def _phases_from(
+    changes: Sequence[Light],
+    programme: Callable[[str], Programme | None],
+    time_s: float,
+    end_s: float,
+) -> tuple[list[tuple[str, float]], str]:
+    """Return state and duration, s, of the phases of a light from a time on, and the note they need.
+
+    A fixed programme goes on. Others follow the recording until ``end_s``, then their longest durations.
+    """
+    changes = [change for change in changes if change.since_s < end_s] or changes[:1]
+    first = max(bisect.bisect_left(changes, time_s - 1e-6, key=lambda change: change.since_s) - 1, 0)
+    now, last = changes[first], changes[-1]
+    ends = [max(change.since_s, time_s) for change in changes[first + 1 :]]
+    seen = [(a.state, d) for a, d in zip(changes[first:], np.diff([time_s, *ends, end_s]), strict=True)]
+    logic = programme(now.programme)
+    if logic is not None and logic.fixed:
+        phases = _going_on(logic, now, time_s)
+        if _begins_with(phases, seen):
+            return [*phases, (now.state, max(time_s - now.since_s, STEP_S))], _FIXED
+    at_s, logic = max(last.since_s, time_s), programme(last.programme)
+    before = now.state, HISTORY_STEPS * STEP_S  # which a replay shows
+    phases = [*seen[:-1], *_going_on(logic, last, at_s, at_least_s=end_s - at_s), before]
+    return phases, _FOLLOWED if end_s - time_s > STEP_S else _STILL if logic is None else _LONGEST
+
+
+def _begins_with(phases: Sequence[tuple[str, float]], seen: Sequence[tuple[str, float]]) -> bool:
+    """Whether phases begin with the recorded ones, whose last one may be cut short by the recording's end."""
+    *whole, cut = zip(phases, seen, strict=False)
+    return (
+        len(phases) >= len(seen)
+        and all(a == b for (a, _), (b, _) in [*whole, cut])
+        and all(abs(c - d) < STEP_S / 2 for (_, c), (_, d) in whole)
+        and cut[0][1] > cut[1][1] - STEP_S / 2
+    )
+
+
+def _going_on(
+    logic: Programme | None, now: Light, time_s: float, *, at_least_s: float = 0.0
+) -> list[tuple[str, float]]:
+    """Return state and duration, s, of each phase of a programme once, from a state at a time on."""
+    if logic is None or now.phase >= len(logic.phases):
+        return [(now.state, _HELD_S)]
+    _, duration, after = logic.phases[now.phase]
+    phases = [(now.state, max(duration - (time_s - now.since_s), at_least_s, 0.0))]
+    while after != now.phase and len(phases) < len(logic.phases):
+        state, duration, following = logic.phases[after]
+        phases.append((state, duration))
+        after = following
+    return phases
 
 
 def _relit(net: Path, lights: Mapping[str, ElementTree.Element]) -> bytes:

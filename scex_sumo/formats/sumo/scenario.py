@@ -6,7 +6,7 @@ import dataclasses
 import os
 import re
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from xml.parsers import expat
 from scex_sumo.base.errors import MapError, SimulationError, TrackError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.programs import checked_path, environment, program, user_sumo
+from scex_sumo.base.progress import Progress
 from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.net.allowed import allowed_content
 from scex_sumo.converters.net.reader import unpacked
@@ -191,16 +192,19 @@ def _names_files(file: Path) -> bool:
 
 def is_scenario(path: Path) -> bool:
     """Whether a path is a configuration of SUMO, by its name."""
-    return str(path).lower().endswith((".sumocfg", ".sumocfg.xml"))
+    return str(path).lower().endswith((".sumocfg", ".sumocfg.xml", ".sumo.cfg"))
 
 
-def simulate(config: Path, window: Window = (None, None)) -> Recorded:
+def simulate(
+    config: Path, window: Window = (None, None), on_step: Callable[[int], None] = lambda permille: None
+) -> Recorded:
     """Simulate a configuration in this process and record a part of it; no file of it is written.
 
     SUMO is libsumo, or the user's own build that ``SUMO_HOME`` names, over TraCI.
 
     Args:
         window: first and last time, s; None is the simulation's begin and end.
+        on_step: called now and then with the simulated thousandths of the time.
 
     Raises:
         MapError: the configuration or a file of it cannot be read.
@@ -218,35 +222,43 @@ def simulate(config: Path, window: Window = (None, None)) -> Recorded:
         try:
             sumo.start([binary, *options])
             try:
-                recorded = _recorded(config, sumo, window)
+                recorded = _recorded(config, sumo, window, on_step)
                 by = () if own is None else (f"simulated by {sumo.getVersion()[1]} of SUMO_HOME",)
                 return dataclasses.replace(recorded, notes=(*recorded.notes, *by))
             finally:
                 sumo.close()
         except failed as error:
             said = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
-            reason = " ".join(said[:2]) or str(error)
+            reason = " ".join([*dict.fromkeys(said)][:2]) or str(error)
             raise SimulationError(f"{config}: SUMO stops: {reason.replace(folder + '/', '')}") from None
         finally:
             os.chdir(before)
 
 
-def _recorded(config: Path, sumo: Any, window: Window) -> Recorded:
+def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], None]) -> Recorded:
     refuse_mesoscopic(sumo, config)
     begin, end, step_s = sumo.simulation.getTime(), sumo.simulation.getEndTime(), sumo.simulation.getDeltaT()
     if window[0] is not None and 0 < end < window[0]:
         raise TrackError(f"{config}: ends at {end:g} s; choose an earlier --time")
     end = end if end > 0 else begin + WITHOUT_END_S
     first, last = (begin if window[0] is None else window[0]), (end if window[1] is None else window[1])
-    if window[0] is not None and begin + step_s < window[0] - step_s:
-        sumo.simulationStep(window[0] - step_s)
+
+    def tell() -> float:
+        now = float(sumo.simulation.getTime())
+        on_step(int(1000 * (now - begin) / max(last - begin, step_s)))
+        return now
+
+    if begin + step_s < (before := first - step_s):
+        while (now := tell()) < before - 5e-4:
+            sumo.simulationStep(min(before, now + max((last - begin) / 200, step_s)))
     recorder = Recorder(sumo)
-    while sumo.simulation.getTime() < last - step_s / 2 and sumo.simulation.getMinExpectedNumber():
+    while tell() < last - step_s / 2 and sumo.simulation.getMinExpectedNumber():
         sumo.simulationStep()
         recorder.take()
     recorded = recorder.recorded
     if not any(kind != "pedestrian" for kind, *_ in recorded.users.values()):
-        raise TrackError(f"{config}: no vehicle from {first:g} s to {last:g} s; {_first(sumo)}")
+        only = "only pedestrians" if recorded.users else "no vehicle"
+        raise TrackError(f"{config}: {only} from {first:g} s to {last:g} s; {_first(sumo)}")
     sublane = float(sumo.simulation.getOption("lateral-resolution")) > 0
     return dataclasses.replace(recorded, notes=(SUBLANE,) if sublane else ())
 
@@ -263,16 +275,24 @@ def _first(sumo: Any) -> str:
     while sumo.simulation.getTime() < until and sumo.simulation.getMinExpectedNumber():
         sumo.simulationStep()
         if sumo.vehicle.getIDCount():
-            return f"the next one departs at {sumo.simulation.getTime():g} s; choose a later --time"
-    return "none departs after that; choose an earlier --time"
+            return f"a vehicle departs at {sumo.simulation.getTime():g} s; choose a later --time"
+    return "no vehicle departs after that; choose an earlier --time"
 
 
 def _read(
-    paths: Sequence[Path], *, net: Path | None = None, window: Window = (None, None)
+    paths: Sequence[Path],
+    *,
+    net: Path | None = None,
+    window: Window = (None, None),
+    progress: Progress | None = None,
 ) -> tuple[TrackTable, tuple[str, ...]]:
     path = paths[0].absolute()
-    run = partial(simulate, path, window)
-    recorded = in_other_process(run, where="in the simulation", died=f"{path}: SUMO crashed twice in it")
+    recorded = in_other_process(
+        partial(simulate, path, window),
+        where="in the simulation",
+        died=f"{path}: SUMO crashed twice in it",
+        on_step=None if progress is None else lambda permille: progress(permille, 1000),
+    )
     return recorded.tracks(path)
 
 

@@ -46,6 +46,9 @@ class Watch:
                 connection = connection.getConnection(connection.getLabel())
         self._sumo, self._road = connection, None if net is None else read_sumo_road(net)
         with _asking("read"):
+            # libtraci steps all of its connections through one module.
+            several = getattr(connection, "isLibtraci", bool)()
+            self._label = connection.simulation.getLabel() if several else None
             self._step_s = float(connection.simulation.getDeltaT())
             refuse_mesoscopic(connection, "this simulation")
             self._net = net or Path(connection.simulation.getOption("net-file")).absolute()
@@ -63,8 +66,12 @@ class Watch:
 
         return Listener()
 
+    def _is_current(self) -> bool:
+        return self._label is None or bool(self._sumo.simulation.getLabel() == self._label)
+
     def _take(self) -> None:
-        self.time_s = self._recorder.take()
+        if self._is_current():
+            self.time_s = self._recorder.take()
 
     def until(self, condition: Callable[[], bool], *, at_most_s: float = 3600.0) -> bool:
         """Step the simulation until a condition holds; return whether it does.
@@ -74,11 +81,13 @@ class Watch:
             at_most_s: the simulation's time after which to give up, s; the end of all traffic does so, too.
 
         Raises:
-            SimulationError: the connection is closed.
+            SimulationError: the connection is closed, or another one of libtraci is the current one.
         """
         end_s = self.time_s + at_most_s
         while not condition():
             with _asking("step"):
+                if not self._is_current():
+                    raise SimulationError(f"libtraci steps another connection; switch to {self._label!r}")
                 if self.time_s >= end_s or not self._sumo.simulation.getMinExpectedNumber():
                     return False
                 self._sumo.simulationStep()

@@ -11,10 +11,19 @@ import pytest
 
 from scex_sumo.base.errors import MapError, ScexError, SimulationError, TrackError
 from scex_sumo.base.programs import program, user_sumo
-from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, recording_moments
+from scex_sumo.converters.datasets.recordings import (
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
+from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.formats.sumo.net import read_sumo_road
+from scex_sumo.formats.sumo.recorder import Light, Programme, Recorded, with_lights
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
+from scex_sumo.world.batch import RunningBatch
+from scex_sumo.world.sumo import SumoWorld
 from tests.formats.sumo.simulations import OUTPUTS, Simulation, in_sumo, run, write_grid
 
 TIME_S = 40.0
@@ -46,6 +55,12 @@ def test_vehicles_are_where_sumo_has_them(grid: Simulation, scene: SeedScene) ->
     assert scene.future is not None and scene.future.shape[1] == 50
 
 
+def test_progress_of_the_simulation_is_told(grid: Simulation) -> None:
+    told = list[tuple[int, int]]()
+    read_seed(grid.config, time=TIME_S, progress=lambda *step: told.append(step))
+    assert len(told) > 50 and told == sorted(told) and told[-1] == (1000, 1000)
+
+
 def test_pedestrians_and_bicycles_are_obstacles(grid: Simulation, scene: SeedScene) -> None:
     truth = in_sumo(grid.config, TIME_S)
     assert scene.obstacles is not None and set(scene.obstacles.types) == {"pedestrian", "bicycle"}
@@ -60,14 +75,63 @@ def test_fixed_lights_go_on_as_in_the_simulation(grid: Simulation, scene: SeedSc
     assert in_sumo(scene.road.net, 0.1, steps=40).lights == then  # futures begin at 0.1 s of their simulation
 
 
-def test_actuated_lights_begin_in_their_phase_and_stay_actuated(tmp_path: Path) -> None:
-    grid = write_grid(tmp_path, lights="actuated")
-    road = read_seed(grid.config, time=TIME_S).road
+def write_switching(folder: Path) -> Simulation:
+    """Write a grid whose fixed lights change their programmes at 43 s and at 64 s (WAUT)."""
+    grid = write_grid(folder, files='<additional-files value="w.add.xml"/>')
+    lights = ElementTree.parse(grid.net).getroot().findall("tlLogic")
+    for light in lights:
+        light.set("programID", "night")
+        for phase in light:
+            phase.set("duration", "4")
+    night = "".join(ElementTree.tostring(light, encoding="unicode") for light in lights)
+    here = "".join(f'<wautJunction wautID="w" junctionID="{light.get("id")}"/>' for light in lights)
+    switches = '<wautSwitch time="43" to="night"/><wautSwitch time="64" to="0"/>'
+    waut = f'<WAUT id="w" refTime="0" startProg="0">{switches}</WAUT>{here}'
+    (folder / "w.add.xml").write_text(f"<additional>{night}{waut}</additional>")
+    return grid
+
+
+@pytest.mark.parametrize("kind", ["actuated", "delay_based", "NEMA", "switching"])
+def test_lights_of_every_kind_go_on_as_in_the_simulation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    grid = write_switching(tmp_path) if kind == "switching" else write_grid(tmp_path, lights=kind)
+    for time_s in (TIME_S, 62.0):
+        scene = read_seed(grid.config, time=time_s)
+        assert any("lights that do in each future what they do in the simulation" in n for n in scene.notes)
+        assert scene.road is not None and scene.road.net is not None
+        then = in_sumo(grid.config, time_s, steps=50).lights
+        assert max(len(set(states)) for states in then.values()) > 1
+        assert in_sumo(scene.road.net, 0.1, steps=50).lights == then
+    shown = list[dict[str, str]]()  # in a future, with SUMO's drivers
+    advance = SumoWorld._advance
+
+    def watched(world: SumoWorld, batch: RunningBatch) -> None:
+        advance(world, batch)
+        lights = world._sumo.trafficlight
+        shown.append({t.removeprefix("t0_"): lights.getRedYellowGreenState(t) for t in lights.getIDList()})
+
+    monkeypatch.setattr(SumoWorld, "_advance", watched)
+    extrapolate(scene, children=1, models=["sumo:Krauss"], out=tmp_path / "out", exact=False)
+    assert [shown[k][light] for light in then for k in range(31)] == [s for t in then for s in then[t][:31]]
+
+
+def test_actuated_lights_of_a_watch_have_their_longest_phases(grid: Simulation) -> None:
+    def light(since_s: float, programme: str) -> Light:
+        return Light(since_s=since_s, programme=programme, phase=0, state="G")
+
+    recorded = Recorded(
+        lights={"A0": [light(10.0, "0")], "A1": [light(11.0, "online")]},
+        programmes={("A0", "0"): Programme(fixed=False, phases=(("G", 50.0, 1), ("y", 3.0, 0)))},
+    )
+    recorded.absent.append((12.0, (), (), 0))
+    road, notes = with_lights(read_sumo_road(grid.net), recorded, 12.0)
     assert road is not None and road.net is not None
-    then = {light: states[0] for light, states in in_sumo(grid.config, TIME_S, steps=1).lights.items()}
-    assert {light: s[0] for light, s in in_sumo(road.net, 0.1, steps=1).lights.items()} == then
-    lights = ElementTree.parse(road.net).getroot().findall("tlLogic")
-    assert {light.get("type") for light in lights} == {"actuated"} and len(lights) == len(then) == 9
+    lights = {light.get("id"): light for light in ElementTree.parse(road.net).getroot().iter("tlLogic")}
+    phases = [(phase.get("state"), float(phase.get("duration", ""))) for phase in lights["A0"]]
+    assert phases[:2] == [("G", 48.0), ("y", 3.0)]
+    assert lights["A1"][0].get("state") == "G" and float(lights["A1"][0].get("duration", "")) > 100
+    assert [note.partition(": ")[2] for note in notes] == ["A0", "A1"]
 
 
 def test_no_output_of_the_user_is_written(tmp_path: Path) -> None:
@@ -117,6 +181,23 @@ def test_a_time_before_the_first_vehicle_names_its_departure(tmp_path: Path) -> 
         read_seed(grid.config, time=5.0)
     with pytest.raises(TrackError, match="ends at 90 s; choose an earlier --time"):
         read_seed(grid.config, time=500.0)
+
+
+def test_vehicles_on_lanes_without_cars_are_no_matter_of_the_origin(tmp_path: Path) -> None:
+    bus = '<routes><vType id="bus" vClass="bus"/><trip id="a" type="bus" depart="0" from="A0A1" to="A1A2"/>'
+    grid = write_grid(tmp_path, routes=f"{bus}</routes>")
+    net = ElementTree.parse(grid.net)
+    for edge in net.iter("edge"):
+        if edge.get("id") == "A0A1":
+            for lane in list(edge)[1:]:  # the first one is the sidewalk
+                lane.attrib.pop("disallow", None)
+                lane.set("allow", "bus")
+    net.write(grid.net)
+    with pytest.raises(
+        TrackError, match=r"1 of 1 .* lanes that the map closes to cars: A0A1_1; allow"
+    ) as said:
+        read_seed(grid.config, time=2.0)
+    assert "origin" not in str(said.value)
 
 
 def test_a_mesoscopic_simulation_is_refused(tmp_path: Path) -> None:
@@ -171,6 +252,12 @@ def test_rank_takes_moments_of_a_window_of_a_configuration(grid: Simulation) -> 
     times = [moment.time_s for moment in recording_moments(loaded, every_s=5.0)]
     assert times == [20.0, 25.0, 30.0]
     assert loaded.table.vehicles.stamps_ms.min() <= 19_000 and loaded.table.vehicles.stamps_ms.max() >= 35_000
+    # The fixed programmes of a longer recording are still fixed.
+    longer = load_recording(dataclasses.replace(recording, window=(20.0, 85.0)))
+    scene = seed_at(longer, 40.0)
+    assert not any("traffic lights" in note for note in scene.notes)
+    assert scene.road is not None and scene.road.net is not None
+    assert in_sumo(scene.road.net, 0.1, steps=60).lights == in_sumo(grid.config, 40.0, steps=60).lights
 
 
 @pytest.mark.parametrize(("said", "words"), [("SUMO sumo 1.19.0", "needs 1.20"), ("", "of no known version")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 import subprocess
@@ -43,7 +44,10 @@ def grid(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
     return write_grid(tmp_path_factory.mktemp("grid"))
 
 
-@pytest.mark.parametrize("module", ["libsumo", "traci"])
+with_libtraci = pytest.mark.skipif(importlib.util.find_spec("libtraci") is None, reason="libtraci is absent")
+
+
+@pytest.mark.parametrize("module", ["libsumo", "traci", pytest.param("libtraci", marks=with_libtraci)])
 def test_a_simulation_goes_on_after_its_futures(grid: Simulation, module: str) -> None:
     (example,) = re.findall(r"```python\n(import libsumo.*?)```", PAGE.read_text(), re.DOTALL)
     example = example.replace("import libsumo", f"import {module}").replace('"sumo"', repr(program("sumo")))
@@ -57,6 +61,49 @@ def test_a_simulation_goes_on_after_its_futures(grid: Simulation, module: str) -
     alone = in_sumo(grid.config, until).vehicles
     assert {name: after[name] for name in alone} == {name: state[:2] for name, state in alone.items()}
 
+
+@with_libtraci
+def test_a_watch_keeps_to_its_connection_of_libtraci(grid: Simulation) -> None:
+    start = [
+        program("sumo"),
+        "-c",
+        "mine.sumocfg",
+        "--no-step-log",
+        "--no-warnings",
+        "--xml-validation",
+        "never",
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", TWO.format(start=start)],
+        cwd=grid.config.parent,
+        capture_output=True,
+        text=True,
+    )
+    assert not done.returncode, done.stderr
+    assert "libtraci steps another connection; switch to 'a'" in done.stdout
+
+
+TWO = """
+import libtraci
+import scex_sumo as scex
+
+libtraci.start({start}, label="a")
+watch = scex.watch(libtraci)
+libtraci.simulationStep(30)
+libtraci.start({start}, label="b")
+libtraci.simulationStep(5)
+assert watch.time_s == watch.scene().time_s == 30
+try:
+    watch.until(lambda: False)
+except scex.ScexError as error:
+    print(error)
+libtraci.switch("a")
+libtraci.simulationStep()
+assert watch.time_s == 30.1
+libtraci.close()
+libtraci.switch("b")
+libtraci.close()
+"""
 
 WRONG = """
 import warnings
