@@ -49,7 +49,7 @@ VEHICLES_AT_ONCE = 6000
 
 
 def scene_of(data: Path, part: str) -> SeedScene:
-    folder, _, share = next(entry for entry in SCENES if entry[1] == part)
+    folder, _, share = next(entry for entry in SCENES["developed"] if entry[1] == part)
     recording = next(r for r in scex_sumo.find_recordings([data / folder]) if part in r.name)
     loaded = scex_sumo.load_recording(recording)
     times = [moment.time_s for moment in scex_sumo.recording_moments(loaded, every_s=1.0)]

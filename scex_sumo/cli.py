@@ -47,6 +47,7 @@ COMMANDS = Registry(
         "encounters": "scex_sumo.commands.encounters:encounters_command",
         "metrics": "scex_sumo.commands.metrics:metrics_command",
         "models": "scex_sumo.commands.models:models_command",
+        "generate": "scex_sumo.commands.generate:generate_command",
     },
 )
 """A command is a function with Typer options; ``EXAMPLE`` in its module ends its help."""

@@ -65,6 +65,10 @@ Time = Annotated[float | None, typer.Option(metavar="S", help="Moment in seconds
 Synthetic = Annotated[
     int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
 ]
+Like = Annotated[
+    str | None,
+    typer.Option("--as", metavar="sumo|recorded", help="Of --synthetic: what its scenes look like."),
+]
 Models = Annotated[
     str | None,
     typer.Option(

@@ -21,6 +21,7 @@ from scex_sumo.commands.options import (
     Fcd,
     Force,
     InRegion,
+    Like,
     MapPath,
     Metrics,
     Models,
@@ -59,6 +60,7 @@ def run_command(
     case: Case = None,
     time: Time = None,
     synthetic: Synthetic = None,
+    like: Like = None,
     origin: Origin = None,
     children: Annotated[
         str | None,
@@ -172,6 +174,7 @@ def run_command(
             case=case,
             time=time,
             synthetic=synthetic,
+            like=like,
             origin=origin,
             seed=seed,
             cache=cache,

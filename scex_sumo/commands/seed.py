@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands import console
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
 _LONG = 200
+LIKE: dict[str | None, Literal["sumo", "recorded"]] = {"sumo": "sumo", "recorded": "recorded"}
 
 
 def seed_scene(
@@ -28,6 +29,7 @@ def seed_scene(
     seed: int,
     cache: bool = True,
     force: bool = False,
+    like: str | None = None,
 ) -> SeedScene:
     """Read or populate the seed scene; its notes go to standard error.
 
@@ -44,6 +46,10 @@ def seed_scene(
     if time is not None and not math.isfinite(time):
         raise UsageError(f"--time {time}: needs a moment in seconds")
     zero = parse_origin(origin) if origin is not None else None
+    if like is not None and like not in LIKE:
+        raise UsageError(f"--as {like}: unknown; known: sumo, recorded")
+    if like is not None and synthetic is None:
+        raise UsageError("--as: needs --synthetic N")
     if synthetic is None:
         simulated = tracks is None and dataset_of(map_path).simulated
         shown = progress_bar(f"simulating {map_path.name}") if simulated else nullcontext()
@@ -65,7 +71,13 @@ def seed_scene(
             raise UsageError(f"--synthetic: makes its own tracks; leave out {', '.join(given)}")
         with progress_bar(f"populating {map_path.name}") as tick:
             scene = synthetic_seed(
-                map_path, vehicles=synthetic, seed=seed, origin=zero, cache=cache, progress=tick
+                map_path,
+                vehicles=synthetic,
+                like=LIKE.get(like, "sumo"),
+                seed=seed,
+                origin=zero,
+                cache=cache,
+                progress=tick,
             )
     assert scene.road is not None
     warn(_brief(note) for note in (*scene.road.notes, *scene.notes))

@@ -7,6 +7,7 @@ import io
 import math
 import os
 import re
+import shutil
 import zlib
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
@@ -27,6 +28,18 @@ def open_binary(path: Path) -> BinaryIO:
     with path.open("rb") as file:
         packed = file.read(2) == b"\x1f\x8b"
     return io.BufferedReader(_Unpacked(path), 2**20) if packed else path.open("rb")
+
+
+def in_arrow(file: BinaryIO) -> Any:
+    """Return the rest of a file in Arrow's own memory.
+
+    Arrow's threads still release what they read from a Python file while Python ends, and abort the process.
+    """
+    import pyarrow as pa
+
+    memory = pa.BufferOutputStream()
+    shutil.copyfileobj(file, memory, 2**20)
+    return pa.BufferReader(memory.getvalue())
 
 
 class _Unpacked(io.RawIOBase):

@@ -16,6 +16,7 @@ from scex_sumo.world.sumo import SumoDriven, SumoWorld
 
 _MODEL = "EIDM"
 _END_S = 60
+_BLOCKED_S = 5  # after which others pass a vehicle that stands in a junction: futures can end in a deadlock
 
 _CONFIGURATION = """<configuration>
     <net-file value="tiles.net.xml"/>
@@ -24,6 +25,7 @@ _CONFIGURATION = """<configuration>
     <end value="{end}"/>
     <collision.action value="none"/>
     <time-to-teleport value="-1"/>
+    <ignore-junction-blocker value="{blocked}"/>
     <default.speeddev value="0"/>
     <no-step-log value="true"/>
 </configuration>
@@ -66,7 +68,7 @@ def _write_child(request: Request, child: int, folder: Path) -> Path:
     left = f"Off the lanes, and left out: {', '.join(left_out)}." if left_out else ""
     text = _README.format(child=child, name=request.name, model=_MODEL, left=left)
     write_atomic(folder / "README.md", text.encode())
-    configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S)
+    configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S, blocked=_BLOCKED_S)
     write_atomic(folder / "child.sumocfg", configuration.encode())
     return folder / "child.sumocfg"
 

@@ -16,7 +16,7 @@ import numpy as np
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.boxes import box_table, one_line, yaw_of
+from scex_sumo.formats.boxes import MAX_ITEMS, box_table, checked, one_line, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -84,6 +84,8 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
 def _scenario(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
     import pyarrow.parquet as pq
 
+    if (rows := pq.read_metadata(path.absolute()).num_rows) * len(_COLUMNS) > MAX_ITEMS:
+        raise TrackError(f"{path}: {rows} rows; name one scenario")
     names, kinds, time, *numbers = _columns(pq.read_table(path.absolute()), _COLUMNS)
     values = np.column_stack([100.0 * time, *numbers, np.full((len(time), 2), np.nan)])
     return box_table(path, names, _kinds(names, kinds), values, ego="AV")
@@ -128,7 +130,7 @@ def _columns(table: Any, names: Sequence[str]) -> list[Any]:
     """Columns of a table, of text as lists, else as numbers; raises `KeyError`."""
     import pyarrow as pa
 
-    table.validate(full=True)  # offsets of a damaged file lead out of its buffers
+    checked(table)
     columns: list[Any] = []
     for name in names:
         column = table[name]

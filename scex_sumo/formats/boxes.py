@@ -32,6 +32,8 @@ SIZES = {
 """Length and width in m of road users without a recorded size."""
 SWAPPED = 1.5  # a vehicle so many times as wide as long has its sides swapped
 _DAMAGE = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
+MAX_ITEMS = 10**8  # of a table, those in lists too
+MAX_NAME = 200  # letters of a track's name: all names together are one array of the longest
 UNFILLED = ("timestamp_ms", "x", "y", "psi_rad")
 
 
@@ -51,6 +53,25 @@ def one_line(error: type[InputError], path: Path, what: str) -> Iterator[None]:
     except (*_DAMAGE, sqlite3.Error, shapely.errors.ShapelyError) as why:
         reason = " ".join(reason_of(why).split())[:160]
         raise error(f"{path}: no {what} can be read ({reason}); fetch the file again") from None
+
+
+def checked(table: Any) -> Any:
+    """Return a table of Arrow after a full check; raises `ValueError`.
+
+    Few bytes can state billions of rows.
+    """
+    import pyarrow as pa
+
+    table.validate(full=True)  # offsets of a damaged file lead out of its buffers
+    items = 0
+    for chunk in (chunk for column in table.columns for chunk in column.chunks):
+        items += len(chunk)
+        while pa.types.is_list(chunk.type) or pa.types.is_large_list(chunk.type):
+            chunk = chunk.flatten()
+            items += len(chunk)
+    if items > MAX_ITEMS:
+        raise ValueError(f"more than {MAX_ITEMS} values in it")
+    return table
 
 
 def box_table(
@@ -107,6 +128,8 @@ def yaw_of(qw: Any, qx: Any, qy: Any, qz: Any) -> Any:
 
 
 def _check(path: Path, names: Sequence[str], values: FloatArray) -> None:
+    if (longest := max(set(names), key=len, default="")) and len(longest) > MAX_NAME:
+        raise TrackError(f"{path}: a track's name has {len(longest)} letters; fetch the file again")
     limits = np.array([MAX_VALUES.get(name, 1e4) for name in FLOAT_COLUMNS])
     wrong = ~(np.abs(values) <= limits)
     optional = [k for k, name in enumerate(FLOAT_COLUMNS) if name not in UNFILLED]

@@ -25,6 +25,7 @@ from scex_sumo.converters.lanelet.origin import on_earth
 from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.lanelet.repair import Place, distance_m, middle
 from scex_sumo.converters.naming import (
+    in_arrow,
     map_name,
     number,
     open_binary,
@@ -248,7 +249,7 @@ def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
     )
     try:
         with open_binary(path) as file:
-            arrow = arrow_csv.read_csv(file, convert_options=options)
+            arrow = arrow_csv.read_csv(in_arrow(file), convert_options=options)
     except FileNotFoundError:
         raise TrackError(f"{path}: no such file; check the path of the tracks") from None
     except pa.ArrowKeyError as error:

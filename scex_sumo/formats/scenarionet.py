@@ -6,8 +6,10 @@ The pickles are read by an unpickler that admits NumPy arrays of numbers and tex
 from __future__ import annotations
 
 import collections
+import io
 import math
 import pickle
+import pickletools
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -35,6 +37,8 @@ MPH, KMH = 0.44704, 1 / 3.6
 FILLER_KMH = 100.0  # ScenarioNet writes it for lanes without a limit
 PLAIN_KINDS = "biufSU"  # of NumPy types
 MAX_BYTES = 2**31
+MAX_ITEMS = 10**8  # of a scenario, those of shared lists counted each time
+_TOO_MANY = f"it holds more than {MAX_ITEMS} items, or a list holds itself"
 _RELATIONS = ("exit_lanes", "entry_lanes", "left_neighbor", "right_neighbor")
 _USERS = {"PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
 _LIGHTS = (
@@ -52,9 +56,11 @@ def unpickle(file: BinaryIO) -> Any:
     """Load a pickle of NumPy arrays and plain containers.
 
     Raises:
-        pickle.UnpicklingError: the pickle names anything else, or an array of objects.
+        pickle.UnpicklingError: the pickle names anything else, holds an array of objects, or would fill the
+            memory.
     """
-    admitted = _admitted()
+    raw, admitted = file.read(), _admitted()
+    _check_opcodes(raw)
 
     class Restricted(pickle.Unpickler):
         def find_class(self, module: str, name: str) -> Any:
@@ -64,7 +70,58 @@ def unpickle(file: BinaryIO) -> Any:
                 )
             return admitted[module, name]
 
-    return Restricted(file).load()
+    content = Restricted(io.BytesIO(raw)).load()
+    _count(content, {})
+    return content
+
+
+def _check_opcodes(raw: bytes) -> None:
+    """Refuse opcodes that reserve memory, or build a key with more parts than can be hashed."""
+    mark = pickletools.markobject
+    stack: list[int | None] = []  # number of parts of each value; None is a mark
+    memo: dict[int, int | None] = {}
+    for count, (code, value, _) in enumerate(pickletools.genops(raw)):  # refuses lengths beyond the end
+        if code.name.endswith("GET"):
+            stack.append(memo[value or 0])
+        elif code.name == "MEMOIZE" or code.name.endswith("PUT"):
+            place = len(memo) if value is None else value
+            if place > count:
+                raise pickle.UnpicklingError(f"its memo has a place {place} after {count} opcodes")
+            memo[place] = stack[-1]
+        elif code.name == "MARK":
+            stack.append(None)
+        else:
+            parts, below = 1, len(code.stack_before)
+            if mark in code.stack_before:
+                below = code.stack_before.index(mark)
+                while (top := stack.pop()) is not None:
+                    parts += top
+            for _ in range(below):
+                parts += stack.pop() or 0
+            if parts > MAX_ITEMS:
+                raise pickle.UnpicklingError(_TOO_MANY)
+            stack += [parts] * len(code.stack_after)
+
+
+def _count(value: Any, counts: dict[int, int]) -> int:
+    """Number of items, letters and numbers in nested containers.
+
+    Lists may share lists, so that few bytes hold more items than anybody can visit.
+    """
+    if isinstance(value, (str, bytes)):
+        return 1 + len(value)
+    if isinstance(value, np.ndarray):
+        return 1 + value.size
+    if not isinstance(value, (dict, list, tuple, set, frozenset)):
+        return 1
+    if id(value) in counts:
+        return counts[id(value)]
+    counts[id(value)] = MAX_ITEMS  # of a list that holds itself
+    parts = (part for item in value.items() for part in item) if isinstance(value, dict) else value
+    counts[id(value)] = total = 1 + sum(_count(part, counts) for part in parts)
+    if total > MAX_ITEMS:
+        raise pickle.UnpicklingError(_TOO_MANY)
+    return total
 
 
 def _admitted() -> dict[tuple[str, str], Any]:

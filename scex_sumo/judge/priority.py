@@ -9,10 +9,12 @@ from typing import TypeAlias
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.converters.net.reader import SumoLink
-from scex_sumo.geometry.polylines import heading, wrap
+from scex_sumo.geometry.polylines import heading, length_of, wrap
 from scex_sumo.judge.conflicts import NEAR_M, find_conflicts
 from scex_sumo.judge.matching import Matching
 
@@ -24,6 +26,7 @@ GREENS = "GgoOsu"  # signal states in which a car may go, if need be after looki
 END_M = 2.0  # of a lane, for its direction
 RIGHT_RAD = (np.deg2rad(45.0), np.deg2rad(135.0))  # of traffic from the right
 JOINT_M = 0.25  # a link this short without foes is none to meet on
+RING_M, MAX_OVAL = 400.0, 0.3  # round a roundabout; its radii differ by less than this share
 AHEAD_LINKS = 4  # an approach may lie this many plain links before its intersection
 
 
@@ -39,9 +42,10 @@ class RightOfWay:
 
     def __init__(self, matching: Matching) -> None:
         self.net, self.rules = matching.net, matching.road.regulations
+        self.lanes = matching.road.vehicle_lanes
         self.links = links = _Links(matching)
         self._ruled = {i for rule in self.rules for i in (*rule.lanes, *rule.yielding, *rule.priority)}
-        self.conflicts = find_conflicts(matching.road.vehicle_lanes)
+        self.conflicts = find_conflicts(self.lanes)
         self.missing_foes, self.apart = list[Pair](), list[Pair]()
         self.from_the_right, self.wrong_right = 0, list[Pair]()
         self.regulated, self.wrong = 0, list[Pair]()
@@ -61,7 +65,7 @@ class RightOfWay:
             if (priority, yielding) not in ruled:  # else the map contradicts itself
                 self._judge_rule(yielding, priority, meeting)
         lit = {i for rule in self.rules if rule.kind == "traffic_light" for i in rule.lanes}
-        self.signalled = sorted(i for i in lit if i in matching.road.vehicle_lanes and links.of(i))
+        self.signalled = sorted(i for i in lit if i in self.lanes and links.of(i))
 
     def _judge_foes(self, pair: Pair) -> None:
         links, pairs = self.links, self.links.meetings(*pair)
@@ -78,15 +82,43 @@ class RightOfWay:
         if any(link.signal or links.lanelets(link, approach=True) & self._ruled for link in both):
             return
         pairs = [(a, b) for a, b in links.meetings(yielding, priority) if links.are_foes(a, b)]
-        if pairs and not all(self._opposed(a, b) for a, b in pairs):
-            self.from_the_right += 1
-            if not all(links.waits(a, b) for a, b in pairs):
-                self.wrong_right.append((yielding, priority))
+        if not any(self._from_the_right(a, b) for a, b in pairs):
+            return
+        wrong = not all(links.waits(a, b) for a, b in pairs)
+        on_it = (yielding, *self.lanes[yielding].predecessors)
+        if wrong and all(links.waits(b, a) for a, b in pairs) and any(map(self._circles, on_it)):
+            return  # a roundabout goes before its entries
+        self.from_the_right += 1
+        if wrong:
+            self.wrong_right.append((yielding, priority))
 
-    def _opposed(self, one: SumoLink, other: SumoLink) -> bool:
+    def _from_the_right(self, one: SumoLink, other: SumoLink) -> bool:
+        """Whether one link's traffic sees that of another come from the right, before both turn."""
         ends = (self.net.lanes[link.from_lane].shape for link in (one, other))
         ways = [heading(shape, end=True, reach=END_M) for shape in ends]
-        return not RIGHT_RAD[0] <= abs(wrap(ways[1] - ways[0])) <= RIGHT_RAD[1]
+        return bool(RIGHT_RAD[0] <= wrap(ways[1] - ways[0]) <= RIGHT_RAD[1])
+
+    def _circles(self, lane_id: int) -> bool:
+        """Whether a lanelet lies on a circle of lanelets."""
+        ids = list(self.lanes)
+        place = {i: k for k, i in enumerate(ids)}
+        if lane_id not in place:
+            return False
+        ways = [(place[i], place[j]) for i in ids for j in self.lanes[i].successors if j in place]
+        lengths = [length_of(self.lanes[ids[k]].centreline) for k, _ in ways]
+        graph = coo_array(
+            (lengths, tuple(np.array(ways, int).reshape(-1, 2).T)), shape=(len(ids), len(ids))
+        ).tocsr()
+        far, before = dijkstra(graph, indices=place[lane_id], limit=RING_M, return_predecessors=True)
+        back = [k for k, end in ways if end == place[lane_id] and np.isfinite(far[k])]
+        if not back:
+            return False
+        at, circle = min(back, key=lambda k: far[k]), list[int]()
+        while at >= 0:
+            circle, at = [*circle, at], before[at]
+        points = np.vstack([self.lanes[ids[k]].centreline for k in circle])
+        radii = np.hypot(*(points - (points.min(axis=0) + points.max(axis=0)) / 2).T)
+        return bool(np.ptp(radii) < MAX_OVAL * radii.mean())
 
     def _judge_rule(self, yielding: int, priority: int, meeting: set[Pair]) -> None:
         links = self.links

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import pickle
 from pathlib import Path
+from typing import Literal
 
 from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import TrackError, warn_notes
@@ -79,15 +80,18 @@ def synthetic_seed(
     map_path: str | Path,
     *,
     vehicles: int,
+    like: Literal["sumo", "recorded"] = "sumo",
     seed: int = 0,
     origin: tuple[float, float] | None = None,
     cache: bool = True,
     progress: Progress | bool | None = None,
 ) -> SeedScene:
-    """Populate a map by SUMO's demand and car-following, and return one moment with history and future.
+    """Populate a map and return one moment: by SUMO with history and future, or as recorded ones look.
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
+        like: ``sumo`` places vehicles by random demand and car-following, ``recorded`` by the shipped scene
+            model; such a scene has no future.
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
@@ -108,6 +112,12 @@ def synthetic_seed(
 
     map_path = Path(map_path)
     road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
+    if like == "recorded":
+        from scex_sumo.scenarios.generate import generated_scene
+        from scex_sumo.scenarios.scene_model import load_scenes
+
+        warn_notes(road.notes)
+        return generated_scene(road, load_scenes(), vehicles=vehicles, seed=seed)
     name = f"{road.name}_synthetic{vehicles}_s{seed}"
 
     def populated() -> SeedScene:

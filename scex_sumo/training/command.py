@@ -17,15 +17,24 @@ from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Seed
 
 if TYPE_CHECKING:
+    from scex_sumo.converters.datasets.moment import Split
     from scex_sumo.converters.datasets.recordings import Recording
     from scex_sumo.training.train import Progress, Trainer
 
 NETWORKS = ("graph", "hybrid", "joint")
+SCENES = "scenes"
 EXAMPLE = "graph --data INTERACTION --out mine.safetensors"
 
 
 def train_command(
-    kind: Annotated[str, Argument(metavar="graph|hybrid|joint", help="Network.", show_default=False)],
+    kind: Annotated[
+        str,
+        Argument(
+            metavar="graph|hybrid|joint|scenes",
+            help="Network, or scene model of 'generate'.",
+            show_default=False,
+        ),
+    ],
     data: Annotated[
         list[Path] | None, Option(metavar="ROOT", help="Folder with recordings; repeatable.")
     ] = None,
@@ -52,13 +61,19 @@ def train_command(
     ] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
 ) -> None:
-    """Train a learned driver on recordings."""
+    """Train a learned driver, or a model of scenes, on recordings."""
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
     from scex_sumo.converters.datasets.moment import Split
+
+    if kind == SCENES:
+        kept = Split(kept_validation=tuple(validation or ()))
+        recordings = _recordings(data or [], leave_out or [], validation or [])
+        _train_scenes(recordings, kept, weights, seed=seed, epochs=epochs, every_s=every)
+        return
     from scex_sumo.training.closed_loop import closed_loop
     from scex_sumo.training.data.dataset import SampleOptions, make_dataset
     from scex_sumo.training.options import EPOCHS, TrainOptions
@@ -106,8 +121,8 @@ def train_command(
 
 
 def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, overwrite: bool) -> Path:
-    if kind not in NETWORKS:
-        raise UsageError(f"train {kind}: unknown network; known: {', '.join(NETWORKS)}")
+    if kind not in (*NETWORKS, SCENES):
+        raise UsageError(f"train {kind}: unknown network; known: {', '.join((*NETWORKS, SCENES))}")
     if out is None:
         raise UsageError("train: needs --out FILE.safetensors for the weights")
     if out.is_dir():
@@ -123,6 +138,28 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
     if not out.parent.is_dir():
         raise ResultError(f"{out}: folder {out.parent} does not exist; make it first")
     return out
+
+
+def _train_scenes(
+    recordings: Sequence[Recording], split: Split, out: Path, *, seed: int, epochs: int | None, every_s: float
+) -> None:
+    import torch
+
+    from scex_sumo.scenarios.scene_model import save_scenes
+    from scex_sumo.training.scenes import EPOCHS, train_scenes
+
+    def report(epoch: int, loss: float, validation: float) -> None:
+        print(f"epoch {epoch} loss {loss:.3f} validation {validation:.3f}", file=sys.stderr)
+
+    torch.set_num_threads(1)  # its products are small
+    tensors, meta = train_scenes(
+        recordings, split=split, every_s=every_s, seed=seed, epochs=epochs or EPOCHS, report=report
+    )
+    save_scenes(out, tensors, {**meta, "seed": seed, "every_s": every_s})
+    print(
+        f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, "
+        f"validation loss {meta['validation_loss']}"
+    )
 
 
 def _checkpoints(out: Path) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 from pathlib import Path
 
+import pyarrow.csv
 import pytest
 
 import scex_sumo as scex
@@ -74,3 +75,19 @@ def test_what_is_no_map_and_no_table_is_named(name: str, content: bytes, kind: s
         scex.read_map(path)
     with pytest.raises(TrackError, match=f"{kind}, not CSV; INTERACTION tracks need track_id"):
         scex.read_seed(MAP, tracks=path)
+
+
+def test_a_recording_is_parsed_from_arrow_s_own_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arrow's threads abort a process that ends while they release what they read from a Python file."""
+    sources = []
+    read_csv = pyarrow.csv.read_csv
+
+    def seen(source: object, **options: object) -> object:
+        sources.append(type(source))
+        return read_csv(source, **options)
+
+    monkeypatch.setattr(pyarrow.csv, "read_csv", seen)
+    read_recorded([write_rows(tmp_path / "a.csv", straight())])
+    assert sources == [pyarrow.BufferReader]

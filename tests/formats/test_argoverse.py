@@ -221,3 +221,22 @@ def test_the_shared_scenes_are_faithful_and_on_their_lanes(data: Path) -> None:
         loaded = load_recording(recording)
         assert len(loaded.road.lanes) == lanes and loaded.notes == ()
         assert any("recording vehicle" in finding for finding in loaded.findings)
+
+
+def test_a_table_that_states_more_rows_than_anybody_recorded_is_one_line(
+    scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scex_sumo.formats.argoverse.MAX_ITEMS", 100)
+    with pytest.raises(TrackError, match="rows; name one scenario"):
+        read_recorded([scenario.with_name("scenario_abcdefgh-1.parquet")])
+    monkeypatch.setattr("scex_sumo.formats.boxes.MAX_ITEMS", 100)
+    with pytest.raises(TrackError, match="more than 100 values in it"):
+        read_recorded([sensor_log(tmp_path, "annotations.feather", ego=False)])
+
+
+def test_a_name_of_five_thousand_letters_is_one_line(tmp_path: Path) -> None:
+    content = columns()
+    content["track_id"] = ["a" * 5000 if name == "11" else name for name in content["track_id"]]
+    pa.parquet.write_table(pa.table(content), tmp_path / "scenario_a.parquet")
+    with pytest.raises(TrackError, match="name has 5000 letters"):
+        read_recorded([tmp_path / "scenario_a.parquet"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 import copy
+import io
 import os
 import pickle
 from functools import cache
@@ -121,6 +122,38 @@ def test_a_pickle_that_names_anything_but_plain_arrays_is_refused(name: str, tmp
         with pytest.raises(ScexError, match="no pickle that can be read"):
             read(path)
     assert not (tmp_path / "hacked").exists() and not Path("hacked").exists()
+
+
+def _nested(value: Any, make: Any) -> Any:
+    for _ in range(40):
+        value = make((value, value))
+    return value
+
+
+def _endless() -> list[Any]:
+    one: list[Any] = []
+    one += [one, one]
+    return one
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        pytest.param(pickle.dumps(_nested("x", list)), id="a list with 2^40 items"),
+        pytest.param(pickle.dumps(_endless()), id="a list of itself"),
+        pytest.param(b"Nr" + (2**31).to_bytes(4, "little") + b".", id="a memo of 34 GB"),
+        pytest.param(b"\x96" + (2**36).to_bytes(8, "little") + b".", id="69 GB of bytes"),
+    ],
+)
+def test_a_short_pickle_that_would_fill_the_memory_is_refused(more: bytes) -> None:
+    with pytest.raises((pickle.UnpicklingError, ValueError), match=r"items|memo|bytes"):
+        unpickle(io.BytesIO(more))
+
+
+def test_a_key_that_cannot_be_hashed_in_a_life_is_refused() -> None:
+    key = pickle.dumps(_nested("x", tuple), protocol=2)[2:-1]
+    with pytest.raises(pickle.UnpicklingError, match="items"):
+        unpickle(io.BytesIO(b"\x80\x02}" + key + b"Ns."))
 
 
 def test_flags_that_make_pointers_of_numbers_are_ignored(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,6 +14,8 @@ from typing import Final
 
 from tests.formats.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
 from tests.formats.levelx.levelx_files import Mover, write_highd
+from tests.formats.sumo.simulations import OUTPUTS
+from tests.fuzz import drawn
 from tests.fuzz.forked import CACHE, Ended, run_forked
 from tests.fuzz.mutations import NUMBERS, bytes_changed, column_changed, mutated
 from tests.fuzz.sources import EXAMPLES, KEPT, Sources
@@ -210,6 +213,63 @@ _DETECTORS = (
 )
 
 
+def _scenario(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A configuration of SUMO with files that would write others."""
+    shutil.copytree(sources.scenario(), work, dirs_exist_ok=True)
+    outputs = re.sub(r'\b(file|dest|output)="|(?<=file" value=")', lambda m: f"{m[0]}{WRITTEN}-", OUTPUTS)
+    (work / "x.add.xml").write_text(outputs)
+    (work / "more.add.xml").write_text("<additional/>")
+    file = work / rng.choice(("mine.sumocfg", "mine.sumocfg", "g.net.xml", "r.rou.xml", "x.add.xml"))
+    how = _twice(file, rng)
+    commands = (
+        ["run", "mine.sumocfg", "--time", "10", *RUN],
+        ["rank", "mine.sumocfg", "--every", "4", "--from", "4", "--to", "10", "--children", "4", *FEW],
+        ["inspect", "mine.sumocfg"],
+        ["convert", "mine.sumocfg", "-o", "new.net.xml"],
+    )
+    return f"{file.name}: {how}", rng.choice(commands)
+
+
+FEW = ("--first", "2", "--top", "1", "-o", "new")
+
+
+def _drawn(
+    write: Callable[[Path, Random], tuple[str, list[str]]],
+) -> Callable[[Sources, Path, Random], tuple[str, list[str]]]:
+    def case(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+        how, arguments = write(work, rng)
+        return how, arguments + (list(RUN) if arguments[0] == "run" else [])
+
+    return case
+
+
+def _answers(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """Exact tables, outcomes of pairs or the estimate of rare collisions, of either set of futures."""
+    shutil.copytree(sources.answers(), work / "out")
+    names = ("exact.json", "rare.json", "exact/*", "rare/*", "pair_outcomes.parquet", "collisions.parquet")
+    files = sorted({file for name in (*names, "encounters.parquet") for file in (work / "out").rglob(name)})
+    file = rng.choice(files)
+    how = "removed" if rng.random() < 0.05 else _twice(file, rng)
+    if how == "removed":
+        file.unlink()
+    encounters = ["encounters", "out"]
+    commands = (
+        [*encounters, "--json"],
+        [*encounters, "--weights", "standard_driver=0.9"],
+        [*encounters, "--pair", "10,12"],
+        ["report", "out"],
+        ["report", "out", "--evidence"],
+        ["explain", "out", "--encounter", "10,12"],
+        ["view", "out", "--write-only", "--encounter", "10,12"],
+        ["compare", "out", str(sources.answers())],
+        ["run", "urban_intersection.osm", *sources.ANSWERS, "-o", "out"],
+    )
+    command = rng.choice(commands)
+    if command[0] == "run":
+        _copied(work, "urban_intersection")
+    return f"{file.relative_to(work / 'out')}: {how}", command
+
+
 def _detectors(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     """A net with detectors that write files, often mutated, too."""
     net = work / "g.net.xml"
@@ -286,6 +346,11 @@ KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]
     "simulations": _simulation,
     "detectors": _detectors,
     "caches": _cache,
+    "scenarios": _scenario,
+    "answers": _answers,
+    "scenarionet": _drawn(drawn.scenarionet),
+    "argoverse": _drawn(drawn.argoverse),
+    "py123d": _drawn(drawn.py123d),
 }
 OFTEN: Final = (*2 * ("tracks", "maps", "commonroad", "weights", "folders", "options"), *KINDS)
 """Kinds in the order of a run: those whose cases are quick come more often."""

@@ -38,7 +38,7 @@ def mutated(file: Path, rng: Random) -> str:
         ways += [_column] * 6
     elif kind == "json":
         ways = [bytes_changed, *[_json] * 6]
-    elif kind == "parquet":
+    elif kind in ("parquet", "feather", "arrow"):
         ways = [bytes_changed, *[_table] * 6]
     try:
         return rng.choice(ways)(file, rng)
@@ -143,34 +143,57 @@ def _column(file: Path, rng: Random) -> str:
 
 
 def _json(file: Path, rng: Random) -> str:
-    """A value somewhere in a JSON file replaced or dropped."""
     content = json.loads(file.read_text())
+    how = value_changed(content, rng)
+    file.write_text(json.dumps(content))
+    return how
+
+
+def value_changed(content: Any, rng: Random, values: Sequence[Any] = VALUES) -> str:
+    """Replace or drop a value somewhere in nested lists and dicts; says which."""
     at, path = content, "$"
-    while True:
+    while at:
         key: Any = rng.choice(list(at)) if isinstance(at, dict) else rng.randrange(len(at))
         path += f".{key}"
         below = at[key]
         if not isinstance(below, dict | list) or not below or rng.random() < 0.3:
             break
         at = below
+    if not at:
+        return "empty"
     if rng.random() < 0.3:
         del at[key]
         path += " dropped"
     else:
-        at[key] = rng.choice(VALUES)
-    file.write_text(json.dumps(content))
+        at[key] = rng.choice(values)
     return path[:40]
 
 
+def read_table(file: Path) -> pa.Table:
+    """Read a table of Parquet, Feather or Arrow."""
+    if file.suffix == ".parquet":
+        return pq.read_table(file)
+    with pa.OSFile(str(file), "rb") as source:
+        return pa.ipc.open_file(source).read_all()
+
+
+def write_table(table: pa.Table, file: Path) -> None:
+    """Write a table as the file's ending names."""
+    if file.suffix == ".parquet":
+        pq.write_table(table, file)
+        return
+    with pa.OSFile(str(file), "wb") as sink, pa.ipc.new_file(sink, table.schema) as writer:
+        writer.write_table(table)
+
+
 def column_changed(file: Path, rng: Random) -> str:
-    """A column of a Parquet file dropped, of another type, with nulls, or with lists of other lengths."""
-    table = pq.read_table(file)
+    """A column of a table dropped, of another type, with nulls, or with lists of other lengths."""
+    table = read_table(file)
     name = rng.choice(table.column_names)
     at, column = table.column_names.index(name), table[name].combine_chunks()
     what = rng.choice(("drop", "type", "type", "null", "nulls", "lists"))
     if what == "drop":
-        table = table.drop_columns([name])
-        pq.write_table(table, file)
+        write_table(table.drop_columns([name]), file)
         return f"{what} {name}"
     if what == "lists" and not pa.types.is_list(column.type):
         name = next((field.name for field in table.schema if pa.types.is_list(field.type)), name)
@@ -188,7 +211,7 @@ def column_changed(file: Path, rng: Random) -> str:
         longer = [value if isinstance(value, list) else [value] for value in values]
         longer = [rng.choice((value[:-1], value * 2, [], [None, *value], value)) for value in longer]
         new = pa.array(longer, column.type if pa.types.is_list(column.type) else pa.list_(column.type))
-    pq.write_table(table.set_column(at, name, new), file)
+    write_table(table.set_column(at, name, new), file)
     return f"{what} {name}"
 
 
@@ -201,8 +224,8 @@ OTHER_TYPES: tuple[tuple[pa.DataType, Any], ...] = (
 
 
 def _table(file: Path, rng: Random) -> str:
-    """A column of a Parquet file changed, or full of one value; or some rows."""
-    table = pq.read_table(file)
+    """A column of a table changed, or full of one value; or some rows."""
+    table = read_table(file)
     name, count = rng.choice(table.column_names), len(table)
     what = rng.choice(("column", "column", "column", "value", "number", "rows", "double", "shuffle"))
     if what == "column":
@@ -219,5 +242,5 @@ def _table(file: Path, rng: Random) -> str:
         order = list(range(count))
         rng.shuffle(order)
         table = table.take(order)
-    pq.write_table(table, file)
+    write_table(table, file)
     return f"{what} {name}"

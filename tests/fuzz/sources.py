@@ -13,6 +13,7 @@ from typing import Final
 import scex_sumo
 from scex_sumo.base.programs import environment, program
 from tests.command import scex
+from tests.formats.sumo.simulations import write_grid
 
 EXAMPLES = Path(scex_sumo.__file__).parent / "scenarios/data"
 RUN: Final = ("--children", "3", "--steps", "5", "--no-plots", "--reference", "none")
@@ -49,6 +50,24 @@ class Sources:
         folder = self._folder / "result"
         command = ("run", str(EXAMPLES / "urban_intersection.osm"), *RUN, "-o", str(folder))
         scex(*command).check_returncode()
+        return folder
+
+    ANSWERS: Final = ("--children", "64", "--steps", "20", "--rare", "30", "--no-plots")
+
+    @cache  # noqa: B019
+    def answers(self) -> Path:
+        """A result folder with exact tables and an estimate of rare collisions."""
+        folder = self._folder / "answers"
+        scex("run", EXAMPLES / "urban_intersection.osm", *self.ANSWERS, "-o", folder).check_returncode()
+        return folder
+
+    @cache  # noqa: B019
+    def scenario(self) -> Path:
+        """A configuration of SUMO on a grid, ``mine.sumocfg``, with ``x.add.xml`` that is not there yet."""
+        folder = self._folder / "scenario"
+        folder.mkdir()
+        files = '<additional-files value="x.add.xml"/>'
+        write_grid(folder, files=files, output='<fcd-output value="written-fcd.xml"/>', end=30)
         return folder
 
     @cache  # noqa: B019

@@ -270,6 +270,10 @@ def test_right_before_left_is_expected_where_no_rule_is(tmp_path: Path) -> None:
     report = check_net(write_net(tmp_path), replace(crossing(), regulations=()), Table())
     assert report["from_the_right"] == 1
     assert report["wrong_from_the_right"] == ((2, 5),)
+    road = crossing()
+    alone = {i: replace(one, successors=(), predecessors=()) for i, one in road.lanes.items()}
+    report = check_net(write_net(tmp_path), replace(road, lanes=alone, regulations=()), Table())
+    assert report["wrong_from_the_right"] == ((2, 5),)
     swapped = write_net(
         tmp_path,
         ('<request index="0" response="000"', '<request index="0" response="100"'),
@@ -277,6 +281,13 @@ def test_right_before_left_is_expected_where_no_rule_is(tmp_path: Path) -> None:
     )
     report = check_net(swapped, replace(crossing(), regulations=()), Table())
     assert report["wrong_from_the_right"] == ()
+
+
+def test_traffic_that_meets_from_the_right_but_came_from_the_left_is_not_judged(tmp_path: Path) -> None:
+    """The lane before 2 ends westwards: its cars turn before they cross 5."""
+    net = write_net(tmp_path, ('shape="-60,0 -15,0"', 'shape="-60,0 -12,0 -15,0"'))
+    report = check_net(net, replace(crossing(), regulations=()), Table())
+    assert (report["from_the_right"], report["wrong_from_the_right"]) == (0, ())
 
 
 def test_a_traffic_light_that_controls_nothing_is_found(tmp_path: Path) -> None:

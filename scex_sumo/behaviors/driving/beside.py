@@ -80,7 +80,8 @@ def offsets_beside(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Two boxes share the space between them; others keep their speed and straighten up.
+    Offsets are those of the centre, or with ``later`` of the middle of the front. Two boxes share the space
+    between them; others keep their speed and straighten up.
 
     Args:
         row: (n,) path of each vehicle.
@@ -110,7 +111,7 @@ def offsets_beside(
     side = np.where(other.offset > own.offset, 1.0, -1.0)
     if later is None:
         free = apart[:, None] - _taken(own, other, side, width[j], t) - margin
-        reach = (own.along + other.along)[:, None]
+        reach, front = (own.along + other.along)[:, None], own.offset
     else:
         boxes = [other]
         for time, states in zip(later[0][1:], later[1][1:], strict=True):
@@ -124,15 +125,17 @@ def offsets_beside(
         )
         ahead = place - own.s[:, None] - way[i]
         drift = np.maximum(side * own.ahead * own.sine, 0.0) * OWN_DRIFT_S
-        free = edge - (side * own.offset + own.across + drift)[:, None] - margin
+        vehicle = who.vehicle[i]
+        front = own.offset + own.sine * length[vehicle] / 2
+        free = edge - (side * front + width[vehicle] / 2 + drift)[:, None] - margin
         reach = own.along[:, None] + half
     counts = np.abs(ahead) < reach + AHEAD_M
     room = reached(np.where(counts, np.maximum(free / 2, -ASIDE_M), np.inf))
     room *= np.where(room < 0, 1 - np.exp(-t / ASIDE_S), 1.0)
     least, most = np.full(way.shape, -np.inf), np.full(way.shape, np.inf)
     left, right = side > 0, side < 0
-    np.minimum.at(most, i[left], own.offset[left, None] + room[left])
-    np.maximum.at(least, i[right], own.offset[right, None] - room[right])
+    np.minimum.at(most, i[left], front[left, None] + room[left])
+    np.maximum.at(least, i[right], front[right, None] - room[right])
     return least, most
 
 

@@ -54,6 +54,12 @@ def estimated_scene(scene: SeedScene, road: Road) -> SeedScene:
     return replace(scene, history=replace(past, heading=turned, speed=speed))
 
 
+@owner_cache
+def heading_scatter(scene: SeedScene, road: Road) -> FloatArray:
+    """Return (V,) scatter of the headings of the last second about a line, relative to the path, rad."""
+    return _scatter(np.unwrap(scene.history.heading, axis=1) - _path_headings(scene, road), 2)
+
+
 def estimated_history(history: SceneHistory, road: Road) -> SceneHistory:
     """Return a history whose seed scene, and whose states up to the seed moment, are estimated."""
     scene, old = estimated_scene(history.scene, road), HISTORY_STEPS + 1 - history.step
@@ -87,8 +93,9 @@ def _smoothed(values: FloatArray, steady: FloatArray, usual: float, outlier: flo
     return smooth
 
 
-def _scatter(values: FloatArray) -> FloatArray:
-    """(V,) standard deviation of values (V, 11) from a parabola."""
-    left = values - (values @ _BASIS) @ _BASIS.T
-    scatter: FloatArray = np.sqrt((left**2).sum(axis=1) / (values.shape[1] - _BASIS.shape[1]))
+def _scatter(values: FloatArray, terms: int = 3) -> FloatArray:
+    """(V,) standard deviation of values (V, 11) from a polynomial with so many terms."""
+    basis = _BASIS[:, :terms]
+    left = values - (values @ basis) @ basis.T
+    scatter: FloatArray = np.sqrt((left**2).sum(axis=1) / (values.shape[1] - terms))
     return scatter

@@ -17,7 +17,9 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.beside import offsets_beside
 from scex_sumo.behaviors.driving.leaders import Leaders
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle
 from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.guard.conflicts import StopLines
 from scex_sumo.behaviors.guard.corridors import SAMPLE_S, GuardProfile, expected
 from scex_sumo.behaviors.guard.guarded import line_motion, needed_braking, retimed
@@ -39,9 +41,11 @@ LOOMING_FACTOR = 1.6  # then they brake harder than needed by this
 SAFE_ONSET = 2.0  # factor on the onset for vehicles that are missed with constant velocity and heading
 MORE_THAN_NEEDED = 1.2
 BESIDE_M = 0.3  # between boxes beside each other
+MAX_SLOPE = 0.3  # of the way across over the way along
 LOOKS = (0, 3, 6)  # of the samples of expected motion, for vehicles beside
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 HARDEST_MPS2 = 8.0
+MERGING_MPS2, MERGING_MPS = 3.0, 2.0  # for vehicles about as fast that merge in front: both make room
 GENTLE_MPS2 = 2.0  # for vehicles beside that are missed with constant velocity and heading
 # A driver whose leader asks for more looks ahead (Tijerina et al. 2004); the figure is our choice.
 CALM_MPS2 = 0.3
@@ -133,6 +137,8 @@ def _bounds(
     needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
     most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
+    merges = (holds.enter > t) & (holds.speed > 0) & (v - holds.speed < MERGING_MPS)
+    most = np.where(merges, np.minimum(most, MERGING_MPS2), most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
     onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
     position, leader = line_motion(holds, t)
@@ -153,7 +159,10 @@ def kept_clear(
     row: IntArray,
     s: FloatArray,
 ) -> FloatArray:
-    """Return wanted offsets (n, H + 1) within the room to boxes beside."""
+    """Return wanted offsets (n, H + 1) of rear axles that keep the bodies within the room to boxes beside.
+
+    The front of a long vehicle reaches further to the side than its rear axle, which follows it.
+    """
     around = expected(history, road)
     states = [
         States(
@@ -172,4 +181,17 @@ def kept_clear(
     narrow = least > most
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2
     least, most = np.where(narrow, middle, least), np.where(narrow, middle, most)
-    return np.clip(aside, least, most)
+    moved = np.maximum(np.diff(way, axis=1), SLOPE_SPEED * STEP_S)
+    slope = np.clip(np.diff(aside, axis=1) / moved, -MAX_SLOPE, MAX_SLOPE)
+    length = history.scene.length[who.vehicle]
+    reach = (0.5 + REAR_AXLE_SHARE) * length
+    front = aside[:, 1:] + reach[:, None] * slope
+    held = np.clip(front, least[:, 1:], most[:, 1:])
+    k = np.flatnonzero((held != front).any(axis=1))
+    x, y = rear_axle(history.now[who.child[k], who.vehicle[k]], length[k])
+    kept = aside.copy()
+    kept[k, 0] = foot_points(paths, row[k], x, y, (s - REAR_AXLE_SHARE * length)[k])[1]
+    follows = 1 - np.exp(-moved[k] / reach[k, None])
+    for step in range(held.shape[1]):
+        kept[k, step + 1] = kept[k, step] + (held[k, step] - kept[k, step]) * follows[:, step]
+    return kept

@@ -20,7 +20,7 @@ from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
-from scex_sumo.behaviors.driving.seed_state import estimated_history
+from scex_sumo.behaviors.driving.seed_state import estimated_history, heading_scatter
 from scex_sumo.behaviors.models.attention import attention_of, kept_clear, respond
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
@@ -125,6 +125,7 @@ class LikelyDriver:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
+        doubt = heading_scatter(history.scene, road)[who.vehicle]
         history = estimated_history(history, road)
         paths, row = self._paths(history, road, who)
         drivers = self._drivers(history, road, who, paths, row)
@@ -139,7 +140,7 @@ class LikelyDriver:
             history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
         )
         aside = kept_clear(drivers.aside, history, road, who, paths, row, s)
-        made = drive(history, who, paths, row, accelerate, aside=aside, parallel=True)
+        made = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
         return respond(made, history, road, who, attention)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:

@@ -29,6 +29,7 @@ from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 STANDING_MPS = 0.5
 HALF_TRUST_MPS2 = 0.7  # scatter of accelerations at which a measured one counts by half
 MAX_SCATTER_MPS2 = 0.7
+LASTING_MPS2, LARGE_MPS2 = 0.5, 1.0  # shown accelerations count by at most LARGE² / hypot(scatter, LASTING)
 CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps
 MAX_LATERAL = 1.5  # m/s and m/s² across a path; larger values are errors of measurement
 MARGIN_M = -0.2  # measured boxes of vehicles side by side may touch
@@ -150,11 +151,13 @@ def last_second(scene: SeedScene) -> LastSecond:
     late = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
     scatter = np.sqrt(((np.diff(speed, axis=1) / STEP_S - slope[:, None]) ** 2).mean(axis=1))
     calm = 1 / (1 + (scatter / HALF_TRUST_MPS2) ** 2)
+    change = calm * late + (1 - calm) * slope
     now = np.maximum(speed[:, -1], 0.0)
     line = speed.mean(axis=1) + slope * time[-1]
     return LastSecond(
         speed=now,
-        acceleration=calm * (calm * late + (1 - calm) * slope),
+        # A large one is sooner an error of noisy tracks, and ends sooner on clean ones.
+        acceleration=change / np.hypot(1.0, change * np.hypot(scatter, LASTING_MPS2) / LARGE_MPS2**2),
         scatter=scatter,
         lag=line - now,
         calm=calm,

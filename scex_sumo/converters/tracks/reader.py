@@ -13,7 +13,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError, listed
-from scex_sumo.converters.naming import open_binary
+from scex_sumo.converters.naming import in_arrow, open_binary
 from scex_sumo.converters.tracks.check import (
     BASE_COLUMNS,
     MAX_VALUES,
@@ -223,7 +223,7 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
     try:
         with open_binary(path) as file:
             arrow = csv.read_csv(
-                file,
+                in_arrow(file),
                 read_options=csv.ReadOptions(column_names=distinct, skip_rows=1),
                 convert_options=csv.ConvertOptions(
                     include_columns=[*numbers, *words], column_types=types, null_values=list(MISSING)

@@ -92,7 +92,7 @@ def _road(path: Path) -> Road:
         markings=tuple(_markings(lanes, within)),
         areas=_areas(net),
         net=path,
-        sumo_lanes=named is None,
+        sumo_lanes=not named,
         notes=notes,
     )
 

@@ -214,3 +214,23 @@ def test_a_line_beside_a_bend_is_followed(aside: float) -> None:
     x, y = rear_axle(States(x=made.x[0], y=made.y[0], heading=made.heading[0], speed=made.speed[0]))
     off = np.abs(np.hypot(x, y - 20.0) - (20.0 - aside))[:20].max()
     assert off < 0.15
+
+
+def test_steering_shown_by_jittery_headings_is_doubted() -> None:
+    # A slow truck whose recorded heading turned by 8° in its last half second, on less than a metre.
+    scene = roads.scene_of((100.0, 0.0, 0.0, 1.7), length=12.0)
+    past = scene.history.map(np.copy)
+    past.heading[0, -6:] = np.deg2rad(np.linspace(8.0, 0.0, 6))
+    history = roads.present(replace(scene, history=past))
+    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    paths, row = chosen_paths(history, roads.straight(), who, "straight")
+    turned = {
+        doubt: np.abs(
+            drive(
+                history, who, paths, row, lambda _, v, *__: 0.0 * v, doubt=np.deg2rad(np.array([doubt]))
+            ).heading
+        ).max()
+        for doubt in (0.0, 3.0)
+    }
+    assert turned[0.0] > np.deg2rad(4.0)
+    assert turned[3.0] < turned[0.0] / 3

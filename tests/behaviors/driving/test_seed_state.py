@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.behaviors.driving.seed_state import estimated_history, estimated_scene
+from scex_sumo.behaviors.driving.seed_state import estimated_history, estimated_scene, heading_scatter
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, seed_at
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import SeedScene, States
@@ -61,6 +61,16 @@ def test_one_heading_that_jumps_moves_the_estimate_by_a_fraction() -> None:
     heading[0, -1] += np.deg2rad(8.0)
     made = estimated_scene(replace(scene, history=replace(scene.history, heading=heading)), roads.straight())
     assert abs(np.rad2deg(made.now.heading[0])) < 1.5
+
+
+def test_scatter_of_headings_is_that_about_a_steady_turn() -> None:
+    rng = np.random.default_rng(3)
+    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (200.0, 0.0, 0.0, 10.0))
+    heading = scene.history.heading + 0.1 * np.linspace(-1.0, 0.0, 11)
+    heading[1] += rng.normal(0.0, np.deg2rad(2.0), 11)
+    noisy = replace(scene, history=replace(scene.history, heading=heading))
+    steady, jittery = heading_scatter(noisy, roads.straight())
+    assert steady < 1e-6 and np.deg2rad(1.0) < jittery < np.deg2rad(3.5)
 
 
 def test_a_correction_does_not_make_boxes_touch() -> None:

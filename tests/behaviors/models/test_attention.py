@@ -9,7 +9,8 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.models.attention import Attention, kept_clear, looks_away, respond
+from scex_sumo.behaviors.guard.conflicts import StopLines
+from scex_sumo.behaviors.models.attention import Attention, _bounds, kept_clear, looks_away, respond
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.scene import Plan, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
@@ -116,4 +117,39 @@ def test_offsets_keep_clear_of_a_vehicle_whose_path_comes_nearer() -> None:
     paths, row = chosen_paths(history, where, who, "straight")
     kept = kept_clear(np.zeros((1, 31)), history, where, who, paths, row, np.full(1, 20.0))[0]
     assert abs(kept[0]) < 1e-9
-    assert kept[24] < -0.05  # the width of a vehicle: each gives way by half of the margin
+    assert kept[24] < -0.04  # the width of a vehicle: each gives way by half of the margin
+
+
+def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> None:
+    # A truck at 3 m/s that wants to drift 0.8 m to the left; a vehicle as long is 0.6 m beside it.
+    scene = roads.scene_of((100.0, 0.0, 0.0, 3.0), (100.0, 2.4, 0.0, 3.0), length=12.0)
+    history = roads.present(scene)
+    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    paths, row = chosen_paths(history, roads.straight(), who, "straight")
+    wanted = 0.8 * np.linspace(0.0, 1.0, 31)[None]
+    kept = kept_clear(wanted, history, roads.straight(), who, paths, row, np.full(1, 20.0))[0]
+    front = kept[:-1] + 9.6 * np.diff(kept) / 0.3
+    assert front.max() < 0.16  # half of the room beyond 0.3 m
+    assert 0.03 < kept[-1] < kept[-1] + 0.3 < wanted[0, -1]
+
+
+def test_drivers_make_room_gently_for_a_vehicle_about_as_fast_that_merges() -> None:
+    # Both others enter the corridor in 0.8 s, beside it: to fall behind takes more than 5 m/s².
+    speed = np.array([10.0, 5.0])
+    lines = StopLines(
+        row=np.arange(2),
+        position=5.0 - 0.8 * speed,
+        speed=speed,
+        deceleration=np.zeros(2),
+        stop_time=np.full(2, np.inf),
+        enter=np.full(2, 0.8),
+        until=np.full(2, np.inf),
+        firm=np.ones(2, dtype=bool),
+        safe=np.zeros(2, dtype=bool),
+    )
+    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
+    v = np.full(2, 11.0)
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), v, attention=aware)
+    braking = (v - bound) / 0.1
+    assert braking[0] == pytest.approx(3.0)
+    assert braking[1] > 5.0

@@ -116,7 +116,7 @@ def test_who_shows_that_it_brakes_gets_less_far() -> None:
     speed = scene.history.speed.copy()
     speed[0] = 10.0 + np.linspace(2.0, 0.0, 11)
     braking = replace(scene, history=replace(scene.history, speed=speed))
-    assert last_second(braking).acceleration[0] == pytest.approx(-2.0, abs=0.05)
+    assert last_second(braking).acceleration[0] == pytest.approx(-2.0 / np.hypot(1, 2 * 0.5), abs=0.05)
     steady = roads.plan(DRIVER, where, roads.present(scene, 50, DRAW[:, None])).x[:, 29]
     slower = roads.plan(DRIVER, where, roads.present(braking, 50, DRAW[:, None])).x[:, 29]
     assert slower.mean() < steady.mean() - 3.0
@@ -128,6 +128,17 @@ def test_accelerations_that_scatter_are_believed_less() -> None:
     speed[0] = 10.0 + np.linspace(-2.0, 0.0, 11) + 0.3 * (-1.0) ** np.arange(11)
     noisy = replace(scene, history=replace(scene.history, speed=speed))
     assert abs(last_second(noisy).acceleration[0]) < 0.3
+
+
+def test_a_large_acceleration_of_a_noisy_track_counts_no_more_than_a_small_one() -> None:
+    scene = roads.scene_of((0.0, 0.0, 0.0, 10.0), (50.0, 0.0, 0.0, 10.0), (100.0, 0.0, 0.0, 10.0))
+    speed = scene.history.speed + np.array([[0.5], [3.0], [3.0]]) * 0.1 * np.arange(-10, 1)
+    speed[2] += 0.04 * (-1) ** np.arange(11)  # steps of 0.08 m/s: 0.8 m/s² up and down
+    small, clean, noisy = last_second(
+        replace(scene, history=replace(scene.history, speed=speed))
+    ).acceleration
+    assert small == pytest.approx(0.5, rel=0.05)
+    assert 1.5 < clean < 2.0 and 0.5 < noisy < 1.3
 
 
 def test_own_accelerations_are_linear_between_their_times() -> None:

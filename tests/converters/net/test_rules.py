@@ -98,6 +98,69 @@ def test_a_rule_of_two_ways_goes_before_a_rule_of_an_approach(tmp_path: Path) ->
     assert check_net(tmp_path / "drawn.net.xml", drawn, None).problems() == []
 
 
+def intersection() -> list[Lane]:
+    """Arms 0 to 3, each a quarter turn to the left of the one before.
+
+    Lanes of an arm are its number plus 10 for the approach, 20 straight on, 30 left, 40 right; an exit is 50
+    plus the arm from which traffic goes straight on into it.
+    """
+    lanes = []
+    for k, (c, s) in enumerate(((1, 0), (0, 1), (-1, 0), (0, -1))):
+        lines = {
+            10: [(-80, -2), (-16, -2)],
+            20: [(-16, -2), (16, -2)],
+            30: [(-16, -2), (-10, -2), *arc((-10, 10), 12, -85, 0), (2, 16)],
+            40: [(-16, -2), *arc((-16, -16), 14, 85, 0)],
+            50: [(16, -2), (80, -2)],
+        }
+        ends = {10: (20 + k, 30 + k, 40 + k), 20: (50 + k,), 30: (50 + (k + 1) % 4,), 40: (50 + (k + 3) % 4,)}
+        for kind, line in lines.items():
+            points = np.array(line, float) @ np.array([[c, s], [-s, c]])
+            lanes.append(lane(kind + k, points, to=ends.get(kind, ())))
+    return lanes
+
+
+@pytest.mark.parametrize(
+    ("rules", "expected"),
+    [
+        pytest.param([((10, 12), (11, 13))], [(20, 21), (22, 23), (30, 21)], id="several yield to several"),
+        pytest.param([((40,), (53,))], [(40, 23), (40, 32)], id="the lane merged into has priority"),
+        pytest.param([((20,), (23,)), ((20,), (21,))], [(20, 23), (20, 21)], id="a lane of two elements"),
+        pytest.param([((20, 22), (21, 23)), ((30,), (22,))], [(20, 21), (30, 22)], id="a way in both roles"),
+        pytest.param(
+            [((31, 10), (13, 11, 20)), ((10,), (12,))], [(31, 20)], id="an approach in a weaker rule"
+        ),
+        pytest.param([((10,), (11,)), ((11,), (20,))], [(21, 20), (30, 21)], id="a way against its approach"),
+    ],
+)
+def test_each_element_of_an_intersection_decides(
+    tmp_path: Path, rules: list[tuple[tuple[int, ...], ...]], expected: list[tuple[int, int]]
+) -> None:
+    elements = [
+        Regulation(element_id=9 + k, kind="right_of_way", lanes=y + p, yielding=y, priority=p)
+        for k, (y, p) in enumerate(rules)
+    ]
+    net = convert(road(intersection(), elements), tmp_path / "drawn.net.xml")
+    yields = NetFile(net.path).yields
+    for pair in expected:
+        one, other = (net.lanes.sumo_lanes(i)[-1] for i in pair)
+        assert (one, other) in yields
+        assert (other, one) not in yields
+
+
+def test_right_of_way_counts_at_an_all_way_stop_of_other_lanes(tmp_path: Path) -> None:
+    """Arms 0 and 2 stop; arm 1 has right of way over them."""
+    stop = Regulation(element_id=9, kind="all_way_stop", lanes=(10, 12), yielding=(10, 12))
+    rule = Regulation(
+        element_id=10, kind="right_of_way", lanes=(10, 11), yielding=(10, 12), priority=(11, 13)
+    )
+    net = convert(road(intersection(), [stop, rule]), tmp_path / "drawn.net.xml")
+    yields = NetFile(net.path).yields
+    [east], [west], [left], [north] = (net.lanes.sumo_lanes(i) for i in (20, 22, 32, 21))
+    assert {(east, north), (west, north), (east, left), (left, east)} <= yields
+    assert not {(north, east), (north, west)} & yields
+
+
 def test_at_an_all_way_stop_everyone_answers_everyone(tmp_path: Path) -> None:
     rule = Regulation(element_id=9, kind="all_way_stop", lanes=(1, 2), yielding=(1, 2))
     net = net_of(road(crossing(), [rule]), tmp_path)
@@ -242,6 +305,33 @@ def test_a_roundabout_without_rules_goes_before_its_entry(tmp_path: Path) -> Non
     [ring] = [other for one, other in net.foes if one == entry]
     assert (entry, ring) in net.yields
     assert (ring, entry) not in net.yields
+
+
+@pytest.mark.parametrize("radius", [16.0, 24.0])
+def test_a_round_block_with_oncoming_lanes_is_no_roundabout(tmp_path: Path, radius: float) -> None:
+    """CARLA's towns have such blocks; who enters comes from the right and goes first."""
+    lanes = [
+        lane(1, arc((0, 0), 20, 0, 180), to=(2,)),
+        lane(2, arc((0, 0), 20, 180, 360), to=(1,)),
+        lane(3, [(60, 0), (19, 0), (5, 0)]),
+        lane(4, arc((0, 0), radius, 330, 40)),
+    ]
+    net = net_of(road(lanes), tmp_path)
+    [entry] = [v for v, c in net.connections.items() if c.get("from", "").startswith("l3")]
+    rings = [other for one, other in net.foes if one == entry and (other, entry) in net.yields]
+    assert rings and all((entry, ring) not in net.yields for ring in rings)
+
+
+def test_the_judge_knows_that_a_roundabout_goes_before_an_entry_that_crosses_it(tmp_path: Path) -> None:
+    lanes = [
+        lane(1, arc((0, 0), 20, 30, 210), to=(2,)),
+        lane(2, arc((0, 0), 20, 210, 390), to=(1,)),
+        lane(3, [(60, 0), (10, 0)]),
+    ]
+    drawn = road(lanes)
+    net = convert(drawn, tmp_path / "ring.net.xml")
+    report = check_net(net.path, drawn, net.lanes)
+    assert (report["crossing"], report["wrong_from_the_right"]) == (1, ())
 
 
 def test_lanes_for_bicycles_are_closed_to_cars(tmp_path: Path) -> None:

@@ -163,12 +163,13 @@ def test_a_road_without_footways_has_no_word_about_people(tmp_path: Path) -> Non
     assert "pedestrian" not in text
 
 
-def test_a_crosswalk_beside_a_ring_is_moved_off_the_way_of_the_ring_s_cars(tmp_path: Path) -> None:
-    """A ring of 20 m radius, an entry, and a crosswalk over the entry whose edge lies on the ring."""
+@pytest.mark.parametrize("y", [-21.0, -19.5, -19.2])
+def test_a_crosswalk_beside_a_ring_is_moved_off_the_way_of_the_ring_s_cars(tmp_path: Path, y: float) -> None:
+    """A ring of 20 m radius, an entry, and a crosswalk over it with its edge or middle on the ring."""
     turns = np.radians(np.linspace(180, 275, 60)), np.radians(np.linspace(275, 360, 60))
     before, after = ([(20 * np.cos(t), 20 * np.sin(t)) for t in part] for part in turns)
     entry = lane(2, [(-7, -60), (-7, -30), (-5, -25), after[0]], to=(3,))
-    zebra = footway((7, [(-9, -21), (7, -21)]), "crosswalk")
+    zebra = footway((7, [(-9, y), (7, y)]), "crosswalk")
     net = convert(road([lane(1, before, to=(3,)), entry, lane(3, after), zebra]), tmp_path / "net.net.xml")
     lanes = read_net(net.path).lanes
     (crossing,) = [x for x in lanes.values() if x.function == "crossing"]

@@ -64,6 +64,7 @@ def test_lanes_of_an_edge_are_neighbours_and_lead_through_the_junction(merge: Pa
     right, left = road.lanes[names["in_0"]], road.lanes[names["in_1"]]
     assert (right.left, right.right, left.right) == (left.lane_id, None, right.lane_id)
     assert right.speed_limit_mps == 13.9 and right.width_m == 3.2
+    assert road.sumo_lanes  # so that drivers slow down for its curves
     np.testing.assert_allclose(left.centreline[0] - right.centreline[0], [0.0, 3.2], atol=0.01)
     (inside,) = left.successors
     (after,) = road.lanes[inside].successors

@@ -173,27 +173,41 @@ def _marked(lane: Lane) -> bool:
 
 
 def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Lane:
+    """Keep a crosswalk off lanes that run along it: SUMO's cars see people only where lanes cross it."""
     middle, half = shapely.LineString(footway.centreline), footway.width_m / 2
     right, left = -half, half
+    under: list[float] = []
     if not _marked(footway):
         return footway
     for k in lines.query(_area(footway), predicate="intersects").tolist():
         part = _area(footway).intersection(lines.geometries[k])
-        if part.length < SHORTEST_M or part.intersects(middle):
+        if part.length < SHORTEST_M:
             continue
         at = [float(middle.project(point)) for point in shapely.points(shapely.get_coordinates(part))]
         across = shapely.get_coordinates(part) - along(footway.centreline, np.array(at))
         ahead = along(footway.centreline, np.array(at) + 0.1) - along(footway.centreline, np.array(at) - 0.1)
         offset = (ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]) / np.hypot(*ahead.T)
+        if part.intersects(middle):
+            if np.ptp(offset) < MIN_SINE * np.ptp(at) and np.ptp(at) > footway.width_m:
+                under += [float(offset.min()), float(offset.max())]
+            continue
         if np.ptp(offset) > np.ptp(at):
             continue  # a lane across, which begins or ends on the crosswalk
         if offset.mean() > 0:
             left = min(left, float(offset.min()) - PASS_M)
         else:
             right = max(right, float(offset.max()) + PASS_M)
-    if (right, left) == (-half, half):
+    if under:  # to the side where it crosses more lanes, else to the nearer one
+        aside = PASS_M + TWO_ABREAST_M / 2
+        others = lines.geometries[lines.query(_area(footway).buffer(OVER_M))]
+        offs = [x for x in (max(under) + aside, min(under) - aside) if abs(x) <= OVER_M]
+        off = min(offs, key=lambda x: (-middle.offset_curve(x).intersects(others).sum(), abs(x)), default=0.0)
+        if not off:
+            return footway
+        right, left = off - TWO_ABREAST_M / 2, off + TWO_ABREAST_M / 2
+    elif (right, left) == (-half, half):
         return footway
-    if left < half:
+    elif left < half:
         right = max(min(right, left - TWO_ABREAST_M), -half - OUTWARD_M)
     else:
         left = min(right + TWO_ABREAST_M, half + OUTWARD_M)

@@ -8,9 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
 
 from scex_sumo.converters.net.topology.graph import Path, Piece, Topology, endless, reached
-from scex_sumo.geometry.polylines import length_of, turn
+from scex_sumo.geometry.polylines import along, length_of, project, samples, turn, without_repeats
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
@@ -20,6 +21,8 @@ ONCOMING = math.radians(135.0)
 STRAIGHT = math.radians(20.0)
 MAX_RING_M = 400.0  # round the largest roundabouts; blocks of houses are mostly larger
 MIN_ROUNDNESS = 0.85  # area over that of a circle with the same circumference; a square has 0.79
+MAX_ONCOMING = 0.2  # of a roundabout's length that has oncoming lanes beside it; blocks have over 0.3
+BESIDE_M = 10.0
 
 
 @dataclass(kw_only=True, eq=False)
@@ -133,8 +136,10 @@ def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
         yielding = set(rule.yielding) or (set(rule.lanes) if rule.kind in ("stop", "yield") else set())
         sides = yielding, set(rule.priority)
         mine, theirs = max(mine, _weight(a.on, b.on, *sides)), max(theirs, _weight(b.on, a.on, *sides))
-        certain += (_weight(a.across, b.across, *sides) == 2) - (_weight(b.across, a.across, *sides) == 2)
-    if mine == theirs:  # rules of the approaches for other ways across: those of these two ways decide
+        for across, on in ((a.across, b.on), (a.on, b.across)):
+            certain += (_weight(across, on, *sides) == 2) - (_weight(on, across, *sides) == 2)
+    # Rules of the approaches mean other ways across: those that name these ways decide.
+    if mine == theirs or (certain and max(mine, theirs) < 2):
         mine, theirs = max(certain, 0), max(-certain, 0)
     if mine == theirs:
         return ""
@@ -213,13 +218,15 @@ def direction(bend: float) -> str:
 
 
 def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
-    """Return the lanes of roundabouts: short, round cycles of successors."""
+    """Return the lanes of roundabouts: short, round cycles of successors without oncoming lanes beside."""
     sizes = {i: length_of(lane.centreline) for i, lane in lanes.items()}
+    lines = shapely.STRtree([shapely.LineString(lane.centreline) for lane in lanes.values()])
     found: set[int] = set()
     for i in sorted(endless({i: lane.successors for i, lane in lanes.items()})):
         if i not in found:
             cycle = _shortest_cycle(lanes, sizes, i)
-            if cycle and _roundness(lanes, cycle) >= MIN_ROUNDNESS:
+            is_round = cycle and _roundness(lanes, cycle) >= MIN_ROUNDNESS
+            if is_round and _oncoming_share(lanes, lines, cycle) < MAX_ONCOMING:
                 found.update(cycle)
     return frozenset(found)
 
@@ -238,6 +245,20 @@ def _shortest_cycle(lanes: Mapping[int, Lane], sizes: Mapping[int, float], start
             if following in lanes and following not in done:
                 heapq.heappush(queue, (far + sizes[following], following, (*way, following)))
     return []
+
+
+def _oncoming_share(lanes: Mapping[int, Lane], lines: shapely.STRtree, cycle: list[int]) -> float:
+    """Share of a cycle beside which traffic drives the other way: a block of houses has streets around it."""
+    way, ids = without_repeats(np.vstack([lanes[i].centreline for i in cycle])), list(lanes)
+    met: set[int] = set()
+    area = shapely.Polygon(way).buffer(BESIDE_M)
+    for i in {ids[k] for k in lines.query(area, predicate="intersects").tolist()}.difference(cycle):
+        _, points = samples(lanes[i].centreline, 1.0)
+        s, aside = project(points, way)
+        step, step_there = np.gradient(points, axis=0), along(way, s + 0.5) - along(way, s - 0.5)
+        against = (step * step_there).sum(axis=1) < math.cos(ONCOMING) * np.hypot(*step.T)
+        met.update(np.floor(s[against & (aside < BESIDE_M)]).astype(int).tolist())
+    return len(met) / length_of(way)
 
 
 def _roundness(lanes: Mapping[int, Lane], cycle: list[int]) -> float:

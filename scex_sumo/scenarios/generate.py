@@ -1,0 +1,170 @@
+"""Generated scenes: vehicles placed one after another as in recordings, given those already there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.road import Road
+from scex_sumo.scenarios.scene_context import (
+    NOBODY,
+    LaneTable,
+    Placed,
+    lane_table,
+    needed_deceleration,
+    place_features,
+    states_of,
+)
+from scex_sumo.scenarios.scene_model import KINDS, SceneModel
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
+
+MAX_VEHICLES = 500
+CANDIDATES, PARTS = 512, 8  # places that are compared, and parts of the chosen one's surroundings
+TRIES, AT_ONCE = 6, 12
+SWEEPS = 1  # in which each vehicle is drawn anew, given all others
+CLEAR_M = 0.1
+CHECKED_S = np.array([-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0])
+
+
+def generated_scene(
+    road: Road,
+    model: SceneModel,
+    *,
+    vehicles: int | None = None,
+    seed: int = 0,
+    number: int = 0,
+    cells: BoolArray | None = None,
+) -> SeedScene:
+    """Return a scene as recorded ones look, with 10 steps of history and no future.
+
+    Vehicles do not overlap from 1 s before the moment to 2 s after it, if they follow their lanes at constant
+    speed. None needs to brake harder for its leader than 99.5 % of the recorded vehicles.
+
+    Args:
+        vehicles: None draws the number, too.
+        number: of the scene, among those with one seed.
+        cells: (K,) cells of `lane_table` on which vehicles may be; None for all.
+
+    Raises:
+        UsageError: no lanes for vehicles, or a number below 1 or above 500.
+        SimulationError: the lanes have no room for so many.
+    """
+    if vehicles is not None and not 1 <= vehicles <= MAX_VEHICLES:
+        raise UsageError(f"--vehicles: got {vehicles:,}, needs 1 to {MAX_VEHICLES}")
+    if not road.vehicle_lanes:
+        raise UsageError(f"{road.name}: the map has no lane for vehicles; give another map")
+    if seed < 0:
+        raise UsageError(f"--seed: got {seed}, needs 0 or more")
+    rng, table = np.random.default_rng([seed, number, vehicles or 0]), lane_table(road)
+    ends = np.cumsum(table.cell_m if cells is None else table.cell_m * cells)
+    if ends[-1] <= 0:
+        raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
+    count = vehicles or min(model.count(ends[-1], rng), MAX_VEHICLES)
+    scene = NOBODY
+    for k in range(count):
+        one = _drawn(table, ends, model, scene, count, rng)
+        if one is None:
+            raise SimulationError(
+                f"{road.name}: no room for vehicle {k + 1} of {count} "
+                f"on {ends[-1] / 1000:.2f} km of lanes; ask for fewer"
+            )
+        scene = scene.and_(one)
+    for _ in range(SWEEPS):
+        for _ in range(count):
+            others = scene[1:]
+            one = _drawn(table, ends, model, others, count, rng)
+            scene = others.and_(scene[:1] if one is None else one)
+    history = states_of(table, scene, STEP_S * np.arange(-HISTORY_STEPS, 1.0))
+    return SeedScene(
+        name=f"{road.name}_generated{count}_s{seed}" + (f"_{number}" if number else ""),
+        location=road.name,
+        time_s=1.0,
+        track_ids=np.arange(1, count + 1),
+        types=tuple(KINDS[k] for k in scene.kind),
+        length=scene.length.round(2),
+        width=scene.width.round(2),
+        history=replace(history, speed=_speeds(history)),
+        recorded_steps=np.full(count, HISTORY_STEPS, dtype=np.int64),
+        source={"generated": "scene model", "scenes_sha256": model.meta.get("sha256", ""), "seed": seed},
+        road=road,
+    )
+
+
+def _speeds(states: States) -> FloatArray:
+    """Return (n, T) speeds of positions; in curves those beside the centreline drive further or less."""
+    middle = states.heading[:, 1:] - wrap(np.diff(states.heading)) / 2
+    way = np.diff(states.x) * np.cos(middle) + np.diff(states.y) * np.sin(middle)
+    return np.maximum(np.concatenate([way[:, :1], way], axis=1) / STEP_S, 0.0)
+
+
+def _drawn(
+    table: LaneTable,
+    ends: FloatArray,
+    model: SceneModel,
+    others: Placed,
+    count: int,
+    rng: np.random.Generator,
+) -> Placed | None:
+    """Draw one vehicle given the others; None if no free place is found."""
+    number = min(CANDIDATES, len(table.cell_lane))
+    step_m = ends[-1] / number
+
+    def at(way: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        cell = np.minimum(np.searchsorted(ends, way, side="right"), len(ends) - 1)
+        lane = table.cell_lane[cell]
+        s = table.cell_s[cell] + way - (ends[cell] - table.cell_m[cell] / 2)
+        return lane, s, place_features(table, lane, s, others, vehicles=count, total_m=ends[-1])
+
+    ways = (np.arange(number) + rng.random()) * step_m
+    scores = model.place_scores(at(ways)[2])
+    for _ in range(TRIES):
+        chosen = np.argsort(-(scores + rng.gumbel(size=number)), kind="stable")[:AT_ONCE]
+        near = ways[chosen][:, None] + step_m * ((np.arange(PARTS) + rng.random()) / PARTS - 0.5)
+        near = np.clip(near, 0.0, ends[-1] - 1e-6)
+        finer = model.place_scores(at(near.ravel())[2]).reshape(near.shape)
+        pick = (finer + rng.gumbel(size=finer.shape)).argmax(axis=1)
+        lane, s, features = at(near[np.arange(len(chosen)), pick])
+        values = model.draw(features, rng)
+        speed = values["speed"] * table.limit[lane]
+        tries = Placed(
+            lane=lane,
+            s=s,
+            offset=values["offset"],
+            turn=values["turn"],
+            speed=speed,
+            acceleration=np.where(speed > 0, values["acceleration"], 0.0),
+            length=values["length"],
+            width=values["width"],
+            kind=values["kind"].astype(np.int64),
+        )
+        good = np.flatnonzero(_free(table, tries, others, model.meta["bounds"]))
+        if len(good):
+            return tries[good[:1]]
+    return None
+
+
+def _free(table: LaneTable, tries: Placed, others: Placed, bounds: dict[str, float]) -> BoolArray:
+    """Return (n,) whether each of the tried vehicles may join the others."""
+    if not len(others.lane):
+        return np.full(len(tries.lane), True)
+    n, count = len(tries.lane), len(others.lane)
+
+    def driven(vehicles: Placed) -> States:
+        past = states_of(table, vehicles, CHECKED_S[CHECKED_S <= 0])
+        steady = Placed(**{**vars(vehicles), "acceleration": np.zeros_like(vehicles.speed)})
+        return States.concatenate([past, states_of(table, steady, CHECKED_S[CHECKED_S > 0])], 1)
+
+    one, two = driven(tries), driven(others)
+    pair = np.repeat(np.arange(n), count), np.tile(np.arange(count), n)
+    boxes = (
+        Rectangles.of(states[k], v.length[k, None], v.width[k, None])
+        for states, v, k in ((one, tries, pair[0]), (two, others, pair[1]))
+    )
+    apart = rectangle_distance(*boxes).min(axis=1).reshape(n, count)
+    hardest = needed_deceleration(table, tries, others)
+    return np.asarray(((apart > CLEAR_M) & (hardest <= bounds["deceleration"])).all(axis=1))

@@ -1,0 +1,403 @@
+"""Scene context: what a place on a lane knows of the road and of the vehicles placed before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.geometry.polylines import arc_lengths, wrap
+from scex_sumo.road import Road
+from scex_sumo.roads.matching import match
+from scex_sumo.roads.relations import LaneRelations, road_index
+from scex_sumo.roads.routes import centreline
+from scex_sumo.scene import SeedScene, States
+
+BEHIND_M, AHEAD_M = 80.0, 40.0  # of a lane's ends
+CHORD_M = 3.0  # a lane's direction is that of its chord, because centrelines have kinks
+FAR_M = 150.0
+USUAL_LENGTH_M = 4.5
+NEAR_M = (15.0, 40.0)
+TURN_M = (20.0, 60.0)  # ahead, over which a lane's turn is a feature
+FLOW_STEPS = 60
+
+ROAD_COLUMNS: Final = (
+    *("limit", "width", "bend", "turn_20", "turn_60", "turned_20", "lanes", "from_right", "from_left"),
+    *("entry", "exit", "meeting_ahead", "meeting_behind", "stop_ahead", "light_ahead", "stop_behind"),
+    *("flow_in", "flow_out", "conflicts"),
+)
+SCENE_COLUMNS: Final = (
+    *("gap", "leader_speed", "leader_standing", "leader_acceleration", "back_gap", "back_speed"),
+    *("left_offset", "left_speed", "right_offset", "right_speed"),
+    *("own_way", "other_way", "other_speed", "near_15", "near_40", "near_speed", "near_standing"),
+    *(
+        "lane_ahead",
+        "lane_speed",
+        "all_speed",
+        "all_standing",
+        "placed",
+        "density",
+        "mean_length",
+        "length_spread",
+    ),
+    *("front_gap", "front_speed"),
+)
+COLUMNS: Final = (*ROAD_COLUMNS, *SCENE_COLUMNS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placed:
+    """Vehicles on lanes, (n,) each; ``lane`` counts the vehicle lanes by ascending id."""
+
+    lane: IntArray
+    s: FloatArray  # m, of the centre
+    offset: FloatArray  # m to the left of the lane's centreline
+    turn: FloatArray  # rad, heading minus the lane's
+    speed: FloatArray  # m/s
+    acceleration: FloatArray  # m/s², mean of the last second; NaN if that is not known
+    length: FloatArray
+    width: FloatArray
+    kind: IntArray  # number of the type
+
+    def __getitem__(self, key: IntArray | BoolArray | slice) -> Placed:
+        return Placed(**{f.name: getattr(self, f.name)[key] for f in fields(self)})
+
+    def and_(self, other: Placed) -> Placed:
+        """Append vehicles."""
+        return Placed(
+            **{f.name: np.append(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        )
+
+
+NOBODY: Final = Placed(
+    **{f.name: np.empty(0, np.int64 if f.name in ("lane", "kind") else np.float64) for f in fields(Placed)}  # type: ignore[arg-type]
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneTable:
+    """Vehicle lanes of a road as arrays: paths, and features of cells at most 1 m long.
+
+    Attributes:
+        cell_lane: (K,) lane of each cell; ``cell_s`` its middle, m.
+        cell_m: (K,) length.
+        first: (L + 1,) first cell of each lane.
+        cell_pose: (3, K) x, y and heading of each middle.
+        fixed: (K, ...) `ROAD_COLUMNS` of each cell.
+    """
+
+    relations: LaneRelations
+    limit: FloatArray
+    paths: tuple[tuple[FloatArray, FloatArray], ...]
+    cell_lane: IntArray
+    cell_s: FloatArray
+    cell_m: FloatArray
+    first: IntArray
+    cell_pose: FloatArray
+    fixed: FloatArray
+
+    @property
+    def total_m(self) -> float:
+        """Length of all lanes."""
+        return float(self.cell_m.sum())
+
+    def poses(self, lane: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x, y, heading of lanes (n,) at arc lengths (n, ...), which may lie beyond its ends."""
+        x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
+        for k in np.unique(lane):
+            here = lane == k
+            arc, line = self.paths[k]
+            at = s[here] + BEHIND_M
+            (x[here], y[here]), (x0, y0), (x1, y1) = (
+                (np.interp(a, arc, line[:, 0]), np.interp(a, arc, line[:, 1]))
+                for a in (at, at - CHORD_M, at + CHORD_M)
+            )
+            heading[here] = np.arctan2(y1 - y0, x1 - x0)
+        return x, y, heading
+
+    def quick_poses(self, lane: IntArray, s: FloatArray) -> FloatArray:
+        """Return (3, n) x, y and heading of (n,) places on lanes, straight within a cell."""
+        cells = self.cells_at(lane, s)
+        x, y, heading = self.cell_pose[:, cells]
+        way = s - self.cell_s[cells]
+        return np.stack([x + way * np.cos(heading), y + way * np.sin(heading), heading])
+
+    def cells_at(self, lane: IntArray, s: FloatArray) -> IntArray:
+        """Return the cells of (n,) places."""
+        count = np.diff(self.first)[lane]
+        share = s / self.relations.length[lane]
+        return np.asarray(self.first[lane] + np.clip((share * count).astype(np.int64), 0, count - 1))
+
+
+@owner_cache
+def lane_table(road: Road) -> LaneTable:
+    """Return the lane table of a road."""
+    lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
+    index, number = road_index(road), {lane.lane_id: k for k, lane in enumerate(lanes)}
+    relations = index.relations
+    length = relations.length
+    paths = []
+    for lane, total in zip(lanes, length, strict=True):
+        line, _ = centreline(road, (lane.lane_id,), 0.0, BEHIND_M, total + AHEAD_M)
+        paths.append((arc_lengths(line), line))
+    count = np.maximum(np.ceil(length).astype(np.int64), 1)
+    first = np.concatenate([[0], np.cumsum(count)])
+    cell_lane = np.repeat(np.arange(len(lanes)), count)
+    cell_m = (length / count)[cell_lane]
+    cell_s = (np.arange(first[-1]) - first[cell_lane] + 0.5) * cell_m
+    table = LaneTable(
+        relations=relations,
+        limit=index.speed_limit,
+        paths=tuple(paths),
+        cell_lane=cell_lane,
+        cell_s=cell_s,
+        cell_m=cell_m,
+        first=first,
+        cell_pose=np.empty((3, 0)),
+        fixed=np.empty((0, len(ROAD_COLUMNS))),
+    )
+    after = [[number[i] for i in lane.successors if i in number] for lane in lanes]
+    before = [[number[i] for i in lane.predecessors if i in number] for lane in lanes]
+    entries = np.array([k for k, b in enumerate(before) if not b], np.int64)
+    exits = np.array([k for k, a in enumerate(after) if not a], np.int64)
+    stops = {number[i] for r in road.regulations for i in (*r.yielding,) if i in number}
+    stops |= {
+        number[i] for r in road.regulations if r.kind in ("stop", "yield") for i in r.lanes if i in number
+    }
+    lights = {
+        number[i] for r in road.regulations if r.kind == "traffic_light" for i in r.lanes if i in number
+    }
+    meetings = [(k, w) for k in range(len(lanes)) for w in _own_meetings(relations, k)]
+    meet_lane = np.array([k for k, _ in meetings], np.int64)
+    meet_s = np.array([w for _, w in meetings], np.float64)
+    ends = np.array(sorted(stops), np.int64), np.array(sorted(lights), np.int64)
+    there = cell_lane, cell_s
+    pose = np.stack(table.poses(*there))
+    heading = pose[2]
+    turned = [table.poses(cell_lane, cell_s + d)[2] for d in (*TURN_M, -TURN_M[0], -5.0, 5.0)]
+    right = _beside([number.get(_or(lane.adjacent_right, lane.right), -1) for lane in lanes])
+    left = _beside([number.get(_or(lane.adjacent_left, lane.left), -1) for lane in lanes])
+    columns = [
+        index.speed_limit[cell_lane] / 10.0,
+        np.array([lane.width_m for lane in lanes])[cell_lane],
+        10.0 * np.abs(wrap(turned[4] - turned[3])),
+        *(wrap(t - heading) for t in turned[:3]),
+        (left + right + 1)[cell_lane],
+        right[cell_lane],
+        left[cell_lane],
+        _log(_back(relations, *there, entries, np.zeros(len(entries)))),
+        _log(_onward(relations, *there, exits, length[exits])),
+        _log(_onward(relations, *there, meet_lane, meet_s)),
+        _log(_back(relations, *there, meet_lane, meet_s)),
+        *(_log(_onward(relations, *there, lane, length[lane])) for lane in ends),
+        _log(_back(relations, *there, np.concatenate(ends), length[np.concatenate(ends)])),
+        np.log(_flow(before, after))[cell_lane],
+        np.log(_flow(after, before))[cell_lane],
+        np.array([min(len(lane.conflicts), 8) for lane in lanes])[cell_lane],
+    ]
+    return replace(table, cell_pose=pose, fixed=np.column_stack(columns).astype(np.float64))
+
+
+def _or(one: int | None, other: int | None) -> int:
+    return -1 if one is None and other is None else (one if one is not None else other)  # type: ignore[return-value]
+
+
+def _beside(table: list[int]) -> IntArray:
+    """Return how many lanes lie on one side, at most 4."""
+    count = np.zeros(len(table), np.int64)
+    for k in range(len(table)):
+        at = k
+        while (at := table[at]) >= 0 and count[k] < 4:
+            count[k] += 1
+    return count
+
+
+def _own_meetings(relations: LaneRelations, lane: int) -> list[float]:
+    ways = relations.meeting[lane, :, :, 0]
+    return sorted({round(float(w), 1) for w in ways[ways < relations.length[lane]]})
+
+
+def _flow(before: list[list[int]], after: list[list[int]]) -> FloatArray:
+    """Return the traffic of each lane if each entry has the same and forks share it equally."""
+    flow = np.ones(len(before))
+    inside = np.array([bool(b) for b in before])
+    tail = np.array([p for b in before for p in b], np.int64)
+    head = np.array([k for k, b in enumerate(before) for _ in b], np.int64)
+    share = 1.0 / np.array([max(len(after[p]), 1) for p in tail])
+    for _ in range(FLOW_STEPS):
+        arrived = np.bincount(head, flow[tail] * share, len(flow))
+        flow = np.where(inside, arrived, 1.0)
+    return np.asarray(np.clip(flow, 0.01, 100.0))
+
+
+def _log(way: FloatArray) -> FloatArray:
+    return np.asarray(np.log1p(np.minimum(way, FAR_M)))
+
+
+def _ways(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: FloatArray) -> FloatArray:
+    """Return (n, m) ways from places to others along successors; inf where there is none ahead."""
+    way = r.ahead[lane[:, None], to] + at - s[:, None]
+    return np.where(way >= 0, way, np.inf)
+
+
+def _onward(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: FloatArray) -> FloatArray:
+    return np.asarray(_ways(r, lane, s, to, at).min(axis=1, initial=np.inf))
+
+
+def _back(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: FloatArray) -> FloatArray:
+    way = r.ahead[to, lane[:, None]] + s[:, None] - at
+    return np.asarray(np.where(way >= 0, way, np.inf).min(axis=1, initial=np.inf))
+
+
+def place_features(
+    table: LaneTable, lane: IntArray, s: FloatArray, others: Placed, *, vehicles: int, total_m: float
+) -> FloatArray:
+    """Return (n, F) `COLUMNS` of places among the vehicles placed before.
+
+    Args:
+        vehicles: number that the scene shall have on ``total_m`` of lanes.
+    """
+    fixed = table.fixed[table.cells_at(lane, s)]
+    n, count = len(lane), len(others.lane)
+    lengths = others.length if count else np.array([USUAL_LENGTH_M])
+    r, limit = table.relations, table.limit[lane]
+    whole = [
+        count / max(vehicles, 1),
+        np.log(1000.0 * vehicles / total_m),
+        lengths.mean(),
+        lengths.std(),
+    ]
+    if not count:
+        far = np.log1p(FAR_M)
+        empty = [far, 1.0, 0, 0, far, 1.0, 40.0, 1.0, 40.0, 1.0, far, far, 1.0, 0, 0, 1.0, 0, 0, 1.0, 1.0, 0]
+        return np.hstack([fixed, np.tile([*empty, *whole, 60.0, 1.0], (n, 1))])
+    ratio = others.speed / table.limit[others.lane]
+    standing = (others.speed < 0.5).astype(np.float64)
+    half = (others.length + USUAL_LENGTH_M) / 2
+    rows = np.arange(n)
+
+    def nearest(way: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
+        best = way.argmin(axis=1)
+        least = way[rows, best]
+        return best, least, np.isfinite(least) & (least < FAR_M)
+
+    ahead = _ways(r, lane, s, others.lane, others.s)
+    back = r.ahead[others.lane, lane[:, None]] + s[:, None] - others.s
+    back = np.where(back > 0, back, np.inf)
+    leader, way, leads = nearest(ahead)
+    gap = np.where(leads, np.maximum(way - half[leader], 0.0), FAR_M)
+    follower, way, follows = nearest(back)
+    back_gap = np.where(follows, np.maximum(way - half[follower], 0.0), FAR_M)
+    columns = [
+        np.log1p(gap),
+        np.where(leads, ratio[leader], 1.0),
+        np.where(leads, standing[leader], 0.0),
+        np.where(leads, np.nan_to_num(others.acceleration)[leader], 0.0),
+        np.log1p(back_gap),
+        np.where(follows, ratio[follower], 1.0),
+    ]
+    side, lead = r.side[lane[:, None], others.lane], r.lead[lane[:, None], others.lane]
+    pair = lane[:, None], others.lane
+    beside = lead + r.stretch_b[pair] * others.s - r.stretch_a[pair] * s[:, None]
+    for sign in (1, -1):
+        best, way, there = nearest(np.where(side == sign, np.abs(beside), np.inf))
+        there &= way < 40.0
+        columns += [np.where(there, beside[rows, best], 40.0), np.where(there, ratio[best], 1.0)]
+    own = r.meeting[pair][..., 0] - s[:, None, None]
+    other = r.meeting[pair][..., 1] - others.s[:, None]
+    soon = np.where((own > -5) & (other > -5), np.maximum(own, 0) + np.maximum(other, 0), np.inf)
+    best, way, there = nearest(soon.reshape(n, -1))
+    columns += [
+        _log(np.where(there, np.maximum(own.reshape(n, -1)[rows, best], 0), FAR_M)),
+        _log(np.where(there, np.maximum(other.reshape(n, -1)[rows, best], 0), FAR_M)),
+        np.where(there, ratio[best // own.shape[2]], 1.0),
+    ]
+    x, y, heading = table.quick_poses(lane, s)
+    ox, oy, _ = table.quick_poses(others.lane, others.s)
+    dx, dy = ox - x[:, None], oy - y[:, None]
+    apart = np.hypot(dx, dy)
+    near = apart < NEAR_M[1]
+    some = np.maximum(near.sum(axis=1), 1)
+    columns += [(apart < NEAR_M[0]).sum(axis=1), near.sum(axis=1)]
+    columns += [np.where(near.any(axis=1), (near * ratio).sum(axis=1) / some, 1.0)]
+    columns += [(near * standing).sum(axis=1) / some]
+    along = ahead < 60.0
+    some = np.maximum(along.sum(axis=1), 1)
+    columns += [along.sum(axis=1), np.where(along.any(axis=1), (along * ratio).sum(axis=1) / some, 1.0)]
+    columns += [np.full(n, value) for value in (ratio.mean(), standing.mean(), *whole)]
+    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    front, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
+    best, way, there = nearest(np.where((front > 0) & (aside < 1.5), front, np.inf))
+    there &= way < 60.0
+    columns += [np.where(there, way, 60.0), np.where(there, others.speed[best] / limit, 1.0)]
+    return np.hstack([fixed, np.column_stack(columns)])
+
+
+def needed_deceleration(table: LaneTable, one: Placed, two: Placed) -> FloatArray:
+    """Return (n, m) m/s² by which the rear one of each pair must brake to the speed of the one ahead."""
+    relations = table.relations
+    ahead = relations.ahead[one.lane[:, None], two.lane] + two.s - one.s[:, None]
+    back = relations.ahead[two.lane, one.lane[:, None]] + one.s[:, None] - two.s
+    closing = one.speed[:, None] - two.speed
+    half = (one.length[:, None] + two.length) / 2
+    needed = np.zeros(closing.shape)
+    for way, closes in ((ahead, closing), (back, -closing)):
+        gap = np.where(way > 0, np.maximum(way - half, 0.1), np.inf)
+        needed = np.maximum(needed, np.maximum(closes, 0.0) ** 2 / (2 * gap))
+    return needed
+
+
+def states_of(table: LaneTable, vehicles: Placed, steps: FloatArray) -> States:
+    """Return (n, T) states of vehicles along their lanes at times (T,) in s, with constant acceleration.
+
+    A vehicle that stands stays where it stands; one that starts has stood before.
+    """
+    v, a = vehicles.speed[:, None], np.nan_to_num(vehicles.acceleration)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rest = np.where(a != 0, -v / a, -np.inf)  # when its speed is 0
+    t = np.where(a > 0, np.maximum(steps, rest), np.where(a < 0, np.minimum(steps, rest), steps))
+    t = np.where(v + a * steps <= 0, t, steps)
+    way = v * t + a * t**2 / 2
+    x, y, heading = table.poses(vehicles.lane, vehicles.s[:, None] + way)
+    # The offset grows with the heading; so a vehicle moves where it points.
+    offset = vehicles.offset[:, None] + np.tan(vehicles.turn)[:, None] * way
+    return States(
+        x=x - offset * np.sin(heading),
+        y=y + offset * np.cos(heading),
+        heading=wrap(heading + vehicles.turn[:, None]),
+        speed=np.maximum(v + a * t, 0.0),
+    )
+
+
+def on_lanes(scene: SeedScene, kinds: tuple[str, ...], rng: np.random.Generator) -> tuple[Placed, IntArray]:
+    """Return a scene's vehicles on lanes, each on one drawn among its matches, and their numbers.
+
+    Accelerations are NaN for vehicles without a recorded second.
+    """
+    assert scene.road is not None
+    road, now = scene.road, scene.now
+    found = match(road, now.x, now.y, now.heading)
+    keys = np.log(found.probability + 1e-12) + rng.gumbel(size=len(found.vehicle))
+    order = np.lexsort((-keys, found.vehicle))
+    vehicle, first = np.unique(found.vehicle[order], return_index=True)
+    chosen = order[first]
+    lane = np.searchsorted(road_index(road).lane_id, found.lane_id[chosen])
+    s, table = found.s[chosen], lane_table(road)
+    x, y, heading = table.poses(lane, s)
+    dx, dy = now.x[vehicle] - x, now.y[vehicle] - y
+    known = scene.recorded_steps[vehicle] == scene.history.shape[1] - 1
+    past = scene.history.speed[vehicle]
+    return Placed(
+        lane=lane,
+        s=np.clip(s + dx * np.cos(heading) + dy * np.sin(heading), 0.0, table.relations.length[lane]),
+        offset=dy * np.cos(heading) - dx * np.sin(heading),
+        turn=wrap(now.heading[vehicle] - heading),
+        speed=past[:, -1],
+        acceleration=np.where(known, past[:, -1] - past[:, 0], np.nan),
+        length=scene.length[vehicle],
+        width=scene.width[vehicle],
+        kind=np.array([kinds.index(t) if (t := scene.types[v]) in kinds else 0 for v in vehicle]),
+    ), vehicle

@@ -1,0 +1,133 @@
+"""Scene model: densities of where a next vehicle is and how it moves, given those already there."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import safetensors
+import safetensors.numpy
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import InputError
+from scex_sumo.base.files import write_atomic
+from scex_sumo.base.version import __version__
+from scex_sumo.scenarios.scene_context import COLUMNS
+
+FORMAT: Final = "scex-sumo scenes 1"
+ABOUT: Final = "scex_sumo"
+DRAWN: Final = ("length", "speed", "acceleration", "offset", "turn")
+"""Quantities of a vehicle in the order of their draws, each given those before; the speed over the limit."""
+KINDS: Final = ("car", "truck", "bus", "motorcycle")
+SHIPPED: Final = Path(__file__).parent / "data" / "scenes.safetensors"
+AGAIN: Final = "train again with: scex-sumo train scenes"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SceneModel:
+    """Fitted scene model.
+
+    Attributes:
+        tensors: by name. ``place.0.weight`` and so on are layers of the networks ``place`` and `DRAWN`;
+            ``bins.speed`` (K, 2) the lowest and highest values of its bins; ``width`` (K, Q) quantiles in m
+            and ``kind`` (K, 4) shares of `KINDS` for each bin of the length; ``density`` (Q,) quantiles of
+            vehicles per km of lane; ``mean`` and ``spread`` (F,) of the features.
+        meta: training command, data, bounds of what counts as about to collide.
+    """
+
+    tensors: Mapping[str, FloatArray]
+    meta: Mapping[str, Any]
+
+    def network(self, name: str, inputs: FloatArray) -> FloatArray:
+        """Return (n, outputs) logits."""
+        t, k = self.tensors, 0
+        while f"{name}.{k}.weight" in t:
+            inputs = (np.maximum(inputs, 0.0) if k else inputs) @ t[f"{name}.{k}.weight"].T + t[
+                f"{name}.{k}.bias"
+            ]
+            k += 1
+        return inputs
+
+    def scaled(self, features: FloatArray) -> FloatArray:
+        """Return features (n, F) in spreads from their means, within 5."""
+        scaled = (features.astype(np.float32) - self.tensors["mean"]) / self.tensors["spread"]
+        return np.asarray(np.clip(scaled, -5.0, 5.0))
+
+    def place_scores(self, features: FloatArray) -> FloatArray:
+        """Return (n,) logarithms of the density of a next vehicle per metre of lane, up to a constant."""
+        return np.asarray(self.network("place", self.scaled(features))[:, 0], np.float64)
+
+    def draw(self, features: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """Draw (n,) values of each quantity in `DRAWN`, ``width`` and ``kind`` (number in `KINDS`)."""
+        inputs, drawn = self.scaled(features), {}
+        for name in DRAWN:
+            choice = _choose(self.network(name, inputs).astype(np.float64), rng)
+            low, high = self.tensors[f"bins.{name}"][choice].T.astype(np.float64)
+            drawn[name] = low + (high - low) * rng.random(len(choice))
+            inputs = np.column_stack([inputs, self.unit(name, drawn[name])])
+            if name == "length":
+                quantiles = self.tensors["width"][choice]
+                at = rng.random(len(choice)) * (quantiles.shape[1] - 1)
+                k, rest = at.astype(np.int64), at % 1.0
+                rows = np.arange(len(choice))
+                drawn["width"] = quantiles[rows, k] * (1 - rest) + quantiles[rows, k + 1] * rest
+                drawn["kind"] = _choose(np.log(self.tensors["kind"][choice] + 1e-9), rng).astype(np.float64)
+        return drawn
+
+    def unit(self, name: str, values: FloatArray) -> FloatArray:
+        """Return a quantity as an input of the networks, about from -1 to 1."""
+        bins = self.tensors[f"bins.{name}"]
+        low, high = float(np.quantile(bins, 0.05)), float(np.quantile(bins, 0.95))
+        return np.asarray(np.clip(2 * (values - low) / max(high - low, 1e-6) - 1, -3, 3), np.float32)
+
+    def count(self, total_m: float, rng: np.random.Generator) -> int:
+        """Draw the number of vehicles on a length of lanes; at least 1."""
+        density = np.quantile(self.tensors["density"], rng.random())
+        return max(1, round(density * total_m / 1000.0))
+
+
+def _choose(logits: FloatArray, rng: np.random.Generator) -> IntArray:
+    return np.asarray((logits + rng.gumbel(size=logits.shape)).argmax(axis=1))
+
+
+def save_scenes(path: Path, tensors: Mapping[str, FloatArray], meta: Mapping[str, Any]) -> None:
+    """Write a scene model; ``meta`` holds plain values."""
+    about = {"format": FORMAT, "version": __version__, "columns": COLUMNS, "meta": dict(meta)}
+    arrays = {k: np.ascontiguousarray(v, np.float32) for k, v in tensors.items()}
+    write_atomic(path, safetensors.numpy.save(arrays, {ABOUT: json.dumps(about)}))
+
+
+@lru_cache(maxsize=2)
+def load_scenes(path: Path = SHIPPED) -> SceneModel:
+    """Read a scene model; the shipped one by default.
+
+    Raises:
+        InputError: the file is missing, no scene model, or one for other features.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; {AGAIN}")
+    try:
+        with safetensors.safe_open(path, framework="numpy") as opened:
+            about = json.loads((opened.metadata() or {}).get(ABOUT, "{}"))
+            tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
+    except (safetensors.SafetensorError, ValueError, OSError):
+        raise InputError(f"{path}: not a file that 'scex-sumo train scenes' wrote; {AGAIN}") from None
+    if (
+        not isinstance(about, dict)
+        or about.get("format") != FORMAT
+        or tuple(about.get("columns", ())) != COLUMNS
+    ):
+        held = about.get("format", "other tensors") if isinstance(about, dict) else "other tensors"
+        raise InputError(f"{path}: holds {held!r} of another version, needs {FORMAT!r}; {AGAIN}")
+    needed = {"place.0.weight", "mean", "spread", "width", "kind", "density", *(f"bins.{n}" for n in DRAWN)}
+    wrong = sorted(needed - tensors.keys()) or [k for k, v in tensors.items() if not np.isfinite(v).all()]
+    if wrong:
+        raise InputError(f"{path}: {wrong[0]} is missing or not finite; {AGAIN}")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return SceneModel(tensors=tensors, meta={**about["meta"], "sha256": digest})
