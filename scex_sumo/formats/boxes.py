@@ -123,8 +123,9 @@ def box_table(
 
 
 def yaw_of(qw: Any, qx: Any, qy: Any, qz: Any) -> Any:
-    """Return the heading of a quaternion, rad."""
-    return np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    """Return the heading of a quaternion, rad; nan if a part is infinite."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 
 
 def _check(path: Path, names: Sequence[str], values: FloatArray) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -240,3 +241,16 @@ def test_a_name_of_five_thousand_letters_is_one_line(tmp_path: Path) -> None:
     pa.parquet.write_table(pa.table(content), tmp_path / "scenario_a.parquet")
     with pytest.raises(TrackError, match="name has 5000 letters"):
         read_recorded([tmp_path / "scenario_a.parquet"])
+
+
+def test_an_infinite_turn_of_the_ego_is_one_line(tmp_path: Path) -> None:
+    file = sensor_log(tmp_path, "annotations_with_ego.feather", ego=True)
+    turns = pa.feather.read_table(tmp_path / "city_SE3_egovehicle.feather")
+    endless = pa.array([np.inf] * len(turns))
+    pa.feather.write_feather(
+        turns.set_column(turns.column_names.index("qx"), "qx", endless),
+        tmp_path / "city_SE3_egovehicle.feather",
+    )
+    with warnings.catch_warnings(), pytest.raises(TrackError, match="missing"):
+        warnings.simplefilter("error")
+        read_recorded([file])
