@@ -96,7 +96,7 @@ def test_lights_of_every_kind_go_on_as_in_the_simulation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     grid = write_switching(tmp_path) if kind == "switching" else write_grid(tmp_path, lights=kind)
-    for time_s in (TIME_S, 62.0):
+    for time_s in (TIME_S, 62.0) if kind == "switching" else (62.0,):
         scene = read_seed(grid.config, time=time_s)
         assert any("lights that do in each future what they do in the simulation" in n for n in scene.notes)
         assert scene.road is not None and scene.road.net is not None
