@@ -16,15 +16,16 @@ $(STAMP): $(VENV)/bin/python pyproject.toml constraints.txt
 	touch $@
 
 $(TEST_STAMP): $(STAMP)
-	$(PIP) install --quiet --constraint constraints.txt torch
-	$(PIP) install --quiet --constraint constraints.txt --editable '.[all,dev]'
+	$(PIP) install --quiet --no-compile --constraint constraints.txt torch
+	$(PIP) install --quiet --no-compile --constraint constraints.txt --editable '.[all,dev]'
 	touch $@
 
 demo: $(STAMP)
 	$(VENV)/bin/scex-sumo run scex_sumo/scenarios/data/roundabout.osm -o out/demo --overwrite
 
+# One process more than cores: many tests wait for others.
 test: $(TEST_STAMP)
-	$(VENV)/bin/python -m pytest --numprocesses auto --dist worksteal
+	$(VENV)/bin/python -m pytest --numprocesses $$(($$(nproc) + 1)) --dist worksteal
 
 fuzz: $(TEST_STAMP)
 	$(VENV)/bin/python -m tests.fuzz --cases 10000

@@ -12,7 +12,7 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios.scene_context import (
-    NOBODY,
+    NO_VEHICLES,
     LaneTable,
     Placed,
     lane_table,
@@ -65,7 +65,7 @@ def generated_scene(
     if ends[-1] <= 0:
         raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
     count = vehicles or min(model.count(ends[-1], rng), MAX_VEHICLES)
-    scene = NOBODY
+    scene = NO_VEHICLES
     for k in range(count):
         one = _drawn(table, ends, model, scene, count, rng)
         if one is None:
@@ -73,12 +73,12 @@ def generated_scene(
                 f"{road.name}: no room for vehicle {k + 1} of {count} "
                 f"on {ends[-1] / 1000:.2f} km of lanes; ask for fewer"
             )
-        scene = scene.and_(one)
+        scene = scene.joined_with(one)
     for _ in range(SWEEPS):
         for _ in range(count):
             others = scene[1:]
             one = _drawn(table, ends, model, others, count, rng)
-            scene = others.and_(scene[:1] if one is None else one)
+            scene = others.joined_with(scene[:1] if one is None else one)
     history = states_of(table, scene, STEP_S * np.arange(-HISTORY_STEPS, 1.0))
     return SeedScene(
         name=f"{road.name}_generated{count}_s{seed}" + (f"_{number}" if number else ""),

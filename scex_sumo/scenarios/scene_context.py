@@ -65,14 +65,14 @@ class Placed:
     def __getitem__(self, key: IntArray | BoolArray | slice) -> Placed:
         return Placed(**{f.name: getattr(self, f.name)[key] for f in fields(self)})
 
-    def and_(self, other: Placed) -> Placed:
+    def joined_with(self, other: Placed) -> Placed:
         """Append vehicles."""
         return Placed(
             **{f.name: np.append(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
         )
 
 
-NOBODY: Final = Placed(
+NO_VEHICLES: Final = Placed(
     **{f.name: np.empty(0, np.int64 if f.name in ("lane", "kind") else np.float64) for f in fields(Placed)}  # type: ignore[arg-type]
 )
 

@@ -16,7 +16,7 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.generate import generated_scene
-from scex_sumo.scenarios.scene_context import NOBODY, Placed, lane_table, on_lanes, states_of
+from scex_sumo.scenarios.scene_context import NO_VEHICLES, Placed, lane_table, on_lanes, states_of
 from scex_sumo.scenarios.scene_model import FORMAT, KINDS, SHIPPED, SceneModel, load_scenes, save_scenes
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S
@@ -126,7 +126,7 @@ def test_recorded_vehicles_keep_their_poses_on_lanes() -> None:
 
 def test_the_last_second_follows_from_speed_and_acceleration(tmp_path: Path) -> None:
     table = lane_table(read_road(write_map(tmp_path / "road.osm", [straight(1, 0, 300)])))
-    columns = {f.name: np.zeros(3, getattr(NOBODY, f.name).dtype) for f in dataclasses.fields(Placed)}
+    columns = {f.name: np.zeros(3, getattr(NO_VEHICLES, f.name).dtype) for f in dataclasses.fields(Placed)}
     columns |= {"s": np.full(3, 100.0), "speed": np.array([10.0, 1.0, 0.0])}
     columns |= {"acceleration": np.array([-2.0, 2.0, 0.0])}
     states = states_of(table, Placed(**columns), np.array([-1.0, 0.0]))
