@@ -23,9 +23,8 @@ $(TEST_STAMP): $(STAMP)
 demo: $(STAMP)
 	$(VENV)/bin/scex-sumo run scex_sumo/scenarios/data/roundabout.osm -o out/demo --overwrite
 
-# One process more than cores: many tests wait for others.
 test: $(TEST_STAMP)
-	$(VENV)/bin/python -m pytest --numprocesses $$(($$(nproc) + 1)) --dist worksteal
+	$(VENV)/bin/python -m pytest --numprocesses auto --dist worksteal
 
 fuzz: $(TEST_STAMP)
 	$(VENV)/bin/python -m tests.fuzz --cases 10000
