@@ -60,12 +60,12 @@ def write_explanations(
 
 
 def _question(one: Explanation) -> str:
-    return one.question(metric_title(one.metric), ("≤", "≥"))
+    return one.question(_titled(one.metric), ("≤", "≥"))
 
 
 def _sentences(one: Explanation, ids: Sequence[int], names: Sequence[str]) -> Html:
     if not one.defined:
-        return element("p", f"{metric_title(one.metric)}: defined in no future.")
+        return element("p", f"{_titled(one.metric)}: defined in no future.")
     rules = [
         element(
             "li",

@@ -117,12 +117,14 @@ def test_two_that_collide_are_explained_with_the_children_in_which_they_do(
 ) -> None:
     hits = {"child": [2, 2], "track_id": [11, 8], "other_id": [7, 7], "time_s": [2.2, 1.0]}
     pq.write_table(pa.table(hits), folder / "collisions.parquet")
-    explain_command(folder, encounter="7,11", worst=5, plots=False)
+    explain_command(folder, encounter="7,11", worst=5, plots=True)
     said = capsys.readouterr().out
     assert "collision of 7 and 11: 3.7% of 27 futures" in said
     assert [line for line in said.splitlines() if "future 2" in line] == [
         "  future 2: 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races"
     ]
+    page = (folder / "explain.html").read_text()
+    assert "collision of 7 and 11" in page
 
 
 def test_all_metrics_are_printed_where_none_is_named(
