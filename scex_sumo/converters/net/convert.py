@@ -40,7 +40,7 @@ SHORTEST_M = 0.01
 JOINED_M = 0.3  # between consecutive bus or bicycle lanes
 
 
-def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoNet:
+def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = None) -> SumoNet:
     """Write a road as a SUMO net, with its lane table NET.lanes.csv and its drawing NET.add.xml beside it.
 
     Args:
@@ -54,6 +54,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
         >>> net.path.is_file()
         True
     """
+    net_path = Path(net_path)
     if road.net is not None:
         return _as_it_is(road, road.net, net_path)
     lanes = road.vehicle_lanes
@@ -71,6 +72,7 @@ def convert(road: Road, net_path: Path, *, signals: Path | None = None) -> SumoN
     layout = plan_net(topology, road.regulations, found)
     recorded, notes = None, list[str]()
     if signals is not None:
+        signals = Path(signals)
         recorded, notes = signal_format(signals).read(layout, road.origin, signals)
     fixed = fixed_programmes(layout, lanes, road.regulations, found)
     walks = plan_walks(ways, topology, layout)

@@ -66,7 +66,7 @@ def test_a_route_that_begins_inside_a_junction_begins_on_the_road_before_it(tmp_
             lane(9, [(0, -40), (0, 40)]),
         ]
     )
-    net = convert(drawn, tmp_path / "net.net.xml")
+    net = convert(drawn, str(tmp_path / "net.net.xml"))
     assert all(name.startswith(":") for name in net.lanes.sumo_lanes(2))
     for table in (net.lanes, LaneTable.read(tmp_path / "net.lanes.csv")):
         assert table.edges([2]) == table.edges([1, 2, 3])
