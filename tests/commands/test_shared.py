@@ -30,7 +30,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def documented(command: str) -> list[str]:
     """Keys of an answer in the docs."""
     section = DOCS.read_text().partition(f"### {command}\n")[2].partition("\n#")[0]
-    cells = re.findall(r"^\| (`[^|]+) \|", section, re.MULTILINE)
+    cells = re.findall(r"^- (`.+?`):", section, re.MULTILINE)
     return [key for cell in cells for key in re.findall(r"`(\w+)`", cell)]
 
 
