@@ -121,6 +121,7 @@ def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
     table = LaneTable.read(table_path) if table_path.is_file() else None
     with allowed_copy(net_path) as allowed:
         report = check_net(allowed, road, table)
+        report.figures["net"] = net_path.name
         return replace(report, driving=drive_net(allowed)) if drive else report
 
 

@@ -53,6 +53,8 @@ def test_losses_are_an_error_where_the_user_is_strict(
     assert "--strict, and the map lost 1 lanelets not driven, subtype moving_walkway" in said.err
     if way == "json":
         assert json.loads(said.out)["lost_lanelets"] == [30040]
+    if way == "check":
+        assert said.out.split()[:2] == ["net", "n.net.xml"]
 
 
 @pytest.mark.parametrize("way", ["convert", "json", "check"])
