@@ -13,7 +13,7 @@ from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.learned.architecture import TOKEN_STEPS
 from scex_sumo.behaviors.learned.decoding import plan_along
-from scex_sumo.behaviors.learned.driver import OUTPUT_GRID, LearnedDriver
+from scex_sumo.behaviors.learned.driver import LearnedDriver, drawn, rounded
 from scex_sumo.behaviors.learned.networks import Tokens
 from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS
 from scex_sumo.behaviors.learned.profiles import JointPredictorProfile, Profile
@@ -95,7 +95,7 @@ class JointDriver(LearnedDriver):
         self, history: SceneHistory, who: VehicleIndex, tokens: Tokens, most: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return (n,) accelerations up to `most`, m/s², and (n,) sideways speeds, m/s, of the next 0.5 s."""
-        logits = np.round(tokens.logits / OUTPUT_GRID) * OUTPUT_GRID
+        logits = rounded(tokens.logits)
         assert isinstance(self.profile, JointPredictorProfile)
         temperature = self.profile.temperature if self.profile.mode == "draw" else 1.0
         weight = np.exp((logits - logits.max(1, keepdims=True)) / temperature) + TINY
@@ -107,12 +107,13 @@ class JointDriver(LearnedDriver):
         if self.profile.mode == "best":
             aside = weight.sum(1)
             aside = aside / aside.sum(1, keepdims=True)
-            return _snapped(along @ tokens.acceleration), _snapped(aside @ tokens.sideways)
+            return rounded(along @ tokens.acceleration), rounded(aside @ tokens.sideways)
         salt = FIRST_SALT + history.step // TOKEN_STEPS  # so a plan and the next one draw the same
         draw = uniforms(history.route_draw[who.child, who.vehicle], 2, salt)
-        a = _drawn(along, draw[:, 0])
+        a = drawn(np.cumsum(along, axis=1), draw[:, 0])
         part = weight[np.arange(len(who)), a]
-        return tokens.acceleration[a], tokens.sideways[_drawn(part / part.sum(1, keepdims=True), draw[:, 1])]
+        s = drawn(np.cumsum(part / part.sum(1, keepdims=True), axis=1), draw[:, 1])
+        return tokens.acceleration[a], tokens.sideways[s]
 
 
 def _most(features: FloatArray) -> FloatArray:
@@ -121,13 +122,3 @@ def _most(features: FloatArray) -> FloatArray:
     safe = np.sqrt(brake**2 + features[:, LEADER_SPEED] ** 2 + 2 * SAFE_MPS2 * np.maximum(gap, 0.0)) - brake
     follows = (features[:, LEADER] > 0) & (gap > 0)
     return np.where(follows, (safe - features[:, SPEED]) / (TOKEN_STEPS * STEP_S), np.inf)
-
-
-def _drawn(share: FloatArray, draw: FloatArray) -> IntArray:
-    upper = np.cumsum(share, axis=1)[:, :-1]
-    return np.asarray((draw[:, None] >= upper).sum(1))
-
-
-def _snapped(values: FloatArray) -> FloatArray:
-    snapped: FloatArray = np.round(values / OUTPUT_GRID) * OUTPUT_GRID
-    return snapped

@@ -74,7 +74,7 @@ def test_who_stands_starts_behind_one_that_moves_or_after_three_seconds(tmp_path
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("scex_sumo.behaviors.learned.driver.START_LIKELY", 0.0)  # the network always starts
-        patch.setattr("scex_sumo.behaviors.learned.driver._rounded", lambda values: np.ones(values.shape))
+        patch.setattr("scex_sumo.behaviors.learned.driver.rounded", lambda values: np.ones(values.shape))
         assert not starts(alone)
         assert starts(behind)
         assert starts(alone, step=30)
