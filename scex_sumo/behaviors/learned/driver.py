@@ -88,10 +88,12 @@ class LearnedDriver:
 
     Attributes:
         keeps: whether image features of maps stay in the user's cache.
+        leaves_map: whether it drives vehicles that are off the map, too.
         clear: whether it steers away from vehicles beside it.
     """
 
     keeps = False
+    leaves_map = False
     clear = False
 
     def __init__(self, kind: str, file: Path, profile: Profile, *, attention: float, free: bool) -> None:
@@ -114,7 +116,7 @@ class LearnedDriver:
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
         paths, row = self._paths(history, road, who)
-        reasons = np.where(paths.on_road[who.vehicle], "", OFF_MAP)
+        reasons = np.where(paths.on_road[who.vehicle] | self.leaves_map, "", OFF_MAP)
         usable = np.flatnonzero(reasons == "")
         parts: list[tuple[IntArray, Plan]] = []
         if len(usable):
@@ -165,6 +167,10 @@ class LearnedDriver:
         plan = plan_along(history, who[finite], paths, row[finite], *wanted, road=road, clear=self.clear)
         return plan, finite
 
+    def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray | float:
+        """Return (P,) numbers to add to the network's logits of paths."""
+        return 0.0
+
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
         if self.profile.path == "likeliest":
@@ -196,7 +202,7 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     pairs = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))
-    logit = np.nan_to_num(rounded(modes.path_logit), nan=-np.inf)
+    logit = np.nan_to_num(rounded(modes.path_logit), nan=-np.inf) + driver.path_prior(scene, paths)
     ends = np.cumsum(paths.count)
     best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
     weight = np.exp(rounded(modes.logits) - rounded(modes.logits).max(1, keepdims=True))

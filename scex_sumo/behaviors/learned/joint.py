@@ -17,9 +17,10 @@ from scex_sumo.behaviors.learned.driver import LearnedDriver, drawn, rounded
 from scex_sumo.behaviors.learned.networks import Tokens
 from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, PathInputs
 from scex_sumo.behaviors.learned.profiles import JointPredictorProfile, Profile
-from scex_sumo.behaviors.models.population import uniforms
+from scex_sumo.behaviors.models.likely_observations import path_edges
+from scex_sumo.behaviors.models.population import population, uniforms
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 SAFE_MPS2 = 9.0  # braking with which a vehicle can still stop behind its leader, which brakes as hard
 STANDING_GAP_M = 0.3  # then
@@ -35,11 +36,15 @@ FIRST_SALT = 64  # of the draws of the first 0.5 s
 
 
 class JointDriver(LearnedDriver):
-    """A network that rolls out all vehicles of each child in steps of 0.5 s."""
+    """A network that rolls out all vehicles of each child in steps of 0.5 s.
+
+    It was trained on vehicles off the map, too, which keep to a straight line.
+    """
+
+    clear = leaves_map = True
 
     def __init__(self, kind: str, file: Path, profile: Profile) -> None:
         super().__init__(kind, file, profile, attention=1.0, free=False)
-        self.clear = True
 
     def _drive(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
@@ -64,18 +69,23 @@ class JointDriver(LearnedDriver):
         made = rolled[mine[chosen]]
         return Plan(**vars(made)), chosen
 
+    def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray:
+        """Return (P,) log probabilities of `LikelyDriver`: pose, speed and shape tell more at a new place."""
+        edges = path_edges(scene, paths, population())
+        share = np.diff(edges, prepend=0.0)
+        share[paths.first] = edges[paths.first]
+        return rounded(np.log(np.maximum(share, TINY)))
+
     def _roll(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[States, BoolArray]:
         children, vehicles, _ = history.states.shape
-        off_map = ~paths.on_road[who.vehicle]
         finite, parts = np.ones(len(who), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
             inputs, tokens = self.predict(history, road, who, paths, row)
             acceleration, sideways = self._chosen(history, who, tokens, inputs)
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
-            kept = off_map | ~finite
-            acceleration[kept], sideways[kept] = 0.0, 0.0
+            acceleration[~finite], sideways[~finite] = 0.0, 0.0
             now = history.now[who.child, who.vehicle]
             _, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
             later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
@@ -112,7 +122,7 @@ class JointDriver(LearnedDriver):
         along = weight.sum(2)
         salt = FIRST_SALT + history.step // TOKEN_STEPS  # so a plan and the next one draw the same
         draw = uniforms(history.route_draw[who.child, who.vehicle], 2, salt)
-        ahead = _ahead(history, who, inputs)
+        ahead = _ahead(history, inputs)
         best = self.profile.mode == "best"
         most = np.full(len(who), np.inf)
         while True:
@@ -155,7 +165,7 @@ class _Pairs:
         return most
 
 
-def _ahead(history: SceneHistory, who: VehicleIndex, inputs: PathInputs) -> _Pairs:
+def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
     """Return leaders on the path, and vehicles that soon come before another's front."""
     scene = history.scene
     gap = inputs.features[:, GAP]
