@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
@@ -31,6 +32,9 @@ TOKEN_S = TOKEN_STEPS * STEP_S
 SPEED, LEADER, GAP, LEADER_SPEED = (
     PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
 )
+AGREEMENT = 0.9  # correlation of a vehicle's draw with that of its leader, if the gap is below:
+FOLLOWS_M = 20.0
+QUEUE = 4  # vehicles through which a draw is passed on
 TINY = 1e-12  # keeps a motion to draw where the network holds all safe ones impossible
 FIRST_SALT = 64  # of the draws of the first 0.5 s
 
@@ -121,7 +125,7 @@ class JointDriver(LearnedDriver):
         weight = weight.reshape(len(who), len(tokens.acceleration), len(tokens.sideways))
         along = weight.sum(2)
         salt = FIRST_SALT + history.step // TOKEN_STEPS  # so a plan and the next one draw the same
-        draw = uniforms(history.route_draw[who.child, who.vehicle], 2, salt)
+        draw = _with_leaders(uniforms(history.route_draw[who.child, who.vehicle], 2, salt), inputs)
         ahead = _ahead(history, inputs)
         best = self.profile.mode == "best"
         most = np.full(len(who), np.inf)
@@ -142,6 +146,15 @@ class JointDriver(LearnedDriver):
         part = weight[np.arange(len(who)), a]
         s = drawn(np.cumsum(part / part.sum(1, keepdims=True), axis=1), draw[:, 1])
         return acceleration, tokens.sideways[s]
+
+
+def _with_leaders(draw: FloatArray, inputs: PathInputs) -> FloatArray:
+    """Return (n, 2) draws of which the first, of the acceleration, is near that of the leader (a copula)."""
+    own, near = ndtri(draw[:, 0]), (inputs.leader >= 0) & (inputs.features[:, GAP] < FOLLOWS_M)
+    normal = own
+    for _ in range(QUEUE):
+        normal = np.where(near, AGREEMENT * normal[inputs.leader] + np.sqrt(1 - AGREEMENT**2) * own, own)
+    return np.column_stack([ndtr(normal), draw[:, 1]])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
