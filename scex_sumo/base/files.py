@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import hashlib
 import os
 import re
 import shutil
@@ -51,6 +52,11 @@ def write_atomic(path: Path, content: bytes) -> None:
     """Write a file whole or not at all, as `replacing`."""
     with replacing(path) as temporary:
         temporary.write_bytes(content)
+
+
+def sha256_of(file: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def remove_unfinished(folder: Path) -> None:

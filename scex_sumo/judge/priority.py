@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from itertools import combinations, product
 from typing import TypeAlias
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from scex_sumo.base.arrays import BoolArray
@@ -98,19 +99,24 @@ class RightOfWay:
         ways = [heading(shape, end=True, reach=END_M) for shape in ends]
         return bool(RIGHT_RAD[0] <= wrap(ways[1] - ways[0]) <= RIGHT_RAD[1])
 
-    def _circles(self, lane_id: int) -> bool:
-        """Whether a lanelet lies on a circle of lanelets."""
+    @cached_property
+    def _graph(self) -> tuple[list[int], list[Pair], csr_array]:
+        """Lanelets, numbers of each and its successor, and lengths of the first of both."""
         ids = list(self.lanes)
         place = {i: k for k, i in enumerate(ids)}
-        if lane_id not in place:
-            return False
         ways = [(place[i], place[j]) for i in ids for j in self.lanes[i].successors if j in place]
         lengths = [length_of(self.lanes[ids[k]].centreline) for k, _ in ways]
-        graph = coo_array(
-            (lengths, tuple(np.array(ways, int).reshape(-1, 2).T)), shape=(len(ids), len(ids))
-        ).tocsr()
-        far, before = dijkstra(graph, indices=place[lane_id], limit=RING_M, return_predecessors=True)
-        back = [k for k, end in ways if end == place[lane_id] and np.isfinite(far[k])]
+        ends = tuple(np.array(ways, int).reshape(-1, 2).T)
+        return ids, ways, coo_array((lengths, ends), shape=(len(ids), len(ids))).tocsr()
+
+    def _circles(self, lane_id: int) -> bool:
+        """Whether a lanelet lies on a circle of lanelets."""
+        ids, ways, graph = self._graph
+        if lane_id not in self.lanes:
+            return False
+        here = ids.index(lane_id)
+        far, before = dijkstra(graph, indices=here, limit=RING_M, return_predecessors=True)
+        back = [k for k, end in ways if end == here and np.isfinite(far[k])]
         if not back:
             return False
         at, circle = min(back, key=lambda k: far[k]), list[int]()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ import safetensors.numpy
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.scenarios.scene_context import COLUMNS
 
@@ -129,5 +128,4 @@ def load_scenes(path: Path = SHIPPED) -> SceneModel:
     wrong = sorted(needed - tensors.keys()) or [k for k, v in tensors.items() if not np.isfinite(v).all()]
     if wrong:
         raise InputError(f"{path}: {wrong[0]} is missing or not finite; {AGAIN}")
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return SceneModel(tensors=tensors, meta={**about["meta"], "sha256": digest})
+    return SceneModel(tensors=tensors, meta={**about["meta"], "sha256": sha256_of(path)})

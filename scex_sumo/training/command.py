@@ -65,14 +65,37 @@ def train_command(
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
+    of_networks = {
+        "--rounds": rounds is not None,
+        "--minutes": minutes > 0,
+        "--no-edges": not edges,
+        "--device": device != "auto",
+        "--resume": resume,
+        "--cache": cache is not None,
+    }
+    if kind == SCENES and any(of_networks.values()):
+        given = ", ".join(name for name, is_given in of_networks.items() if is_given)
+        raise UsageError(f"train scenes: has no {given}; only {', '.join(NETWORKS)} do")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
     from scex_sumo.converters.datasets.moment import Split
 
+    words = [  # the options on which the result depends
+        f"scex-sumo train {kind}",
+        *(f"--data {root.name}" for root in data or ()),
+        f"--seed {seed}",
+        *([f"--epochs {epochs}"] if epochs is not None else []),
+        *([f"--rounds {rounds}"] if rounds is not None else []),
+        *(f"--leave-out {name}" for name in leave_out or ()),
+        *(f"--validation {name}" for name in validation or ()),
+        *(["--no-edges"] if not edges else []),
+        f"--every {every:g}",
+    ]
+    command = " ".join(words)
     if kind == SCENES:
         kept = Split(kept_validation=tuple(validation or ()))
         recordings = _recordings(data or [], leave_out or [], validation or [])
-        _train_scenes(recordings, kept, weights, seed=seed, epochs=epochs, every_s=every)
+        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs, every_s=every)
         return
     from scex_sumo.training.closed_loop import closed_loop
     from scex_sumo.training.data.dataset import SampleOptions, make_dataset
@@ -105,18 +128,7 @@ def train_command(
     except KeyboardInterrupt:
         warn([f"{folder}: has the checkpoint after epoch {run.epoch}; go on with --resume"])
         raise
-    words = [  # the options on which the result depends
-        f"scex-sumo train {kind}",
-        *(f"--data {root.name}" for root in data or ()),
-        f"--seed {seed}",
-        *([f"--epochs {epochs}"] if epochs is not None else []),
-        *([f"--rounds {rounds}"] if rounds is not None else []),
-        *(f"--leave-out {name}" for name in leave_out or ()),
-        *(f"--validation {name}" for name in validation or ()),
-        *(["--no-edges"] if not edges else []),
-        f"--every {every:g}",
-    ]
-    _finish(run, weights, " ".join(words))
+    _finish(run, weights, command)
     shutil.rmtree(folder)
 
 
@@ -141,7 +153,14 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
 
 
 def _train_scenes(
-    recordings: Sequence[Recording], split: Split, out: Path, *, seed: int, epochs: int | None, every_s: float
+    recordings: Sequence[Recording],
+    split: Split,
+    out: Path,
+    command: str,
+    *,
+    seed: int,
+    epochs: int | None,
+    every_s: float,
 ) -> None:
     import torch
 
@@ -155,7 +174,7 @@ def _train_scenes(
     tensors, meta = train_scenes(
         recordings, split=split, every_s=every_s, seed=seed, epochs=epochs or EPOCHS, report=report
     )
-    save_scenes(out, tensors, {**meta, "seed": seed, "every_s": every_s})
+    save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "every_s": every_s})
     print(
         f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, "
         f"validation loss {meta['validation_loss']}"

@@ -12,7 +12,7 @@ import shapely
 import torch
 from torch import Tensor, nn
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.moment import Split
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
@@ -203,7 +203,8 @@ def fit(
     return tensors, best
 
 
-def _given_length(samples: SceneSamples, name: str, rows: FloatArray) -> FloatArray:
+def _given_length(samples: SceneSamples, name: str, rows: BoolArray) -> FloatArray:
+    rows = rows if rows.any() else ~rows  # a bin of few samples' lengths may hold none
     if name == "width":
         return np.asarray(np.quantile(samples.width[rows], WIDTHS))
     return np.asarray(np.bincount(samples.kind[rows], minlength=len(KINDS)) / rows.sum())

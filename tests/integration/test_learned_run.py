@@ -8,7 +8,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.errors import InputError
-from scex_sumo.behaviors.learned.weights import sha256_of
+from scex_sumo.base.files import sha256_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from tests.behaviors.learned import nets

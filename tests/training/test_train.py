@@ -18,6 +18,7 @@ from scex_sumo.converters.datasets.moment import Split  # noqa: E402
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
 from scex_sumo.road import Road  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
+from scex_sumo.scenarios.scene_model import load_scenes  # noqa: E402
 from scex_sumo.training.command import train_command  # noqa: E402
 from scex_sumo.training.data import dataset as dataset_module  # noqa: E402
 from scex_sumo.training.data.augment import Images, turned  # noqa: E402
@@ -246,6 +247,19 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
     for few in ({"epochs": 0}, {"rounds": -1}):
         with pytest.raises(UsageError, match="--epochs needs at least 1"):
             train(out=tmp_path / "other.safetensors", **few)
+    networks = {
+        "rounds": 0,
+        "minutes": 1.0,
+        "edges": False,
+        "device": "cpu",
+        "resume": True,
+        "cache": tmp_path,
+    }
+    for option, value in networks.items():
+        with pytest.raises(UsageError, match=rf"train scenes: has no --(no-)?{option}; only graph, hybrid"):
+            train(kind="scenes", out=tmp_path / "other.safetensors", **{option: value})
+    with pytest.raises(UsageError, match="has no --minutes, --cache;"):
+        train(kind="scenes", out=tmp_path / "other.safetensors", minutes=1.0, cache=tmp_path)
 
 
 @pytest.mark.parametrize("kind", ["graph", "joint"])
@@ -266,6 +280,15 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
     assert meta["validation"]["motorway_merge"]["fde_m"] > 0
     # no checkpoints left
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.safetensors"]
+
+
+def test_a_scene_model_says_by_which_command_it_was_made(tmp_path: Path) -> None:
+    folder, out = example_path("motorway_merge").parent, tmp_path / "mine.safetensors"
+    train_command("scenes", [folder], out, seed=3, epochs=1, every=1.0, validation=["roundabout"])
+    command = (
+        f"scex-sumo train scenes --data {folder.name} --seed 3 --epochs 1 --validation roundabout --every 1"
+    )
+    assert load_scenes(out).meta["command"] == command
 
 
 def test_training_says_that_it_needs_torch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ from threadpoolctl import ThreadpoolController
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.base.cache import cached_bytes, owner_cache
 from scex_sumo.base.errors import InputError
+from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.learned.architecture import FEATURES, STRIDE
 from scex_sumo.behaviors.learned.decoding import plan_along, plan_freely, way_of
@@ -25,7 +26,7 @@ from scex_sumo.behaviors.learned.networks import KINDS, GraphImageNet, Modes, Ne
 from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
 from scex_sumo.behaviors.learned.profiles import Profile
 from scex_sumo.behaviors.learned.raster import raster_of
-from scex_sumo.behaviors.learned.weights import load_weights, sha256_of
+from scex_sumo.behaviors.learned.weights import load_weights
 from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.behaviors.scene_graph.graph import scene_graph
 from scex_sumo.road import Road
@@ -87,10 +88,12 @@ class LearnedDriver:
 
     Attributes:
         keeps: whether image features of maps stay in the user's cache.
+        leaves_map: whether it drives vehicles that are off the map, too.
         clear: whether it steers away from vehicles beside it.
     """
 
     keeps = False
+    leaves_map = False
     clear = False
 
     def __init__(self, kind: str, file: Path, profile: Profile, *, attention: float, free: bool) -> None:
@@ -113,7 +116,7 @@ class LearnedDriver:
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
         paths, row = self._paths(history, road, who)
-        reasons = np.where(paths.on_road[who.vehicle], "", OFF_MAP)
+        reasons = np.where(paths.on_road[who.vehicle] | self.leaves_map, "", OFF_MAP)
         usable = np.flatnonzero(reasons == "")
         parts: list[tuple[IntArray, Plan]] = []
         if len(usable):
@@ -148,12 +151,12 @@ class LearnedDriver:
         """Plan for those of n vehicles with finite outputs; return (n,) which these are, too."""
         inputs, modes = self.predict(history, road, who, paths, row)
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
-        free = None if modes.free is None else _rounded(modes.free[chosen])
-        acceleration = _rounded(modes.acceleration[chosen])
+        free = None if modes.free is None else rounded(modes.free[chosen])
+        acceleration = rounded(modes.acceleration[chosen])
         if self.profile.mode == "best":
             stays = _stays(inputs, modes, waits=history.step < WAITS_STEPS)
             acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
-        offset = _rounded(modes.offset[chosen])
+        offset = rounded(modes.offset[chosen])
         finite = np.ones(len(who), dtype=np.bool_)
         for values in (free, acceleration, offset):
             if values is not None:
@@ -164,6 +167,10 @@ class LearnedDriver:
         plan = plan_along(history, who[finite], paths, row[finite], *wanted, road=road, clear=self.clear)
         return plan, finite
 
+    def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray | float:
+        """Return (P,) numbers to add to the network's logits of paths."""
+        return 0.0
+
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
         if self.profile.path == "likeliest":
@@ -171,7 +178,7 @@ class LearnedDriver:
             row = choice.likeliest[who.vehicle]
             if self.profile.mode == "draw":
                 draw = history.route_draw[who.child, who.vehicle]
-                row = paths.first[who.vehicle] + (draw[:, None] >= choice.paths[who.vehicle, :-1]).sum(1)
+                row = paths.first[who.vehicle] + drawn(choice.paths[who.vehicle], draw)
         return paths, row
 
     def _modes(
@@ -180,9 +187,9 @@ class LearnedDriver:
         if self.profile.mode == "draw":
             upper = choice_of(history.scene, self, road).modes[row]
             draw = history.route_draw[who.child, who.vehicle] * DRAW_DIGITS % 1.0
-            return np.asarray((draw[:, None] >= upper[:, :-1]).sum(1))
+            return drawn(upper, draw)
         if self.meta.get("best", "expected") == "likeliest":
-            return np.asarray(_rounded(modes.logits).argmax(1))
+            return np.asarray(rounded(modes.logits).argmax(1))
         return np.zeros(len(who), dtype=np.int64)
 
 
@@ -195,10 +202,10 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     pairs = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))
-    logit = np.nan_to_num(_rounded(modes.path_logit), nan=-np.inf)
+    logit = np.nan_to_num(rounded(modes.path_logit), nan=-np.inf) + driver.path_prior(scene, paths)
     ends = np.cumsum(paths.count)
     best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
-    weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
+    weight = np.exp(rounded(modes.logits) - rounded(modes.logits).max(1, keepdims=True))
     upper = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
     return _Choice(np.array(best, dtype=np.int64), _cumulated(logit, paths), upper)
 
@@ -221,18 +228,24 @@ def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
     stands = speed < STANDING_MPS
     if not stands.any():
         return stands
-    weight = np.exp(_rounded(modes.logits) - _rounded(modes.logits).max(1, keepdims=True))
+    weight = np.exp(rounded(modes.logits) - rounded(modes.logits).max(1, keepdims=True))
     count = modes.acceleration.shape[1]
-    way = [way_of(speed, _rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
+    way = [way_of(speed, rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
     starts = np.sum(weight * (np.stack(way, 1) > START_M), 1) / weight.sum(1)
-    stays = np.round(starts / OUTPUT_GRID) * OUTPUT_GRID < START_LIKELY
+    stays = rounded(starts) < START_LIKELY
     moving_leader = (inputs.features[:, LEADER] > 0) & (inputs.features[:, LEADER_SPEED] > STANDING_MPS)
     return np.asarray(stands & (stays | (waits & ~moving_leader)))
 
 
-def _rounded(values: FloatArray) -> FloatArray:
-    rounded: FloatArray = np.round(values * (1 / OUTPUT_GRID)) * OUTPUT_GRID
-    return rounded
+def rounded(values: FloatArray) -> FloatArray:
+    """Round outputs of a network to `OUTPUT_GRID`."""
+    on_grid: FloatArray = np.round(values * (1 / OUTPUT_GRID)) * OUTPUT_GRID
+    return on_grid
+
+
+def drawn(upper: FloatArray, draw: FloatArray) -> IntArray:
+    """Return (n,) choices from (n, K) cumulative probabilities and (n,) draws in [0, 1)."""
+    return np.asarray((draw[:, None] >= upper[:, :-1]).sum(1))
 
 
 def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:

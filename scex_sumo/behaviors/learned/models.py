@@ -79,7 +79,7 @@ class GraphImagePredictor(LearnedModel):
 
 
 class JointPredictor(LearnedModel):
-    """Draws the next 0.5 s of all vehicles of a future together, again and again."""
+    """Draws the next 0.5 s of all vehicles of a future together, again and again; those off the map, too."""
 
     name, kind = "joint_predictor", "joint"
 

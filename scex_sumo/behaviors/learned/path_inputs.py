@@ -85,6 +85,7 @@ class PathInputs:
 
     node: IntArray  # (n,) child * V + vehicle
     features: FloatArray  # (n, P) the `PATH_COLUMNS`
+    leader: IntArray  # (n,) node of the leader; -1 without one, and behind an obstacle
 
 
 def path_inputs(
@@ -134,16 +135,13 @@ def path_inputs(
             (past.speed < STANDING_MPS).mean(axis=1),
         ]
     )
-    features = np.concatenate(
-        [
-            motion,
-            _road_ahead(paths, row, s, now, path_heading + error),
-            _others(history, who, paths, row, s, now.speed, radius),
-        ],
-        axis=1,
+    others, leader = _others(history, who, paths, row, s, now.speed, radius)
+    features = np.concatenate([motion, _road_ahead(paths, row, s, now, path_heading + error), others], axis=1)
+    first = who.child * history.scene.vehicles  # node of the child's first vehicle
+    leader = np.where(leader < history.scene.vehicles, leader, -1)
+    return PathInputs(
+        node=first + who.vehicle, features=features, leader=np.where(leader < 0, -1, first + leader)
     )
-    node = who.child * history.scene.vehicles + who.vehicle
-    return PathInputs(node=node, features=features)
 
 
 def rates(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:
@@ -184,7 +182,7 @@ def _others(
     s: FloatArray,
     speed: FloatArray,
     radius: float,
-) -> FloatArray:
+) -> tuple[FloatArray, IntArray]:
     ahead = find_ahead(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
     nearest = ahead.leaders(len(who))
     there = nearest.index >= 0
@@ -197,7 +195,7 @@ def _others(
     trend = np.where(vehicle, past @ TREND, 0.0)
     leader = [there, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)]
     same_way = (ahead.cos > ALONG_COS) & (ahead.other < history.scene.vehicles)
-    return np.column_stack([*leader, _queue(ahead, same_way, speed)])
+    return np.column_stack([*leader, _queue(ahead, same_way, speed)]), nearest.index
 
 
 def _queue(ahead: Ahead, same_way: BoolArray, speed: FloatArray) -> FloatArray:

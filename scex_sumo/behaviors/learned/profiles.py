@@ -64,7 +64,8 @@ class JointPredictorProfile:
     """Parameters of `JointPredictor`.
 
     Attributes:
-        path: as in `GraphPredictorProfile`; ``likeliest`` is drawn with its probability if ``mode=draw``.
+        path: as in `GraphPredictorProfile`; ``likeliest`` weighs probabilities of the network with those of
+            `LikelyDriver`.
         mode: ``draw``, one motion for each vehicle every 0.5 s; or ``best``, the expected motion.
         temperature: 1 draws with the network's probabilities; less prefers probable motions.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import zipfile
 from collections.abc import Mapping
@@ -15,7 +14,7 @@ import safetensors
 import safetensors.numpy
 
 from scex_sumo.base.errors import InputError
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.learned.architecture import Architecture, shapes
 from scex_sumo.behaviors.learned.layers import State
@@ -149,8 +148,3 @@ def _sizes(kind: str, numbers: Any, opened: Any) -> Architecture:
         if array.get_dtype() != "F32" or tuple(array.get_shape()) != shape:
             raise ValueError(f"{name} is {array.get_dtype()} {array.get_shape()}, F32 {[*shape]} expected")
     return sizes
-
-
-def sha256_of(file: Path) -> str:
-    """Return the SHA-256 of a file."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from scipy.cluster.vq import kmeans2
 from torch import Tensor, nn
 from torch.nn.functional import log_softmax
 
@@ -92,15 +93,12 @@ def motions(s: Tensor, d: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
 
 def _clusters(values: FloatArray, count: int) -> FloatArray:
     low, high = np.quantile(values, [0.0005, 0.9995])
-    values = np.sort(np.clip(values, low, high))
+    values = np.clip(values, low, high)
     # Between quantiles, which are dense around 0, and an even grid, which reaches rare motions.
     even = (np.arange(count) + 0.5) / count
     centres = (np.quantile(values, even) + low + (high - low) * even) / 2
-    for _ in range(ROUNDS):
-        edges = np.searchsorted(values, (centres[1:] + centres[:-1]) / 2)
-        parts = np.split(values, edges)
-        centres = np.array([p.mean() if len(p) else c for p, c in zip(parts, centres, strict=True)])
-    return np.sort(centres)
+    centres, _ = kmeans2(values[:, None], centres[:, None], iter=ROUNDS, minit="matrix")
+    return np.asarray(np.sort(centres[:, 0]))
 
 
 def token_errors(tokens: TokenTensors, s: Tensor, d: Tensor, start: Tensor) -> Tensor:

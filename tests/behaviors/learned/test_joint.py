@@ -9,8 +9,15 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.driving.paths import chosen_paths, seed_paths
+from scex_sumo.behaviors.learned.driver import choice_of
+from scex_sumo.behaviors.learned.joint import _ahead
+from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, path_inputs
+from scex_sumo.behaviors.models.likely_observations import path_edges
+from scex_sumo.behaviors.models.population import population
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
@@ -117,3 +124,47 @@ def test_the_shipped_follower_goes_with_its_leader_and_drawn_modes_do_not() -> N
 
     assert agreement("joint_predictor") > 0.2
     assert abs(agreement("graph_predictor:mode=draw")) < 0.12
+
+
+@pytest.mark.parametrize(
+    "ahead",
+    [(71.0, 0.0, 0.0, 0.0), (80.0, 0.0, 0.0, 0.0), (69.0, 0.0, 0.0, 7.0)],
+    ids=["standing", "standing further away", "moving"],
+)
+def test_drawn_followers_stop_behind_whatever_their_leaders_do(ahead: tuple[float, ...]) -> None:
+    scene = roads.scene_of((60.0, 0.0, 0.0, 8.0), ahead)
+    draws = np.random.default_rng(0).random((400, 2))
+    history = roads.present(scene, len(draws), draws)
+    made = roads.plan(build(parse_models("joint_predictor")[0]), roads.straight(), history)
+    follower, leader = (made[k::2] for k in range(2))
+    size = scene.length[0], scene.width[0]
+    boxes = (
+        Rectangles.of(one.map(np.ravel), *(np.full(one.x.size, s) for s in size))
+        for one in (follower, leader)
+    )
+    assert rectangle_distance(*boxes).min() > 0
+
+
+def test_paths_are_as_probable_as_network_and_likely_driver_agree(tmp_path: Path) -> None:
+    scene = roads.scene_of((8.0, 0.3, 0.02, 6.0))
+    driver = model(tmp_path).driver
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(type(driver), "path_prior", lambda *_: 0.0)
+        alone = choice_of(replace(scene), driver, ROAD).paths[0]
+    edges = path_edges(scene, seed_paths(scene, ROAD), population())
+    both = np.diff(alone, prepend=0.0) * np.diff(edges, prepend=0.0)
+    assert len(both) > 1 and 0.01 < both[0] / both.sum() < 0.99
+    assert np.allclose(choice_of(scene, driver, ROAD).paths[0], np.cumsum(both) / both.sum(), atol=1e-3)
+
+
+@pytest.mark.parametrize(("heading", "counts"), [(-0.3, True), (0.0, False), (0.3, False)])
+def test_a_vehicle_that_comes_into_the_way_counts_as_ahead(heading: float, counts: bool) -> None:
+    history = roads.present(roads.scene_of((60.0, 0.0, 0.0, 8.0), (66.0, 3.0, heading, 6.0)))
+    who = roads.every(history)
+    inputs = path_inputs(
+        history, roads.straight(), who, *chosen_paths(history, roads.straight(), who, "straight")
+    )
+    pairs = _ahead(history, inputs)
+    assert list(zip(pairs.follower, pairs.leader, strict=True)) == [(0, 1)] * counts
+    bound = pairs.bound(inputs.features[:, PATH_COLUMNS.index("speed")], np.zeros(2))
+    assert np.isfinite(bound).tolist() == [counts, False]

@@ -13,9 +13,10 @@ import pytest
 import safetensors.numpy
 
 from scex_sumo.base.errors import InputError
+from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.learned.layers import exact
 from scex_sumo.behaviors.learned.profiles import SHIPPED
-from scex_sumo.behaviors.learned.weights import ABOUT, load_weights, save_weights, sha256_of
+from scex_sumo.behaviors.learned.weights import ABOUT, load_weights, save_weights
 from scex_sumo.behaviors.registry import build, parse_models
 from tests.behaviors import roads
 from tests.behaviors.learned import nets
