@@ -129,7 +129,7 @@ class JointDriver(LearnedDriver):
         ahead = _ahead(history, inputs)
         best = self.profile.mode == "best"
         most = np.full(len(who), np.inf)
-        while True:
+        for _ in range(history.scene.vehicles + 1):  # a queue passes one bound on in each round
             beyond = tokens.acceleration > np.maximum(most, tokens.acceleration[0])[:, None]
             share = np.where(beyond, 0.0, along)
             share /= share.sum(1, keepdims=True)
