@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from typer import Option
@@ -15,11 +15,7 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import MapPath, Origin, Overwrite, Seed
 
-if TYPE_CHECKING:
-    from scex_sumo.scene import SeedScene
-
 MAX_COUNT = 10_000
-HEADER = "case_id,track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
 EXAMPLE = "k733.osm --vehicles 12 --count 20 -o out/k733_scenes"
 
 
@@ -44,6 +40,7 @@ def generate_command(
     ] = None,
 ) -> None:
     """Generate seed scenes on a map as recorded ones look: cases that every command takes."""
+    from scex_sumo.converters.datasets.writer import write_tracks
     from scex_sumo.converters.lanelet.origin import META_DATA, parse_origin
     from scex_sumo.converters.maps import LANELET2, read_map
     from scex_sumo.converters.naming import map_name
@@ -64,7 +61,7 @@ def generate_command(
         raise UsageError(f"-o {folder}: is a file; name a folder")
     if cases.exists() and not overwrite:
         raise ResultError(f"{cases}: exists; --overwrite replaces it")
-    rows, cells, circle = [HEADER], None, parse_region(region, None).circle
+    made, cells, circle = [], None, parse_region(region, None).circle
     if circle is not None and road.vehicle_lanes:
         x, y, _ = lane_table(road).cell_pose
         cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]
@@ -72,8 +69,7 @@ def generate_command(
         for k in range(count):
             if tick is not None:
                 tick(k, count)
-            scene = generated_scene(road, model, vehicles=vehicles, seed=seed, number=k, cells=cells)
-            rows += _rows(scene, k + 1)
+            made.append(generated_scene(road, model, vehicles=vehicles, seed=seed, number=k, cells=cells))
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / map_path.name
     if target.resolve() != map_path.resolve():
@@ -81,20 +77,6 @@ def generate_command(
     if map_format(map_path).read is LANELET2.read and road.origin != (0.0, 0.0):
         lat, lon = road.origin
         write_atomic(folder / META_DATA, f"originLat,originLon\n{lat!r},{lon!r}\n".encode())
-    write_atomic(cases, "\n".join([*rows, ""]).encode())
+    write_tracks(cases, *made)
     print(f"cases:  {cases} ({count} scenes)")
     print(f"run:    scex-sumo run {shlex.quote(str(target))} --tracks {shlex.quote(str(cases))} --case 1")
-
-
-def _rows(scene: SeedScene, case: int) -> list[str]:
-    """Return the lines of a case; its frame 10 is the moment itself."""
-    states = scene.history
-    velocity = states.speed * np.cos(states.heading), states.speed * np.sin(states.heading)
-    columns = [array.tolist() for array in (states.x, states.y, *velocity, states.heading)]
-    return [
-        f"{case},{track},{frame},{100 * frame},{scene.types[v]},"
-        + ",".join(f"{column[v][frame]:.4f}" for column in columns)
-        + f",{scene.length[v]:.2f},{scene.width[v]:.2f}"
-        for v, track in enumerate(scene.track_ids)
-        for frame in range(states.shape[1])
-    ]
