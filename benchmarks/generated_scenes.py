@@ -32,7 +32,7 @@ from scex_sumo.converters.net.convert import converted
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios.generate import generated_scene
-from scex_sumo.scenarios.scene_context import Placed, lane_table, on_lanes, states_of
+from scex_sumo.scenarios.scene_context import Placed, lane_cells, placed_on_lanes, states_of
 from scex_sumo.scenarios.scene_model import KINDS, SHIPPED, load_scenes
 from scex_sumo.scenarios.synthetic import synthetic_scene
 from scex_sumo.scene import SeedScene
@@ -54,11 +54,11 @@ class Site:
 
     def cells(self, road: Road) -> BoolArray:
         """Return the cells of the lanes that the recording sees."""
-        x, y, _ = lane_table(road).cell_pose
+        x, y, _ = lane_cells(road).cell_pose
         return np.asarray(shapely.contains_xy(self.seen[road.name], x, y))
 
     def share(self, road: Road) -> float:
-        table = lane_table(road)
+        table = lane_cells(road)
         return float(table.cell_m[self.cells(road)].sum() / table.total_m)
 
 
@@ -94,8 +94,8 @@ def thinned(count: int, most: int) -> list[int]:
 def values_of(scene: SeedScene, seen: shapely.Geometry) -> dict[str, FloatArray] | None:
     """Return values of each vehicle on a lane within a region (conflicts: one); None without any."""
     assert scene.road is not None
-    table = lane_table(scene.road)
-    placed, vehicle = on_lanes(scene, KINDS, np.random.default_rng(0))
+    table = lane_cells(scene.road)
+    placed, vehicle = placed_on_lanes(scene, KINDS, np.random.default_rng(0))
     inside = np.flatnonzero(shapely.contains_xy(seen, scene.now.x[vehicle], scene.now.y[vehicle]))
     if not len(inside):
         return None

@@ -47,7 +47,7 @@ def generate_command(
     from scex_sumo.converters.registries import map_format
     from scex_sumo.results.region import parse_region
     from scex_sumo.scenarios.generate import generated_scene
-    from scex_sumo.scenarios.scene_context import lane_table
+    from scex_sumo.scenarios.scene_context import lane_cells
     from scex_sumo.scenarios.scene_model import SHIPPED, load_scenes
 
     if not 1 <= count <= MAX_COUNT:
@@ -63,7 +63,7 @@ def generate_command(
         raise ResultError(f"{cases}: exists; --overwrite replaces it")
     made, cells, circle = [], None, parse_region(region, None).circle
     if circle is not None and road.vehicle_lanes:
-        x, y, _ = lane_table(road).cell_pose
+        x, y, _ = lane_cells(road).cell_pose
         cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]
     with progress_bar(f"generating {road.name}") as tick:
         for k in range(count):

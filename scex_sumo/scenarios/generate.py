@@ -13,9 +13,9 @@ from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios.scene_context import (
     NO_VEHICLES,
-    LaneTable,
+    LaneCells,
     Placed,
-    lane_table,
+    lane_cells,
     needed_deceleration,
     place_features,
     states_of,
@@ -48,7 +48,7 @@ def generated_scene(
     Args:
         vehicles: None draws the number, too.
         number: of the scene, among those with one seed.
-        cells: (K,) cells of `lane_table` on which vehicles may be; None for all.
+        cells: (K,) cells of `lane_cells` on which vehicles may be; None for all.
 
     Raises:
         UsageError: no lanes for vehicles, or a number below 1 or above 500.
@@ -60,7 +60,7 @@ def generated_scene(
         raise UsageError(f"{road.name}: the map has no lane for vehicles; give another map")
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
-    rng, table = np.random.default_rng([seed, number, vehicles or 0]), lane_table(road)
+    rng, table = np.random.default_rng([seed, number, vehicles or 0]), lane_cells(road)
     ends = np.cumsum(table.cell_m if cells is None else table.cell_m * cells)
     if ends[-1] <= 0:
         raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
@@ -103,7 +103,7 @@ def _speeds(states: States) -> FloatArray:
 
 
 def _drawn(
-    table: LaneTable,
+    table: LaneCells,
     ends: FloatArray,
     model: SceneModel,
     others: Placed,
@@ -148,7 +148,7 @@ def _drawn(
     return None
 
 
-def _free(table: LaneTable, tries: Placed, others: Placed, bounds: dict[str, float]) -> BoolArray:
+def _free(table: LaneCells, tries: Placed, others: Placed, bounds: dict[str, float]) -> BoolArray:
     """Return (n,) whether each of the tried vehicles may join the others."""
     if not len(others.lane):
         return np.full(len(tries.lane), True)

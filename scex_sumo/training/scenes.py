@@ -18,12 +18,12 @@ from scex_sumo.converters.datasets.moment import Split
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.scenarios.scene_context import (
     COLUMNS,
-    LaneTable,
+    LaneCells,
     Placed,
-    lane_table,
+    lane_cells,
     needed_deceleration,
-    on_lanes,
     place_features,
+    placed_on_lanes,
 )
 from scex_sumo.scenarios.scene_model import DRAWN, KINDS, SceneModel
 from scex_sumo.scene import SeedScene
@@ -60,7 +60,7 @@ def seen_part(scenes: Sequence[SeedScene]) -> shapely.Geometry:
 def _seen_cells(scenes: Sequence[SeedScene]) -> tuple[IntArray, float]:
     """Return the cells of the map that recordings see, and their length, m."""
     assert scenes[0].road is not None
-    table = lane_table(scenes[0].road)
+    table = lane_cells(scenes[0].road)
     x, y, _ = table.poses(table.cell_lane, table.cell_s[:, None])
     inside = np.flatnonzero(shapely.contains_xy(seen_part(scenes), x[:, 0], y[:, 0]))
     return inside, float(table.cell_m[inside].sum())
@@ -72,12 +72,12 @@ def scene_samples(scenes: Sequence[SeedScene], site: int, rng: np.random.Generat
         return None
     road = scenes[0].road
     assert road is not None
-    table = lane_table(road)
+    table = lane_cells(road)
     inside, total_m = _seen_cells(scenes)
     made: list[tuple[Any, ...]] = []
     for scene in scenes:
         for _ in range(SUBSETS):
-            whole, _ = on_lanes(scene, KINDS, rng)
+            whole, _ = placed_on_lanes(scene, KINDS, rng)
             if len(whole.lane):
                 made.append(_subset(table, whole, inside, total_m, rng))
     if not made:
@@ -89,7 +89,7 @@ def scene_samples(scenes: Sequence[SeedScene], site: int, rng: np.random.Generat
 
 
 def _subset(
-    table: LaneTable, whole: Placed, inside: IntArray, total_m: float, rng: np.random.Generator
+    table: LaneCells, whole: Placed, inside: IntArray, total_m: float, rng: np.random.Generator
 ) -> tuple[Any, ...]:
     count = len(whole.lane)
     kind, share = rng.random(), rng.random()
@@ -263,9 +263,9 @@ def train_scenes(
             samples.append(scene_samples(scenes, sites.index(recording.site), rng))
             if part == "train" and scenes:
                 total_km = _seen_cells(scenes)[1] / 1000
-                wholes = [on_lanes(scene, KINDS, rng)[0] for scene in scenes]
+                wholes = [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes]
                 density.append(np.array([len(whole.lane) for whole in wholes]) / total_km)
-                table = lane_table(loaded.road)
+                table = lane_cells(loaded.road)
                 hardest += [needed_deceleration(table, w, w).max(axis=1, initial=0.0) for w in wholes]
                 count += len(scenes)
     if not any(parts["train"]) or not any(parts["validation"]):

@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.road import Road
 from scex_sumo.scenarios.generate import generated_scene
-from scex_sumo.scenarios.scene_context import lane_table, on_lanes
+from scex_sumo.scenarios.scene_context import lane_cells, placed_on_lanes
 from scex_sumo.scenarios.scene_model import KINDS, SceneModel
 from scex_sumo.scene import SeedScene
 from scex_sumo.training.scenes import bin_numbers, bins_of, fit, scene_samples
@@ -55,9 +55,9 @@ def test_the_fit_learns_lane_speed_and_gap(tmp_path: Path) -> None:
     model = SceneModel(tensors=tensors, meta={"bounds": {"deceleration": 3.0}})
     speeds, left = [], []
     for k in range(8):
-        placed, _ = on_lanes(generated_scene(road, model, vehicles=3, number=k), KINDS, rng)
+        placed, _ = placed_on_lanes(generated_scene(road, model, vehicles=3, number=k), KINDS, rng)
         speeds.append(placed.speed)
-        left += lane_table(road).poses(placed.lane, placed.s)[1].tolist()
+        left += lane_cells(road).poses(placed.lane, placed.s)[1].tolist()
     assert np.mean(np.abs(np.array(left) - 5.25) < 0.5) > 0.9  # the recorded lane
     assert np.mean(np.ptp(speeds, axis=1) < 1.0) > 0.7  # vehicles of one scene have one speed
     assert {round(v) for v in np.concatenate(speeds)} == {5, 12}
