@@ -14,7 +14,7 @@ from scex_sumo.commands.seed import seed_scene
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.generate import generated_scene
 from scex_sumo.scenarios.scene_model import load_scenes
-from scex_sumo.scenarios.seeds import read_seed
+from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 from tests.command import scex
 
 MAP = example_path("urban_intersection")
@@ -64,5 +64,8 @@ def test_as_needs_a_known_word_and_a_number(like: str, synthetic: int | None, sa
     options = {"tracks": None, "case": None, "time": None, "origin": None, "seed": 0}
     with pytest.raises(UsageError, match=said):
         seed_scene(MAP, synthetic=synthetic, like=like, **options)  # type: ignore[arg-type]
+    if synthetic is not None:
+        with pytest.raises(UsageError, match=said):
+            synthetic_seed(MAP, vehicles=synthetic, like=like)
     scene = seed_scene(MAP, synthetic=3, like="recorded", **options)  # type: ignore[arg-type]
     assert scene.vehicles == 3 and scene.future is None
