@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import shutil
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from typer import Option
@@ -15,7 +16,16 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import MapPath, Origin, Overwrite, Seed
 
+if TYPE_CHECKING:
+    from scex_sumo.base.progress import Progress
+    from scex_sumo.scene import SeedScene
+
 MAX_COUNT = 10_000
+EACH = 5  # candidates for each scene of --critical
+MEANING = (
+    "Weights of cases with a property add up to its estimated share among scenes without --critical. "
+    "critical_encounters: of a future, on average."
+)
 EXAMPLE = "k733.osm --vehicles 12 --count 20 -o out/k733_scenes"
 
 
@@ -33,6 +43,18 @@ def generate_command(
         Option(metavar="X,Y,R", help="Vehicles in this circle only, m; default: on the whole map."),
     ] = None,
     origin: Origin = None,
+    critical: Annotated[
+        bool,
+        Option(
+            "--critical",
+            help="Draw more scenes whose futures have critical encounters. The weight of a case is the share "
+            "of the scenes without this option that it stands for.",
+        ),
+    ] = False,
+    candidates: Annotated[
+        int | None,
+        Option(metavar="M", help="Of --critical: scenes to draw from; default: 5 for each of --count."),
+    ] = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
     out: Annotated[
@@ -52,6 +74,11 @@ def generate_command(
 
     if not 1 <= count <= MAX_COUNT:
         raise UsageError(f"--count: got {count:,}, needs 1 to {MAX_COUNT:,}")
+    if candidates is not None and not critical:
+        raise UsageError("--candidates: needs --critical")
+    if candidates is not None and not count <= candidates <= MAX_COUNT:
+        raise UsageError(f"--candidates: got {candidates:,}, needs {count:,} (--count) to {MAX_COUNT:,}")
+    number = candidates or (min(EACH * count, MAX_COUNT) if critical else count)
     model = load_scenes(scenes or SHIPPED)
     road = read_map(map_path, origin=parse_origin(origin) if origin is not None else None, own_corner=True)
     warn(road.notes)
@@ -66,10 +93,14 @@ def generate_command(
         x, y, _ = lane_cells(road).cell_pose
         cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]
     with progress_bar(f"generating {road.name}") as tick:
-        for k in range(count):
+        for k in range(number):
             if tick is not None:
-                tick(k, count)
+                tick(k, number)
             made.append(generated_scene(road, model, vehicles=vehicles, seed=seed, number=k, cells=cells))
+    about = {}
+    if critical:
+        with progress_bar(f"running {road.name}") as tick:
+            made, about = _drawn(made, count, seed, tick)
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / map_path.name
     if target.resolve() != map_path.resolve():
@@ -77,6 +108,37 @@ def generate_command(
     if map_format(map_path).read is LANELET2.read and road.origin != (0.0, 0.0):
         lat, lon = road.origin
         write_atomic(folder / META_DATA, f"originLat,originLon\n{lat!r},{lon!r}\n".encode())
+    weights = cases.with_suffix(".weights.json")
+    weights.unlink(missing_ok=True)
     write_tracks(cases, *made)
     print(f"cases:  {cases} ({count} scenes)")
+    if about:
+        write_atomic(weights, (json.dumps(about, indent=1) + "\n").encode())
+        means = (f"{value:.2f} {name}" for name, value in about["critical_encounters"].items())
+        print(f"weight: {weights} (critical encounters of a future: {', '.join(means)})")
     print(f"run:    scex-sumo run {shlex.quote(str(target))} --tracks {shlex.quote(str(cases))} --case 1")
+
+
+def _drawn(
+    candidates: list[SeedScene], count: int, seed: int, tick: Progress | None
+) -> tuple[list[SeedScene], dict[str, Any]]:
+    """Return scenes drawn by their critical encounters, and the content of the file of weights."""
+    from scex_sumo.extrapolation.critical_scenes import FUTURES, MODELS, encounter_scores
+    from scex_sumo.statistics.importance import sample_by_score
+
+    scores = encounter_scores(candidates, seed=seed, progress=tick)
+    if not scores.any():
+        warn(["warning: no candidate has a critical encounter, so all weights are equal; raise --candidates"])
+    drawn, weight = sample_by_score(scores, count, np.random.default_rng(seed))
+    means = {"candidates": scores.mean(), "cases": scores[drawn].mean(), "weighted": weight @ scores[drawn]}
+    return [candidates[k] for k in drawn], {
+        "meaning": MEANING,
+        "candidates": len(candidates),
+        "models": MODELS,
+        "futures": FUTURES,
+        "critical_encounters": {name: round(float(value), 4) for name, value in means.items()},
+        "cases": {
+            f"{case}.0": {"weight": round(float(w), 6), "critical_encounters": float(scores[k])}
+            for case, (k, w) in enumerate(zip(drawn, weight, strict=True), 1)
+        },
+    }
