@@ -275,6 +275,7 @@ def main() -> None:
     parser.add_argument("--sites", nargs="*", help="only these, by the beginning of their names")
     parser.add_argument("--synthetic", type=int, default=15, help="scenes of SUMO at each site; 0: none")
     parser.add_argument("--most", type=int, default=20, help="recorded scenes of each site")
+    parser.add_argument("--speed", type=float, help="mean speed of the traffic, m/s; default: drawn")
     parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -288,7 +289,12 @@ def main() -> None:
         recorded = values_of_all(site, site.scenes)
         scenes = [
             generated_scene(
-                scene.road, model, vehicles=seen_vehicles(site, scene), number=k, cells=site.cells(scene.road)
+                scene.road,
+                model,
+                vehicles=seen_vehicles(site, scene),
+                speed=given.speed,
+                number=k,
+                cells=site.cells(scene.road),
             )
             for k, scene in enumerate(site.scenes)
             if scene.road is not None

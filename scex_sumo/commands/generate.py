@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,6 +34,10 @@ def generate_command(
     map_path: MapPath,
     vehicles: Annotated[
         int | None, Option(metavar="N", help="Vehicles of a scene; default: drawn as recorded.")
+    ] = None,
+    speed: Annotated[
+        float | None,
+        Option(metavar="V", help="Mean speed of the traffic, m/s; default: of similar recorded scenes."),
     ] = None,
     count: Annotated[int, Option(help="Number of scenes.")] = 20,
     scenes: Annotated[
@@ -92,12 +97,13 @@ def generate_command(
     if circle is not None and road.vehicle_lanes:
         x, y, _ = lane_cells(road).cell_pose
         cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]
+    one = partial(generated_scene, road, model, vehicles=vehicles, speed=speed, seed=seed, cells=cells)
     with progress_bar(f"generating {road.name}") as tick:
         for k in range(number):
             if tick is not None:
                 tick(k, number)
-            made.append(generated_scene(road, model, vehicles=vehicles, seed=seed, number=k, cells=cells))
-    about = {}
+            made.append(one(number=k))
+    about: dict[str, Any] = {}
     if critical:
         with progress_bar(f"running {road.name}") as tick:
             made, about = _drawn(made, count, seed, tick)

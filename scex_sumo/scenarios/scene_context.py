@@ -23,6 +23,7 @@ USUAL_LENGTH_M = 4.5
 NEAR_M = (15.0, 40.0)
 TURN_M = (20.0, 60.0)  # ahead, over which a lane's turn is a feature
 FLOW_STEPS = 60
+MIN_PACE_MPS = 1.0
 
 ROAD_COLUMNS: Final = (
     *("limit", "width", "bend", "turn_20", "turn_60", "turned_20", "lanes", "from_right", "from_left"),
@@ -42,6 +43,7 @@ SCENE_COLUMNS: Final = (
         "density",
         "mean_length",
         "length_spread",
+        "pace",
     ),
     *("front_gap", "front_speed"),
 )
@@ -259,28 +261,37 @@ def _ways(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: Flo
 
 
 def place_features(
-    table: LaneCells, lane: IntArray, s: FloatArray, others: Placed, *, vehicles: int, total_m: float
+    table: LaneCells,
+    lane: IntArray,
+    s: FloatArray,
+    others: Placed,
+    *,
+    vehicles: int,
+    total_m: float,
+    pace: float,
 ) -> FloatArray:
     """Return (n, F) `COLUMNS` of places among the vehicles placed before.
 
     Args:
         vehicles: number that the scene shall have on ``total_m`` of lanes.
+        pace: mean speed that the scene shall have, m/s; other speeds are relative to it.
     """
     fixed = table.fixed[table.cells_at(lane, s)]
     n, count = len(lane), len(others.lane)
     lengths = others.length if count else np.array([USUAL_LENGTH_M])
-    r, limit = table.relations, table.limit[lane]
+    r = table.relations
     whole = [
         count / max(vehicles, 1),
         np.log(1000.0 * vehicles / total_m),
         lengths.mean(),
         lengths.std(),
+        np.log(pace),
     ]
     if not count:
         far = np.log1p(FAR_M)
         empty = [far, 1.0, 0, 0, far, 1.0, 40.0, 1.0, 40.0, 1.0, far, far, 1.0, 0, 0, 1.0, 0, 0, 1.0, 1.0, 0]
         return np.hstack([fixed, np.tile([*empty, *whole, 60.0, 1.0], (n, 1))])
-    ratio = others.speed / table.limit[others.lane]
+    ratio = others.speed / pace
     standing = (others.speed < 0.5).astype(np.float64)
     half = (others.length + USUAL_LENGTH_M) / 2
     rows = np.arange(n)
@@ -337,7 +348,7 @@ def place_features(
     front, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
     best, way, there = nearest(np.where((front > 0) & (aside < 1.5), front, np.inf))
     there &= way < 60.0
-    columns += [np.where(there, way, 60.0), np.where(there, others.speed[best] / limit, 1.0)]
+    columns += [np.where(there, way, 60.0), np.where(there, ratio[best], 1.0)]
     return np.hstack([fixed, np.column_stack(columns)])
 
 

@@ -98,7 +98,7 @@ def test_weighted_shares_are_those_of_all_scenes() -> None:
         weighted, plain = np.array([(w @ value[k], value[k].mean()) for k, w in draws]).T
         error = weighted.std()  # of one draw; ratios of 8 draws have a bias below it
         assert weighted.mean() == pytest.approx(value.mean(), abs=error / 2)
-        assert plain.mean() - value.mean() > error / 2  # so weights matter
+    assert plain.mean() > 1.5 * score.mean()  # so weights matter
     assert all(w.max() < 0.6 and len(set(k)) == 8 for k, w in draws)
 
 

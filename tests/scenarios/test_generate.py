@@ -69,12 +69,23 @@ def test_the_number_is_drawn_by_density(road: Road) -> None:
     assert np.mean([MODEL.count(10_000.0, np.random.default_rng(k)) for k in range(20)]) > max(numbers)
 
 
+def test_the_mean_speed_is_the_one_given_or_that_of_similar_scenes(road: Road) -> None:
+    for speed in (4.0, 16.0):
+        scenes = [generated_scene(road, MODEL, vehicles=6, speed=speed, number=k) for k in range(4)]
+        assert np.mean([scene.now.speed.mean() for scene in scenes]) == pytest.approx(speed, rel=0.5)
+    table = {"scenes": np.array([[2.0, np.log(5.0), 1.0], [2.0, np.log(20.0), 9.0], [4.0, np.log(2.0), 1.0]])}
+    model = SceneModel(tensors={**table, "spread": np.ones(2)}, meta={})
+    paces = [model.pace(np.array([1.0]), np.exp(2.0), np.random.default_rng(k)) for k in range(9)]
+    assert paces == pytest.approx([5.0] * 9)  # like the first in both
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         ({"vehicles": 0}, "got 0, needs 1 to 500"),
         ({"vehicles": 501}, "got 501, needs 1 to 500"),
         ({"seed": -1}, "--seed: got -1"),
+        ({"speed": float("nan")}, "--speed: got nan, needs 0 to 70"),
     ],
 )
 def test_impossible_requests_are_refused(road: Road, options: dict[str, int], said: str) -> None:

@@ -13,7 +13,7 @@ from scex_sumo.scenarios.generate import generated_scene
 from scex_sumo.scenarios.scene_context import lane_cells, placed_on_lanes
 from scex_sumo.scenarios.scene_model import KINDS, SceneModel
 from scex_sumo.scene import SeedScene
-from scex_sumo.training.scenes import bin_numbers, bins_of, fit, scene_samples
+from scex_sumo.training.scenes import bin_numbers, bins_of, fit, known_scenes, scene_samples
 from tests.converters.maps import straight, write_map
 from tests.seeds import straight_seed
 
@@ -49,9 +49,11 @@ def platoon(road: Road, rng: np.random.Generator) -> SeedScene:
 def test_the_fit_learns_lane_speed_and_gap(tmp_path: Path) -> None:
     road = read_road(write_map(tmp_path / "road.osm", [straight(1, 0, 200), straight(2, 0, 200, y=3.5)]))
     rng = np.random.default_rng(0)
-    parts = [scene_samples([platoon(road, rng) for _ in range(count)], 0, rng) for count in (100, 20)]
+    scenes = [[platoon(road, rng) for _ in range(count)] for count in (100, 20)]
+    parts = [scene_samples(some, 0, rng) for some in scenes]
+    known = known_scenes(scenes[0], [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes[0]])
     assert parts[0] is not None and parts[1] is not None
-    tensors, _ = fit(parts[0], parts[1], np.array([7.5]), epochs=6)
+    tensors, _ = fit(parts[0], parts[1], known, epochs=6)
     model = SceneModel(tensors=tensors, meta={"bounds": {"deceleration": 3.0}})
     speeds, left = [], []
     for k in range(8):
