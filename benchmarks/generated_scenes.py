@@ -32,7 +32,7 @@ from scex_sumo.converters.net.convert import converted
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios.generate import generated_scene
-from scex_sumo.scenarios.scene_context import Placed, lane_table, on_lanes, states_of
+from scex_sumo.scenarios.scene_context import Placed, lane_cells, placed_on_lanes, states_of
 from scex_sumo.scenarios.scene_model import KINDS, SHIPPED, load_scenes
 from scex_sumo.scenarios.synthetic import synthetic_scene
 from scex_sumo.scene import SeedScene
@@ -54,11 +54,11 @@ class Site:
 
     def cells(self, road: Road) -> BoolArray:
         """Return the cells of the lanes that the recording sees."""
-        x, y, _ = lane_table(road).cell_pose
+        x, y, _ = lane_cells(road).cell_pose
         return np.asarray(shapely.contains_xy(self.seen[road.name], x, y))
 
     def share(self, road: Road) -> float:
-        table = lane_table(road)
+        table = lane_cells(road)
         return float(table.cell_m[self.cells(road)].sum() / table.total_m)
 
 
@@ -94,8 +94,8 @@ def thinned(count: int, most: int) -> list[int]:
 def values_of(scene: SeedScene, seen: shapely.Geometry) -> dict[str, FloatArray] | None:
     """Return values of each vehicle on a lane within a region (conflicts: one); None without any."""
     assert scene.road is not None
-    table = lane_table(scene.road)
-    placed, vehicle = on_lanes(scene, KINDS, np.random.default_rng(0))
+    table = lane_cells(scene.road)
+    placed, vehicle = placed_on_lanes(scene, KINDS, np.random.default_rng(0))
     inside = np.flatnonzero(shapely.contains_xy(seen, scene.now.x[vehicle], scene.now.y[vehicle]))
     if not len(inside):
         return None
@@ -275,6 +275,7 @@ def main() -> None:
     parser.add_argument("--sites", nargs="*", help="only these, by the beginning of their names")
     parser.add_argument("--synthetic", type=int, default=15, help="scenes of SUMO at each site; 0: none")
     parser.add_argument("--most", type=int, default=20, help="recorded scenes of each site")
+    parser.add_argument("--speed", type=float, help="mean speed of the traffic, m/s; default: drawn")
     parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -288,7 +289,12 @@ def main() -> None:
         recorded = values_of_all(site, site.scenes)
         scenes = [
             generated_scene(
-                scene.road, model, vehicles=seen_vehicles(site, scene), number=k, cells=site.cells(scene.road)
+                scene.road,
+                model,
+                vehicles=seen_vehicles(site, scene),
+                speed=given.speed,
+                number=k,
+                cells=site.cells(scene.road),
             )
             for k, scene in enumerate(site.scenes)
             if scene.road is not None

@@ -54,6 +54,14 @@ class Lane:
     conflicts: tuple[int, ...] = ()
     reverse_of: int | None = None
 
+    @property
+    def beside(self) -> tuple[int | None, int | None]:
+        """Left and right neighbour in the same direction: the adjacent lane, else that of a lane change."""
+        return (
+            self.left if self.adjacent_left is None else self.adjacent_left,
+            self.right if self.adjacent_right is None else self.adjacent_right,
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regulation:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands import console
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
 _LONG = 200
-LIKE: dict[str | None, Literal["sumo", "recorded"]] = {"sumo": "sumo", "recorded": "recorded"}
 
 
 def seed_scene(
@@ -46,8 +45,6 @@ def seed_scene(
     if time is not None and not math.isfinite(time):
         raise UsageError(f"--time {time}: needs a moment in seconds")
     zero = parse_origin(origin) if origin is not None else None
-    if like is not None and like not in LIKE:
-        raise UsageError(f"--as {like}: unknown; known: sumo, recorded")
     if like is not None and synthetic is None:
         raise UsageError("--as: needs --synthetic N")
     if synthetic is None:
@@ -73,7 +70,7 @@ def seed_scene(
             scene = synthetic_seed(
                 map_path,
                 vehicles=synthetic,
-                like=LIKE.get(like, "sumo"),
+                like=like or "sumo",
                 seed=seed,
                 origin=zero,
                 cache=cache,

@@ -117,10 +117,7 @@ def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int
     left: dict[int, int] = {}
     right: dict[int, int] = {}
     for k, lane in enumerate(lanes):
-        for table, back, other in (
-            (left, right, lane.adjacent_left if lane.adjacent_left is not None else lane.left),
-            (right, left, lane.adjacent_right if lane.adjacent_right is not None else lane.right),
-        ):
+        for table, back, other in zip((left, right), (right, left), lane.beside, strict=True):
             if other is not None and other in number:
                 table[k] = number[other]
                 back.setdefault(number[other], k)

@@ -12,10 +12,11 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios.scene_context import (
+    MIN_PACE_MPS,
     NO_VEHICLES,
-    LaneTable,
+    LaneCells,
     Placed,
-    lane_table,
+    lane_cells,
     needed_deceleration,
     place_features,
     states_of,
@@ -23,11 +24,12 @@ from scex_sumo.scenarios.scene_context import (
 from scex_sumo.scenarios.scene_model import KINDS, SceneModel
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
-MAX_VEHICLES = 500
+MAX_VEHICLES, MAX_SPEED_MPS = 500, 70.0
 CANDIDATES, PARTS = 512, 8  # places that are compared, and parts of the chosen one's surroundings
 TRIES, AT_ONCE = 6, 12
 SWEEPS = 1  # in which each vehicle is drawn anew, given all others
 CLEAR_M = 0.1
+FASTER = 1.1  # than it shall be, a scene may be
 CHECKED_S = np.array([-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0])
 
 
@@ -36,6 +38,7 @@ def generated_scene(
     model: SceneModel,
     *,
     vehicles: int | None = None,
+    speed: float | None = None,
     seed: int = 0,
     number: int = 0,
     cells: BoolArray | None = None,
@@ -47,27 +50,34 @@ def generated_scene(
 
     Args:
         vehicles: None draws the number, too.
+        speed: mean speed, m/s; None draws that of a recorded scene with similar roads and density.
         number: of the scene, among those with one seed.
-        cells: (K,) cells of `lane_table` on which vehicles may be; None for all.
+        cells: (K,) cells of `lane_cells` on which vehicles may be; None for all.
 
     Raises:
-        UsageError: no lanes for vehicles, or a number below 1 or above 500.
+        UsageError: no lanes for vehicles, a number below 1 or above 500, or a speed above 70 m/s.
         SimulationError: the lanes have no room for so many.
     """
     if vehicles is not None and not 1 <= vehicles <= MAX_VEHICLES:
         raise UsageError(f"--vehicles: got {vehicles:,}, needs 1 to {MAX_VEHICLES}")
+    if speed is not None and not 0 <= speed <= MAX_SPEED_MPS:
+        raise UsageError(f"--speed: got {speed:g}, needs 0 to {MAX_SPEED_MPS:g} m/s")
     if not road.vehicle_lanes:
         raise UsageError(f"{road.name}: the map has no lane for vehicles; give another map")
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
-    rng, table = np.random.default_rng([seed, number, vehicles or 0]), lane_table(road)
+    rng, table = np.random.default_rng([seed, number, vehicles or 0]), lane_cells(road)
     ends = np.cumsum(table.cell_m if cells is None else table.cell_m * cells)
     if ends[-1] <= 0:
         raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
     count = vehicles or min(model.count(ends[-1], rng), MAX_VEHICLES)
+    if speed is None:
+        part = table.cell_m if cells is None else table.cell_m * cells
+        speed = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], rng)
+    pace = max(speed, MIN_PACE_MPS)
     scene = NO_VEHICLES
     for k in range(count):
-        one = _drawn(table, ends, model, scene, count, rng)
+        one = _drawn(table, ends, model, scene, count, pace, rng)
         if one is None:
             raise SimulationError(
                 f"{road.name}: no room for vehicle {k + 1} of {count} "
@@ -77,8 +87,11 @@ def generated_scene(
     for _ in range(SWEEPS):
         for _ in range(count):
             others = scene[1:]
-            one = _drawn(table, ends, model, others, count, rng)
+            one = _drawn(table, ends, model, others, count, pace, rng)
             scene = others.joined_with(scene[:1] if one is None else one)
+    # Slower by one factor, vehicles are at the same places later: so none comes closer to another.
+    slower = min(1.0, FASTER * pace / max(float(scene.speed.mean()), MIN_PACE_MPS))
+    scene = replace(scene, speed=scene.speed * slower, acceleration=scene.acceleration * slower**2)
     history = states_of(table, scene, STEP_S * np.arange(-HISTORY_STEPS, 1.0))
     return SeedScene(
         name=f"{road.name}_generated{count}_s{seed}" + (f"_{number}" if number else ""),
@@ -103,11 +116,12 @@ def _speeds(states: States) -> FloatArray:
 
 
 def _drawn(
-    table: LaneTable,
+    table: LaneCells,
     ends: FloatArray,
     model: SceneModel,
     others: Placed,
     count: int,
+    pace: float,
     rng: np.random.Generator,
 ) -> Placed | None:
     """Draw one vehicle given the others; None if no free place is found."""
@@ -118,7 +132,7 @@ def _drawn(
         cell = np.minimum(np.searchsorted(ends, way, side="right"), len(ends) - 1)
         lane = table.cell_lane[cell]
         s = table.cell_s[cell] + way - (ends[cell] - table.cell_m[cell] / 2)
-        return lane, s, place_features(table, lane, s, others, vehicles=count, total_m=ends[-1])
+        return lane, s, place_features(table, lane, s, others, vehicles=count, total_m=ends[-1], pace=pace)
 
     ways = (np.arange(number) + rng.random()) * step_m
     scores = model.place_scores(at(ways)[2])
@@ -130,7 +144,7 @@ def _drawn(
         pick = (finer + rng.gumbel(size=finer.shape)).argmax(axis=1)
         lane, s, features = at(near[np.arange(len(chosen)), pick])
         values = model.draw(features, rng)
-        speed = values["speed"] * table.limit[lane]
+        speed = values["speed"] * pace
         tries = Placed(
             lane=lane,
             s=s,
@@ -148,7 +162,7 @@ def _drawn(
     return None
 
 
-def _free(table: LaneTable, tries: Placed, others: Placed, bounds: dict[str, float]) -> BoolArray:
+def _free(table: LaneCells, tries: Placed, others: Placed, bounds: dict[str, float]) -> BoolArray:
     """Return (n,) whether each of the tried vehicles may join the others."""
     if not len(others.lane):
         return np.full(len(tries.lane), True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,7 @@ USUAL_LENGTH_M = 4.5
 NEAR_M = (15.0, 40.0)
 TURN_M = (20.0, 60.0)  # ahead, over which a lane's turn is a feature
 FLOW_STEPS = 60
+MIN_PACE_MPS = 1.0
 
 ROAD_COLUMNS: Final = (
     *("limit", "width", "bend", "turn_20", "turn_60", "turned_20", "lanes", "from_right", "from_left"),
@@ -42,10 +43,15 @@ SCENE_COLUMNS: Final = (
         "density",
         "mean_length",
         "length_spread",
+        "pace",
     ),
     *("front_gap", "front_speed"),
 )
 COLUMNS: Final = (*ROAD_COLUMNS, *SCENE_COLUMNS)
+
+
+Paths = tuple[tuple[FloatArray, FloatArray], ...]
+"""Arc lengths and points of each lane's path, from `BEHIND_M` before its start on."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +84,7 @@ NO_VEHICLES: Final = Placed(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LaneTable:
+class LaneCells:
     """Vehicle lanes of a road as arrays: paths, and features of cells at most 1 m long.
 
     Attributes:
@@ -91,7 +97,7 @@ class LaneTable:
 
     relations: LaneRelations
     limit: FloatArray
-    paths: tuple[tuple[FloatArray, FloatArray], ...]
+    paths: Paths
     cell_lane: IntArray
     cell_s: FloatArray
     cell_m: FloatArray
@@ -106,17 +112,7 @@ class LaneTable:
 
     def poses(self, lane: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return x, y, heading of lanes (n,) at arc lengths (n, ...), which may lie beyond its ends."""
-        x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
-        for k in np.unique(lane):
-            here = lane == k
-            arc, line = self.paths[k]
-            at = s[here] + BEHIND_M
-            (x[here], y[here]), (x0, y0), (x1, y1) = (
-                (np.interp(a, arc, line[:, 0]), np.interp(a, arc, line[:, 1]))
-                for a in (at, at - CHORD_M, at + CHORD_M)
-            )
-            heading[here] = np.arctan2(y1 - y0, x1 - x0)
-        return x, y, heading
+        return _poses(self.paths, lane, s)
 
     def quick_poses(self, lane: IntArray, s: FloatArray) -> FloatArray:
         """Return (3, n) x, y and heading of (n,) places on lanes, straight within a cell."""
@@ -133,76 +129,93 @@ class LaneTable:
 
 
 @owner_cache
-def lane_table(road: Road) -> LaneTable:
-    """Return the lane table of a road."""
-    lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
-    index, number = road_index(road), {lane.lane_id: k for k, lane in enumerate(lanes)}
-    relations = index.relations
-    length = relations.length
-    paths = []
-    for lane, total in zip(lanes, length, strict=True):
-        line, _ = centreline(road, (lane.lane_id,), 0.0, BEHIND_M, total + AHEAD_M)
-        paths.append((arc_lengths(line), line))
+def lane_cells(road: Road) -> LaneCells:
+    """Return the lane cells of a road."""
+    index = road_index(road)
+    length = index.relations.length
+    lines = [
+        centreline(road, (lane_id,), 0.0, BEHIND_M, total + AHEAD_M)[0]
+        for lane_id, total in zip(index.lane_id.tolist(), length, strict=True)
+    ]
+    paths = tuple((arc_lengths(line), line) for line in lines)
     count = np.maximum(np.ceil(length).astype(np.int64), 1)
     first = np.concatenate([[0], np.cumsum(count)])
-    cell_lane = np.repeat(np.arange(len(lanes)), count)
+    cell_lane = np.repeat(np.arange(len(lines)), count)
     cell_m = (length / count)[cell_lane]
     cell_s = (np.arange(first[-1]) - first[cell_lane] + 0.5) * cell_m
-    table = LaneTable(
-        relations=relations,
+    return LaneCells(
+        relations=index.relations,
         limit=index.speed_limit,
-        paths=tuple(paths),
+        paths=paths,
         cell_lane=cell_lane,
         cell_s=cell_s,
         cell_m=cell_m,
         first=first,
-        cell_pose=np.empty((3, 0)),
-        fixed=np.empty((0, len(ROAD_COLUMNS))),
+        cell_pose=np.stack(_poses(paths, cell_lane, cell_s)),
+        fixed=_road_features(road, paths, cell_lane, cell_s),
     )
-    after = [[number[i] for i in lane.successors if i in number] for lane in lanes]
-    before = [[number[i] for i in lane.predecessors if i in number] for lane in lanes]
+
+
+def _poses(paths: Paths, lane: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
+    for k in np.unique(lane):
+        here = lane == k
+        arc, line = paths[k]
+        at = s[here] + BEHIND_M
+        (x[here], y[here]), (x0, y0), (x1, y1) = (
+            (np.interp(a, arc, line[:, 0]), np.interp(a, arc, line[:, 1]))
+            for a in (at, at - CHORD_M, at + CHORD_M)
+        )
+        heading[here] = np.arctan2(y1 - y0, x1 - x0)
+    return x, y, heading
+
+
+def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> FloatArray:
+    """Return (n, ...) `ROAD_COLUMNS` of places on lanes."""
+    index = road_index(road)
+    relations, length = index.relations, index.relations.length
+    lanes = [road.lanes[i] for i in index.lane_id.tolist()]
+    number: dict[int | None, int] = {other.lane_id: k for k, other in enumerate(lanes)}
+    after = [[number[i] for i in other.successors if i in number] for other in lanes]
+    before = [[number[i] for i in other.predecessors if i in number] for other in lanes]
     entries = np.array([k for k, b in enumerate(before) if not b], np.int64)
     exits = np.array([k for k, a in enumerate(after) if not a], np.int64)
-    stops = {number[i] for r in road.regulations for i in (*r.yielding,) if i in number}
-    stops |= {
-        number[i] for r in road.regulations if r.kind in ("stop", "yield") for i in r.lanes if i in number
-    }
-    lights = {
-        number[i] for r in road.regulations if r.kind == "traffic_light" for i in r.lanes if i in number
-    }
+    stops = {i for r in road.regulations for i in r.yielding}
+    stops |= {i for r in road.regulations if r.kind in ("stop", "yield") for i in r.lanes}
+    lights = {i for r in road.regulations if r.kind == "traffic_light" for i in r.lanes}
+    ends = [np.array(sorted(number[i] for i in of if i in number), np.int64) for of in (stops, lights)]
     meetings = [(k, w) for k in range(len(lanes)) for w in _own_meetings(relations, k)]
     meet_lane = np.array([k for k, _ in meetings], np.int64)
     meet_s = np.array([w for _, w in meetings], np.float64)
-    ends = np.array(sorted(stops), np.int64), np.array(sorted(lights), np.int64)
-    there = cell_lane, cell_s
-    pose = np.stack(table.poses(*there))
-    heading = pose[2]
-    turned = [table.poses(cell_lane, cell_s + d)[2] for d in (*TURN_M, -TURN_M[0], -5.0, 5.0)]
-    right = _beside([number.get(_or(lane.adjacent_right, lane.right), -1) for lane in lanes])
-    left = _beside([number.get(_or(lane.adjacent_left, lane.left), -1) for lane in lanes])
+    heading = _poses(paths, lane, s)[2]
+    turned = [_poses(paths, lane, s + d)[2] for d in (*TURN_M, -TURN_M[0], -5.0, 5.0)]
+    left, right = (_beside([number.get(other.beside[side], -1) for other in lanes]) for side in (0, 1))
+
+    def onward(to: IntArray, at: FloatArray) -> FloatArray:
+        return _log_least(_ways(relations, lane, s, to, at))
+
+    def back(to: IntArray, at: FloatArray) -> FloatArray:
+        return _log_least(_ways(relations, to, at, lane, s).T)
+
     columns = [
-        index.speed_limit[cell_lane] / 10.0,
-        np.array([lane.width_m for lane in lanes])[cell_lane],
+        index.speed_limit[lane] / 10.0,
+        np.array([other.width_m for other in lanes])[lane],
         10.0 * np.abs(wrap(turned[4] - turned[3])),
         *(wrap(t - heading) for t in turned[:3]),
-        (left + right + 1)[cell_lane],
-        right[cell_lane],
-        left[cell_lane],
-        _log(_back(relations, *there, entries, np.zeros(len(entries)))),
-        _log(_onward(relations, *there, exits, length[exits])),
-        _log(_onward(relations, *there, meet_lane, meet_s)),
-        _log(_back(relations, *there, meet_lane, meet_s)),
-        *(_log(_onward(relations, *there, lane, length[lane])) for lane in ends),
-        _log(_back(relations, *there, np.concatenate(ends), length[np.concatenate(ends)])),
-        np.log(_flow(before, after))[cell_lane],
-        np.log(_flow(after, before))[cell_lane],
-        np.array([min(len(lane.conflicts), 8) for lane in lanes])[cell_lane],
+        (left + right + 1)[lane],
+        right[lane],
+        left[lane],
+        back(entries, np.zeros(len(entries))),
+        onward(exits, length[exits]),
+        onward(meet_lane, meet_s),
+        back(meet_lane, meet_s),
+        *(onward(to, length[to]) for to in ends),
+        back(np.concatenate(ends), length[np.concatenate(ends)]),
+        np.log(_flow(before, after))[lane],
+        np.log(_flow(after, before))[lane],
+        np.array([min(len(other.conflicts), 8) for other in lanes])[lane],
     ]
-    return replace(table, cell_pose=pose, fixed=np.column_stack(columns).astype(np.float64))
-
-
-def _or(one: int | None, other: int | None) -> int:
-    return -1 if one is None and other is None else (one if one is not None else other)  # type: ignore[return-value]
+    return np.column_stack(columns).astype(np.float64)
 
 
 def _beside(table: list[int]) -> IntArray:
@@ -237,44 +250,48 @@ def _log(way: FloatArray) -> FloatArray:
     return np.asarray(np.log1p(np.minimum(way, FAR_M)))
 
 
+def _log_least(way: FloatArray) -> FloatArray:
+    """Return (n,) logarithms of the shortest of ways (n, m) that lead ahead."""
+    return _log(np.where(way >= 0, way, np.inf).min(axis=1, initial=np.inf))
+
+
 def _ways(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: FloatArray) -> FloatArray:
-    """Return (n, m) ways from places to others along successors; inf where there is none ahead."""
-    way = r.ahead[lane[:, None], to] + at - s[:, None]
-    return np.where(way >= 0, way, np.inf)
-
-
-def _onward(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: FloatArray) -> FloatArray:
-    return np.asarray(_ways(r, lane, s, to, at).min(axis=1, initial=np.inf))
-
-
-def _back(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: FloatArray) -> FloatArray:
-    way = r.ahead[to, lane[:, None]] + s[:, None] - at
-    return np.asarray(np.where(way >= 0, way, np.inf).min(axis=1, initial=np.inf))
+    """Return (n, m) ways from places to others along successors, m; negative if behind, inf without a way."""
+    return np.asarray(r.ahead[lane[:, None], to] + at - s[:, None])
 
 
 def place_features(
-    table: LaneTable, lane: IntArray, s: FloatArray, others: Placed, *, vehicles: int, total_m: float
+    table: LaneCells,
+    lane: IntArray,
+    s: FloatArray,
+    others: Placed,
+    *,
+    vehicles: int,
+    total_m: float,
+    pace: float,
 ) -> FloatArray:
     """Return (n, F) `COLUMNS` of places among the vehicles placed before.
 
     Args:
         vehicles: number that the scene shall have on ``total_m`` of lanes.
+        pace: mean speed that the scene shall have, m/s; other speeds are relative to it.
     """
     fixed = table.fixed[table.cells_at(lane, s)]
     n, count = len(lane), len(others.lane)
     lengths = others.length if count else np.array([USUAL_LENGTH_M])
-    r, limit = table.relations, table.limit[lane]
+    r = table.relations
     whole = [
         count / max(vehicles, 1),
         np.log(1000.0 * vehicles / total_m),
         lengths.mean(),
         lengths.std(),
+        np.log(pace),
     ]
     if not count:
         far = np.log1p(FAR_M)
         empty = [far, 1.0, 0, 0, far, 1.0, 40.0, 1.0, 40.0, 1.0, far, far, 1.0, 0, 0, 1.0, 0, 0, 1.0, 1.0, 0]
         return np.hstack([fixed, np.tile([*empty, *whole, 60.0, 1.0], (n, 1))])
-    ratio = others.speed / table.limit[others.lane]
+    ratio = others.speed / pace
     standing = (others.speed < 0.5).astype(np.float64)
     half = (others.length + USUAL_LENGTH_M) / 2
     rows = np.arange(n)
@@ -284,9 +301,8 @@ def place_features(
         least = way[rows, best]
         return best, least, np.isfinite(least) & (least < FAR_M)
 
-    ahead = _ways(r, lane, s, others.lane, others.s)
-    back = r.ahead[others.lane, lane[:, None]] + s[:, None] - others.s
-    back = np.where(back > 0, back, np.inf)
+    ahead, back = _ways(r, lane, s, others.lane, others.s), _ways(r, others.lane, others.s, lane, s).T
+    ahead, back = np.where(ahead >= 0, ahead, np.inf), np.where(back > 0, back, np.inf)
     leader, way, leads = nearest(ahead)
     gap = np.where(leads, np.maximum(way - half[leader], 0.0), FAR_M)
     follower, way, follows = nearest(back)
@@ -332,15 +348,14 @@ def place_features(
     front, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
     best, way, there = nearest(np.where((front > 0) & (aside < 1.5), front, np.inf))
     there &= way < 60.0
-    columns += [np.where(there, way, 60.0), np.where(there, others.speed[best] / limit, 1.0)]
+    columns += [np.where(there, way, 60.0), np.where(there, ratio[best], 1.0)]
     return np.hstack([fixed, np.column_stack(columns)])
 
 
-def needed_deceleration(table: LaneTable, one: Placed, two: Placed) -> FloatArray:
+def needed_deceleration(table: LaneCells, one: Placed, two: Placed) -> FloatArray:
     """Return (n, m) m/s² by which the rear one of each pair must brake to the speed of the one ahead."""
-    relations = table.relations
-    ahead = relations.ahead[one.lane[:, None], two.lane] + two.s - one.s[:, None]
-    back = relations.ahead[two.lane, one.lane[:, None]] + one.s[:, None] - two.s
+    ahead = _ways(table.relations, one.lane, one.s, two.lane, two.s)
+    back = _ways(table.relations, two.lane, two.s, one.lane, one.s).T
     closing = one.speed[:, None] - two.speed
     half = (one.length[:, None] + two.length) / 2
     needed = np.zeros(closing.shape)
@@ -350,7 +365,7 @@ def needed_deceleration(table: LaneTable, one: Placed, two: Placed) -> FloatArra
     return needed
 
 
-def states_of(table: LaneTable, vehicles: Placed, steps: FloatArray) -> States:
+def states_of(table: LaneCells, vehicles: Placed, steps: FloatArray) -> States:
     """Return (n, T) states of vehicles along their lanes at times (T,) in s, with constant acceleration.
 
     A vehicle that stands stays where it stands; one that starts has stood before.
@@ -372,7 +387,9 @@ def states_of(table: LaneTable, vehicles: Placed, steps: FloatArray) -> States:
     )
 
 
-def on_lanes(scene: SeedScene, kinds: tuple[str, ...], rng: np.random.Generator) -> tuple[Placed, IntArray]:
+def placed_on_lanes(
+    scene: SeedScene, kinds: tuple[str, ...], rng: np.random.Generator
+) -> tuple[Placed, IntArray]:
     """Return a scene's vehicles on lanes, each on one drawn among its matches, and their numbers.
 
     Accelerations are NaN for vehicles without a recorded second.
@@ -385,7 +402,7 @@ def on_lanes(scene: SeedScene, kinds: tuple[str, ...], rng: np.random.Generator)
     vehicle, first = np.unique(found.vehicle[order], return_index=True)
     chosen = order[first]
     lane = np.searchsorted(road_index(road).lane_id, found.lane_id[chosen])
-    s, table = found.s[chosen], lane_table(road)
+    s, table = found.s[chosen], lane_cells(road)
     x, y, heading = table.poses(lane, s)
     dx, dy = now.x[vehicle] - x, now.y[vehicle] - y
     known = scene.recorded_steps[vehicle] == scene.history.shape[1] - 1

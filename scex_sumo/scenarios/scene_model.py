@@ -17,12 +17,17 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.version import __version__
-from scex_sumo.scenarios.scene_context import COLUMNS
+from scex_sumo.scenarios.scene_context import COLUMNS, SCENE_COLUMNS
 
 FORMAT: Final = "scex-sumo scenes 1"
 ABOUT: Final = "scex_sumo"
 DRAWN: Final = ("length", "speed", "acceleration", "offset", "turn")
-"""Quantities of a vehicle in the order of their draws, each given those before; the speed over the limit."""
+"""Quantities of a vehicle in the order of their draws, each given those before; speed over the mean one."""
+MOTION: Final = np.flatnonzero(
+    [name in (*SCENE_COLUMNS, "bend", "stop_ahead", "light_ahead") for name in COLUMNS]
+)
+"""Features of a motion; with all of the road, motions at a new place are those of one recorded site."""
+LIKE_DENSITY, LIKE_ROAD = 0.2, 0.15  # widths of what counts as similar: of a logarithm, and in spreads
 KINDS: Final = ("car", "truck", "bus", "motorcycle")
 SHIPPED: Final = Path(__file__).parent / "data" / "scenes.safetensors"
 AGAIN: Final = "train again with: scex-sumo train scenes"
@@ -36,7 +41,8 @@ class SceneModel:
         tensors: by name. ``place.0.weight`` and so on are layers of the networks ``place`` and `DRAWN`;
             ``bins.speed`` (K, 2) the lowest and highest values of its bins; ``width`` (K, Q) quantiles in m
             and ``kind`` (K, 4) shares of `KINDS` for each bin of the length; ``density`` (Q,) quantiles of
-            vehicles per km of lane; ``mean`` and ``spread`` (F,) of the features.
+            vehicles per km of lane; ``scenes`` (S, 2 + R) logarithms of density and mean speed, and mean
+            road features, of recorded scenes; ``mean`` and ``spread`` (F,) of the features.
         meta: training command, data, bounds of what counts as about to collide.
     """
 
@@ -64,7 +70,7 @@ class SceneModel:
 
     def draw(self, features: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
         """Draw (n,) values of each quantity in `DRAWN`, ``width`` and ``kind`` (number in `KINDS`)."""
-        inputs, drawn = self.scaled(features), {}
+        inputs, drawn = self.scaled(features)[:, MOTION], {}
         for name in DRAWN:
             choice = _choose(self.network(name, inputs).astype(np.float64), rng)
             low, high = self.tensors[f"bins.{name}"][choice].T.astype(np.float64)
@@ -84,6 +90,18 @@ class SceneModel:
         bins = self.tensors[f"bins.{name}"]
         low, high = float(np.quantile(bins, 0.05)), float(np.quantile(bins, 0.95))
         return np.asarray(np.clip(2 * (values - low) / max(high - low, 1e-6) - 1, -3, 3), np.float32)
+
+    def pace(self, road: FloatArray, density: float, rng: np.random.Generator) -> float:
+        """Draw the mean speed, m/s, of a recorded scene with similar roads and density.
+
+        Args:
+            road: (R,) mean `ROAD_COLUMNS` of the lanes.
+            density: vehicles per km of lane.
+        """
+        scenes = self.tensors["scenes"].astype(np.float64)
+        roads = (((scenes[:, 2:] - road) / self.tensors["spread"][: len(road)]) ** 2).mean(axis=1)
+        away = ((scenes[:, 0] - np.log(density)) / LIKE_DENSITY) ** 2 + roads / LIKE_ROAD**2
+        return float(np.exp(scenes[_choose(-away[None] / 2, rng)[0], 1]))
 
     def count(self, total_m: float, rng: np.random.Generator) -> int:
         """Draw the number of vehicles on a length of lanes; at least 1."""
@@ -124,7 +142,8 @@ def load_scenes(path: Path = SHIPPED) -> SceneModel:
     ):
         held = about.get("format", "other tensors") if isinstance(about, dict) else "other tensors"
         raise InputError(f"{path}: holds {held!r} of another version, needs {FORMAT!r}; {AGAIN}")
-    needed = {"place.0.weight", "mean", "spread", "width", "kind", "density", *(f"bins.{n}" for n in DRAWN)}
+    needed = {"place.0.weight", "mean", "spread", "width", "kind", "density", "scenes"}
+    needed |= {f"bins.{name}" for name in DRAWN}
     wrong = sorted(needed - tensors.keys()) or [k for k, v in tensors.items() if not np.isfinite(v).all()]
     if wrong:
         raise InputError(f"{path}: {wrong[0]} is missing or not finite; {AGAIN}")

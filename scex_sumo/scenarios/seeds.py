@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 import pickle
 from pathlib import Path
-from typing import Literal
 
 from scex_sumo.base.cache import cached_object
-from scex_sumo.base.errors import TrackError, warn_notes
+from scex_sumo.base.errors import TrackError, UsageError, warn_notes
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import version_of
@@ -80,7 +79,7 @@ def synthetic_seed(
     map_path: str | Path,
     *,
     vehicles: int,
-    like: Literal["sumo", "recorded"] = "sumo",
+    like: str = "sumo",
     seed: int = 0,
     origin: tuple[float, float] | None = None,
     cache: bool = True,
@@ -101,6 +100,7 @@ def synthetic_seed(
     Raises:
         MapError: the map cannot be read.
         SimulationError: the map cannot hold so many vehicles, or is not populated within 10 s.
+        UsageError: ``like`` is unknown.
 
     Example:
         >>> scex.synthetic_seed(scex.example_path("roundabout"), vehicles=3).vehicles
@@ -110,6 +110,8 @@ def synthetic_seed(
     from scex_sumo.converters.net.convert import converted
     from scex_sumo.scenarios.synthetic import synthetic_scene
 
+    if like not in ("sumo", "recorded"):
+        raise UsageError(f"--as {like}: unknown; known: sumo, recorded")
     map_path = Path(map_path)
     road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
     if like == "recorded":

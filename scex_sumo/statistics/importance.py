@@ -33,6 +33,37 @@ def weighted_interval(hits: FloatArray, largest: float, number: int) -> Interval
     return Interval(value=min(value, 1.0), low=float(low), high=min(float(high), 1.0), count=number)
 
 
+def sample_by_score(score: FloatArray, count: int, rng: np.random.Generator) -> tuple[IntArray, FloatArray]:
+    """Draw candidates by their scores, each at most once, with weights that keep shares.
+
+    The scores decide on 80 % of the draws, so no weight is far above 5 / ``count``.
+
+    Args:
+        score: (N,) from 0; only ratios matter, and scores of 0 alone give equal chances.
+        count: at most N.
+
+    Returns:
+        (count,) candidates, ascending, and their weights. These sum to 1; the weighted share of a property
+        estimates its share among all candidates.
+
+    Source: Madow 1949 (systematic sampling by size), Hájek 1971 (weights).
+    """
+    share = np.full(len(score), 1 / len(score))
+    if score.sum() > 0:
+        share = PLAIN_SHARE * share + (1 - PLAIN_SHARE) * score / score.sum()
+    certain = np.zeros(len(score), dtype=np.bool_)
+    while True:
+        chance = np.where(certain, 1.0, share * (count - certain.sum()) / max(share[~certain].sum(), 1e-12))
+        if (chance <= 1).all():
+            break
+        certain |= chance >= 1
+    order = np.lexsort((rng.random(len(score)), score))  # so that weights add up almost the same in each draw
+    ends = np.cumsum(chance[order])
+    at = np.searchsorted(ends, (rng.random() + np.arange(count)) * ends[-1] / count, side="right")
+    drawn = np.sort(order[at])
+    return drawn, 1 / chance[drawn] / (1 / chance[drawn]).sum()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcomes:
     """What happens in N futures: the rows of pairs that come near each other.

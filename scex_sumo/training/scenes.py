@@ -18,14 +18,16 @@ from scex_sumo.converters.datasets.moment import Split
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.scenarios.scene_context import (
     COLUMNS,
-    LaneTable,
+    MIN_PACE_MPS,
+    ROAD_COLUMNS,
+    LaneCells,
     Placed,
-    lane_table,
+    lane_cells,
     needed_deceleration,
-    on_lanes,
     place_features,
+    placed_on_lanes,
 )
-from scex_sumo.scenarios.scene_model import DRAWN, KINDS, SceneModel
+from scex_sumo.scenarios.scene_model import DRAWN, KINDS, MOTION, SceneModel
 from scex_sumo.scene import SeedScene
 from scex_sumo.training.data.dataset import part_scenes
 
@@ -34,6 +36,7 @@ SHARES = np.array([0.0005, 0.005, 0.02, *np.linspace(0.05, 0.95, 19), 0.98, 0.99
 HIDDEN = 64
 SUBSETS, TARGETS, ELSEWHERE = 2, 4, 40  # drawn of each scene; vehicles to place, and other places
 COMPLETE, FIRST = 0.3, 0.35  # shares of subsets that lack one vehicle, as in a sweep, and that hold few
+KEPT = 500  # scenes whose mean speeds the model keeps
 MARGIN_M = 5.0  # around what a recording sees
 BATCH, EPOCHS, PATIENCE = 128, 12, 4
 WIDTHS = np.linspace(0.0, 1.0, 9)
@@ -60,7 +63,7 @@ def seen_part(scenes: Sequence[SeedScene]) -> shapely.Geometry:
 def _seen_cells(scenes: Sequence[SeedScene]) -> tuple[IntArray, float]:
     """Return the cells of the map that recordings see, and their length, m."""
     assert scenes[0].road is not None
-    table = lane_table(scenes[0].road)
+    table = lane_cells(scenes[0].road)
     x, y, _ = table.poses(table.cell_lane, table.cell_s[:, None])
     inside = np.flatnonzero(shapely.contains_xy(seen_part(scenes), x[:, 0], y[:, 0]))
     return inside, float(table.cell_m[inside].sum())
@@ -72,12 +75,12 @@ def scene_samples(scenes: Sequence[SeedScene], site: int, rng: np.random.Generat
         return None
     road = scenes[0].road
     assert road is not None
-    table = lane_table(road)
+    table = lane_cells(road)
     inside, total_m = _seen_cells(scenes)
     made: list[tuple[Any, ...]] = []
     for scene in scenes:
         for _ in range(SUBSETS):
-            whole, _ = on_lanes(scene, KINDS, rng)
+            whole, _ = placed_on_lanes(scene, KINDS, rng)
             if len(whole.lane):
                 made.append(_subset(table, whole, inside, total_m, rng))
     if not made:
@@ -89,7 +92,7 @@ def scene_samples(scenes: Sequence[SeedScene], site: int, rng: np.random.Generat
 
 
 def _subset(
-    table: LaneTable, whole: Placed, inside: IntArray, total_m: float, rng: np.random.Generator
+    table: LaneCells, whole: Placed, inside: IntArray, total_m: float, rng: np.random.Generator
 ) -> tuple[Any, ...]:
     count = len(whole.lane)
     kind, share = rng.random(), rng.random()
@@ -101,11 +104,28 @@ def _subset(
     cells = inside[rng.choice(len(inside), n * ELSEWHERE, p=table.cell_m[inside] / total_m)]
     s = table.cell_s[cells] + table.cell_m[cells] * (rng.random(len(cells)) - 0.5)
     lane, s = np.append(targets.lane, table.cell_lane[cells]), np.append(targets.s, s)
-    features = place_features(table, lane, s, others, vehicles=count, total_m=total_m).astype(np.float32)
+    pace = max(float(whole.speed.mean()), MIN_PACE_MPS)
+    features = place_features(table, lane, s, others, vehicles=count, total_m=total_m, pace=pace).astype(
+        np.float32
+    )
     places = np.concatenate([features[:n, None], features[n:].reshape(n, ELSEWHERE, -1)], axis=1)
-    ratio = np.where(targets.speed < 0.1, 0.0, targets.speed / table.limit[targets.lane])
+    ratio = np.where(targets.speed < 0.1, 0.0, targets.speed / pace)
     values = [targets.length, ratio, targets.acceleration, targets.offset, targets.turn]
     return places, np.column_stack(values), targets.width, targets.kind
+
+
+def known_scenes(scenes: Sequence[SeedScene], wholes: Sequence[Placed]) -> FloatArray:
+    """Return (S, 2 + R) logarithms of density and mean speed, and mean road features, of scenes on one map.
+
+    Args:
+        wholes: (S,) their vehicles on lanes; scenes without any are left out.
+    """
+    assert scenes[0].road is not None
+    table, (inside, total_m) = lane_cells(scenes[0].road), _seen_cells(scenes)
+    road = table.cell_m[inside] @ table.fixed[inside] / total_m
+    pairs = [(len(w.lane), max(float(w.speed.mean()), MIN_PACE_MPS)) for w in wholes if len(w.lane)]
+    count, pace = np.array(pairs).reshape(-1, 2).T
+    return np.column_stack([np.log(1000 * count / total_m), np.log(pace), np.tile(road, (len(count), 1))])
 
 
 def joined(parts: Sequence[SceneSamples | None]) -> SceneSamples:
@@ -142,7 +162,7 @@ def bin_numbers(values: FloatArray, bins: FloatArray) -> IntArray:
 def fit(
     train: SceneSamples,
     validation: SceneSamples,
-    density: FloatArray,
+    known: FloatArray,
     *,
     seed: int = 0,
     epochs: int = EPOCHS,
@@ -151,14 +171,15 @@ def fit(
     """Fit the networks; return tensors of a `SceneModel` and the validation loss.
 
     Args:
-        density: vehicles per km of lane of the recorded scenes.
+        known: (S, 2 + R) of `known_scenes`.
         report: called with the epoch, its loss and the validation loss.
     """
     torch.manual_seed(seed)
     flat = train.places[:, 0]
     every = train.places[:, ::8].reshape(-1, flat.shape[1])
     tensors: dict[str, FloatArray] = {"mean": every.mean(axis=0), "spread": every.std(axis=0) + 1e-3}
-    tensors["density"] = np.quantile(density, np.linspace(0, 1, 33))
+    tensors["density"] = np.quantile(np.exp(known[:, 0]), np.linspace(0, 1, 33))
+    tensors["scenes"] = known[:: max(len(known) // KEPT, 1)]
     for k, name in enumerate(DRAWN):
         tensors[f"bins.{name}"] = bins_of(train.values[:, k])
     by_length = bin_numbers(train.values[:, 0], tensors["bins.length"])
@@ -169,7 +190,7 @@ def fit(
     model = SceneModel(tensors=tensors, meta={})
     nets = nn.ModuleDict({"place": _net(len(COLUMNS), 1)})
     for k, name in enumerate(DRAWN):
-        nets[name] = _net(len(COLUMNS) + k, len(tensors[f"bins.{name}"]))
+        nets[name] = _net(len(MOTION) + k, len(tensors[f"bins.{name}"]))
     share = np.bincount(train.site)[train.site] ** -0.5
     weight = torch.as_tensor(share / share.mean(), dtype=torch.float32)
     parts = [_tensors(model, samples) for samples in (train, validation)]
@@ -234,7 +255,7 @@ def _losses(nets: nn.ModuleDict, batch: list[Tensor]) -> Tensor:
     places, units, number = batch
     losses = [-nets["place"](places)[..., 0].log_softmax(1)[:, 0]]
     for k, name in enumerate(DRAWN):
-        logits = nets[name](torch.cat([places[:, 0], units[:, :k]], dim=1))
+        logits = nets[name](torch.cat([places[:, 0, MOTION], units[:, :k]], dim=1))
         losses.append(nn.functional.cross_entropy(logits, number[:, k], ignore_index=-1, reduction="none"))
     return torch.stack(losses, dim=1)
 
@@ -256,17 +277,16 @@ def train_scenes(
     rng = np.random.default_rng(seed)
     sites = sorted({recording.site for recording in recordings})
     parts: dict[str, list[SceneSamples | None]] = {"train": [], "validation": []}
-    density, hardest, count = [np.empty(0)], [np.empty(0)], 0
+    known, hardest, count = [np.empty((0, 2 + len(ROAD_COLUMNS)))], [np.empty(0)], 0
     for recording in recordings:
         loaded = load_recording(recording)
         for part, samples in parts.items():
             scenes = part_scenes(loaded, part, split=split, every_s=every_s)  # type: ignore[arg-type]
             samples.append(scene_samples(scenes, sites.index(recording.site), rng))
             if part == "train" and scenes:
-                total_km = _seen_cells(scenes)[1] / 1000
-                wholes = [on_lanes(scene, KINDS, rng)[0] for scene in scenes]
-                density.append(np.array([len(whole.lane) for whole in wholes]) / total_km)
-                table = lane_table(loaded.road)
+                wholes = [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes]
+                known.append(known_scenes(scenes, wholes))
+                table = lane_cells(loaded.road)
                 hardest += [needed_deceleration(table, w, w).max(axis=1, initial=0.0) for w in wholes]
                 count += len(scenes)
     if not any(parts["train"]) or not any(parts["validation"]):
@@ -274,7 +294,7 @@ def train_scenes(
     tensors, loss = fit(
         joined(parts["train"]),
         joined(parts["validation"]),
-        np.concatenate(density),
+        np.concatenate(known),
         seed=seed,
         epochs=epochs,
         report=report,

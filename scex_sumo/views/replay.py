@@ -11,6 +11,7 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from xml.etree import ElementTree
@@ -53,15 +54,16 @@ _GRID_ASPECT = 1.6  # width by height of all tiles, beside their legend
 
 
 class ReadNet(NamedTuple):
-    """Net, read once: index of its lanes, and template of its tiles."""
+    """Net, read once: index of its lanes, template of its tiles, and its lights."""
 
     lanes: LaneFinder
     template: TileTemplate
+    lights: tuple[ElementTree.Element, ...]
 
     @classmethod
     def of(cls, path: Path) -> ReadNet:
         """Read a net."""
-        return cls(LaneFinder(path), template_of(path))
+        return cls(LaneFinder(path), template_of(path), _lights(path))
 
 
 def write_view(
@@ -107,7 +109,7 @@ def write_view(
         drawn += _choose_ids(folder / f"{name}.ids.txt", groups, children[0], letter_m, frame)
     additional.append(folder / f"{name}.add.xml")
     types = _types(scene, children, colors)
-    lights = _delayed_lights(net_file, (children[0].past - 1) * STEP_S)
+    lights = _delayed(_lights(net_file) if grid else read.lights, (children[0].past - 1) * STEP_S)
     additional[-1].write_text(f"<additional>\n{types}{lights}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
@@ -146,14 +148,18 @@ def _filling(box: Box, count: int) -> Box:
     return left - x, low - y, right + x, high + y
 
 
-def _delayed_lights(net: Path, by_s: float) -> str:
-    """Return the lights of a net, later by the time before the seed scene that a replay shows."""
-    lights = {}  # of several programmes SUMO takes the last one
-    for light in net_root(net).iter("tlLogic"):
-        light.set("programID", "replay")
-        light.set("offset", f"{float(light.get('offset', '0')) + by_s:.2f}")
-        lights[light.get("id")] = ElementTree.tostring(light, encoding="unicode")
-    return "".join(lights.values())
+def _lights(net: Path) -> tuple[ElementTree.Element, ...]:
+    # Of several programmes SUMO takes the last one.
+    return tuple({light.get("id"): light for light in net_root(net).iter("tlLogic")}.values())
+
+
+def _delayed(lights: Iterable[ElementTree.Element], by_s: float) -> str:
+    """Return lights, later by the time before the seed scene that a replay shows."""
+    delayed = ""
+    for light in map(deepcopy, lights):
+        light.attrib |= {"programID": "replay", "offset": f"{float(light.get('offset', '0')) + by_s:.2f}"}
+        delayed += ElementTree.tostring(light, encoding="unicode")
+    return delayed
 
 
 def _choose_ids(

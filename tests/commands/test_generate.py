@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.commands.generate import generate_command
 from scex_sumo.commands.seed import seed_scene
+from scex_sumo.converters.datasets.recordings import find_recordings
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.extrapolation.critical_scenes import encounter_scores
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.generate import generated_scene
 from scex_sumo.scenarios.scene_model import load_scenes
-from scex_sumo.scenarios.seeds import read_seed
+from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
+from scex_sumo.statistics.importance import sample_by_score
 from tests.command import scex
 
 MAP = example_path("urban_intersection")
@@ -48,6 +54,46 @@ def test_a_folder_is_replaced_only_on_demand(tmp_path: Path) -> None:
     generate_command(MAP, vehicles=2, count=1, out=tmp_path, overwrite=True)
     with pytest.raises(UsageError, match="--count: got 0"):
         generate_command(MAP, count=0, out=tmp_path)
+    with pytest.raises(UsageError, match="--candidates: needs --critical"):
+        generate_command(MAP, candidates=30, out=tmp_path)
+    with pytest.raises(UsageError, match="--candidates: got 2, needs 20"):
+        generate_command(MAP, candidates=2, critical=True, out=tmp_path)
+
+
+def test_critical_scenes_are_drawn_from_those_without_the_option_and_weighted(tmp_path: Path) -> None:
+    generate_command(MAP, vehicles=6, speed=14.0, count=6, out=tmp_path / "all")
+    for folder in ("drawn", "same"):
+        generate_command(
+            MAP, vehicles=6, speed=14.0, count=3, critical=True, candidates=6, out=tmp_path / folder
+        )
+    about, same = ((tmp_path / f / f"{MAP.stem}.weights.json").read_text() for f in ("drawn", "same"))
+    assert about == same
+    weights, means = json.loads(about)["cases"], json.loads(about)["critical_encounters"]
+    assert list(weights) == ["1.0", "2.0", "3.0"]
+    assert sum(case["weight"] for case in weights.values()) == pytest.approx(1.0, abs=1e-5)
+    assert means["cases"] > means["candidates"] > 0
+    every, some = (
+        [read_seed(tmp_path / f / MAP.name, case=str(k + 1), cache=False).now.x for k in range(n)]
+        for f, n in (("all", 6), ("drawn", 3))
+    )
+    assert all(any(np.array_equal(x, other) for other in every) for x in some)
+    assert [r.name for r in find_recordings([tmp_path / "drawn"])] == [MAP.stem]  # rank reads such a folder
+    generate_command(MAP, vehicles=5, count=1, out=tmp_path / "drawn", overwrite=True)
+    assert not (tmp_path / "drawn" / f"{MAP.stem}.weights.json").exists()
+
+
+def test_weighted_shares_are_those_of_all_scenes() -> None:
+    road, rng = read_road(MAP), np.random.default_rng(0)
+    scenes = [generated_scene(road, load_scenes(), vehicles=6, speed=14.0, number=k) for k in range(16)]
+    score = encounter_scores(scenes)
+    close = np.array([pdist(np.column_stack([scene.now.x, scene.now.y])).min() < 12.0 for scene in scenes])
+    draws = [sample_by_score(score, 6, rng) for _ in range(400)]
+    for value in (close, score):
+        weighted, plain = np.array([(w @ value[k], value[k].mean()) for k, w in draws]).T
+        error = weighted.std()  # of one draw; ratios of 6 cases have a bias below it
+        assert weighted.mean() == pytest.approx(value.mean(), abs=error / 2)
+    assert plain.mean() > 1.5 * score.mean()  # so weights matter
+    assert all(w.max() < 0.6 and len(set(k)) == 6 for k, w in draws)
 
 
 def test_a_copy_knows_the_origin_of_its_map(tmp_path: Path) -> None:
@@ -64,5 +110,8 @@ def test_as_needs_a_known_word_and_a_number(like: str, synthetic: int | None, sa
     options = {"tracks": None, "case": None, "time": None, "origin": None, "seed": 0}
     with pytest.raises(UsageError, match=said):
         seed_scene(MAP, synthetic=synthetic, like=like, **options)  # type: ignore[arg-type]
+    if synthetic is not None:
+        with pytest.raises(UsageError, match=said):
+            synthetic_seed(MAP, vehicles=synthetic, like=like)
     scene = seed_scene(MAP, synthetic=3, like="recorded", **options)  # type: ignore[arg-type]
     assert scene.vehicles == 3 and scene.future is None

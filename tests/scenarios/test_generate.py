@@ -16,7 +16,7 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.generate import generated_scene
-from scex_sumo.scenarios.scene_context import NO_VEHICLES, Placed, lane_table, on_lanes, states_of
+from scex_sumo.scenarios.scene_context import NO_VEHICLES, Placed, lane_cells, placed_on_lanes, states_of
 from scex_sumo.scenarios.scene_model import FORMAT, KINDS, SHIPPED, SceneModel, load_scenes, save_scenes
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S
@@ -46,7 +46,7 @@ def test_vehicles_are_on_lanes_apart_and_move_as_their_speeds_say(road: Road, se
 
 
 def test_vehicles_stay_in_the_region(road: Road) -> None:
-    x, y, _ = lane_table(road).cell_pose
+    x, y, _ = lane_cells(road).cell_pose
     cells = np.hypot(x - x.mean(), y - y.mean()) < 40.0
     now = generated_scene(road, MODEL, vehicles=5, cells=cells).now
     assert np.hypot(now.x - x.mean(), now.y - y.mean()).max() < 42.5  # a cell and an offset further
@@ -69,12 +69,23 @@ def test_the_number_is_drawn_by_density(road: Road) -> None:
     assert np.mean([MODEL.count(10_000.0, np.random.default_rng(k)) for k in range(20)]) > max(numbers)
 
 
+def test_the_mean_speed_is_the_one_given_or_that_of_similar_scenes(road: Road) -> None:
+    for speed in (4.0, 16.0):
+        scenes = [generated_scene(road, MODEL, vehicles=6, speed=speed, number=k) for k in range(4)]
+        assert np.mean([scene.now.speed.mean() for scene in scenes]) == pytest.approx(speed, rel=0.5)
+    table = {"scenes": np.array([[2.0, np.log(5.0), 1.0], [2.0, np.log(20.0), 9.0], [4.0, np.log(2.0), 1.0]])}
+    model = SceneModel(tensors={**table, "spread": np.ones(2)}, meta={})
+    paces = [model.pace(np.array([1.0]), np.exp(2.0), np.random.default_rng(k)) for k in range(9)]
+    assert paces == pytest.approx([5.0] * 9)  # like the first in both
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         ({"vehicles": 0}, "got 0, needs 1 to 500"),
         ({"vehicles": 501}, "got 501, needs 1 to 500"),
         ({"seed": -1}, "--seed: got -1"),
+        ({"speed": float("nan")}, "--speed: got nan, needs 0 to 70"),
     ],
 )
 def test_impossible_requests_are_refused(road: Road, options: dict[str, int], said: str) -> None:
@@ -115,8 +126,8 @@ def test_the_shipped_model_is_small() -> None:
 def test_recorded_vehicles_keep_their_poses_on_lanes() -> None:
     scene = read_seed(example_path("roundabout"), time=4.0, cache=False)
     assert scene.road is not None
-    placed, vehicle = on_lanes(scene, KINDS, np.random.default_rng(0))
-    states = states_of(lane_table(scene.road), placed, np.zeros(1))
+    placed, vehicle = placed_on_lanes(scene, KINDS, np.random.default_rng(0))
+    states = states_of(lane_cells(scene.road), placed, np.zeros(1))
     now = scene.now[vehicle]
     assert len(vehicle) == scene.vehicles
     off = np.hypot(states.x[:, 0] - now.x, states.y[:, 0] - now.y)
@@ -125,7 +136,7 @@ def test_recorded_vehicles_keep_their_poses_on_lanes() -> None:
 
 
 def test_the_last_second_follows_from_speed_and_acceleration(tmp_path: Path) -> None:
-    table = lane_table(read_road(write_map(tmp_path / "road.osm", [straight(1, 0, 300)])))
+    table = lane_cells(read_road(write_map(tmp_path / "road.osm", [straight(1, 0, 300)])))
     columns = {f.name: np.zeros(3, getattr(NO_VEHICLES, f.name).dtype) for f in dataclasses.fields(Placed)}
     columns |= {"s": np.full(3, 100.0), "speed": np.array([10.0, 1.0, 0.0])}
     columns |= {"acceleration": np.array([-2.0, 2.0, 0.0])}

@@ -10,10 +10,10 @@ import pytest
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.road import Road
 from scex_sumo.scenarios.generate import generated_scene
-from scex_sumo.scenarios.scene_context import lane_table, on_lanes
+from scex_sumo.scenarios.scene_context import lane_cells, placed_on_lanes
 from scex_sumo.scenarios.scene_model import KINDS, SceneModel
 from scex_sumo.scene import SeedScene
-from scex_sumo.training.scenes import bin_numbers, bins_of, fit, scene_samples
+from scex_sumo.training.scenes import bin_numbers, bins_of, fit, known_scenes, scene_samples
 from tests.converters.maps import straight, write_map
 from tests.seeds import straight_seed
 
@@ -49,15 +49,17 @@ def platoon(road: Road, rng: np.random.Generator) -> SeedScene:
 def test_the_fit_learns_lane_speed_and_gap(tmp_path: Path) -> None:
     road = read_road(write_map(tmp_path / "road.osm", [straight(1, 0, 200), straight(2, 0, 200, y=3.5)]))
     rng = np.random.default_rng(0)
-    parts = [scene_samples([platoon(road, rng) for _ in range(count)], 0, rng) for count in (100, 20)]
+    scenes = [[platoon(road, rng) for _ in range(count)] for count in (100, 20)]
+    parts = [scene_samples(some, 0, rng) for some in scenes]
+    known = known_scenes(scenes[0], [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes[0]])
     assert parts[0] is not None and parts[1] is not None
-    tensors, _ = fit(parts[0], parts[1], np.array([7.5]), epochs=6)
+    tensors, _ = fit(parts[0], parts[1], known, epochs=6)
     model = SceneModel(tensors=tensors, meta={"bounds": {"deceleration": 3.0}})
     speeds, left = [], []
     for k in range(8):
-        placed, _ = on_lanes(generated_scene(road, model, vehicles=3, number=k), KINDS, rng)
+        placed, _ = placed_on_lanes(generated_scene(road, model, vehicles=3, number=k), KINDS, rng)
         speeds.append(placed.speed)
-        left += lane_table(road).poses(placed.lane, placed.s)[1].tolist()
+        left += lane_cells(road).poses(placed.lane, placed.s)[1].tolist()
     assert np.mean(np.abs(np.array(left) - 5.25) < 0.5) > 0.9  # the recorded lane
     assert np.mean(np.ptp(speeds, axis=1) < 1.0) > 0.7  # vehicles of one scene have one speed
     assert {round(v) for v in np.concatenate(speeds)} == {5, 12}

@@ -11,9 +11,11 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.converters.datasets.moment import CASE_FRAME
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
+Columns = dict[str, np.ndarray[tuple[int, ...], np.dtype[np.generic]]]
 
-def write_tracks(path: str | Path, scene: SeedScene) -> Path:
-    """Write a seed scene and its recorded future atomically as one INTERACTION v1.2 case.
+
+def write_tracks(path: str | Path, *scenes: SeedScene) -> Path:
+    """Write seed scenes and their recorded futures atomically as INTERACTION v1.2 cases ``1.0``, ``2.0`` ...
 
     Frame 10 (1000 ms) is the moment; frames 0 to 9 are the history. The format itself starts at frame 1.
     """
@@ -21,19 +23,8 @@ def write_tracks(path: str | Path, scene: SeedScene) -> Path:
     from pyarrow import csv
 
     path = Path(path)
-    states = scene.history
-    known = np.arange(HISTORY_STEPS + 1) >= HISTORY_STEPS - scene.recorded_steps[:, None]
-    if scene.future is not None:
-        states = States.concatenate([states, scene.future], axis=1)
-        valid = np.ones(scene.future.shape, bool) if scene.future_valid is None else scene.future_valid
-        known = np.concatenate((known, valid), axis=1)
-    labels = [str(label) for label in scene.track_ids]
-    parts = [_columns(labels, scene.types, scene.length, scene.width, states, known)]
-    if scene.obstacles is not None:
-        o = scene.obstacles
-        parts.append(_columns(list(o.ids), o.types, o.length, o.width, o.states, o.present))
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    table = pa.table({"case_id": ["1.0"] * len(columns["x"]), **columns})
+    parts = [part for k, scene in enumerate(scenes) for part in _case(f"{k + 1}.0", scene)]
+    table = pa.table({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
     partial = path.with_name(path.name + ".partial")
     try:
         csv.write_csv(table, partial, csv.WriteOptions(quoting_style="none", quoting_header="none"))
@@ -45,18 +36,35 @@ def write_tracks(path: str | Path, scene: SeedScene) -> Path:
     return path
 
 
+def _case(case: str, scene: SeedScene) -> list[Columns]:
+    """Return the columns of a scene's vehicles, and of its obstacles."""
+    states = scene.history
+    known = np.arange(HISTORY_STEPS + 1) >= HISTORY_STEPS - scene.recorded_steps[:, None]
+    if scene.future is not None:
+        states = States.concatenate([states, scene.future], axis=1)
+        valid = np.ones(scene.future.shape, bool) if scene.future_valid is None else scene.future_valid
+        known = np.concatenate((known, valid), axis=1)
+    labels = [str(label) for label in scene.track_ids]
+    parts = [_columns(case, labels, scene.types, scene.length, scene.width, states, known)]
+    if (o := scene.obstacles) is not None:
+        parts.append(_columns(case, list(o.ids), o.types, o.length, o.width, o.states, o.present))
+    return parts
+
+
 def _columns(
+    case: str,
     labels: list[str],
     types: tuple[str, ...],
     length: FloatArray,
     width: FloatArray,
     states: States,
     known: BoolArray,
-) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
+) -> Columns:
     user, step = np.nonzero(known)
     frame: IntArray = step - HISTORY_STEPS + CASE_FRAME
     heading, speed = states.heading[user, step], states.speed[user, step]
     return {
+        "case_id": np.full(len(user), case),
         "track_id": np.array(labels, object)[user].astype(str),
         "frame_id": frame,
         "timestamp_ms": frame * round(1000 * STEP_S),
