@@ -45,6 +45,7 @@ MAX_SLOPE = 0.3  # of the way across over the way along
 LOOKS = (0, 3, 6)  # of the samples of expected motion, for vehicles beside
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
 STOP_GAP_M = 0.4  # beyond that of the guard, to a conflict
+CREEP_S = 1.0  # time constant of closing a smaller gap
 HARDEST_MPS2 = 8.0
 MERGING_MPS2, MERGING_MPS = 3.0, 2.0  # for vehicles about as fast that merge in front: both make room
 GENTLE_MPS2 = 2.0  # for vehicles beside that are missed with constant velocity and heading
@@ -147,7 +148,12 @@ def _bounds(
     onset = np.where(looms, 0.0, onset)
     braking = np.minimum(np.where(looms, LOOMING_FACTOR, MORE_THAN_NEEDED) * needed, most)
     acts = (needed > onset) & (holds.until > t)
-    lowest: FloatArray = np.minimum.reduceat(np.where(acts, v - braking * STEP_S, np.inf), first)
+    allowed = np.where(acts, v - braking * STEP_S, np.inf)
+    gap = position - s
+    close = (gap >= 0) & (gap < STOP_GAP_M) & (holds.enter <= t) & (holds.until > t)
+    creeps = np.maximum(leader + gap / CREEP_S, v - HARDEST_MPS2 * STEP_S)
+    allowed = np.where(close, np.minimum(allowed, creeps), allowed)
+    lowest: FloatArray = np.minimum.reduceat(allowed, first)
     return lowest
 
 
