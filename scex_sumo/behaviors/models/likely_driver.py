@@ -58,7 +58,7 @@ from scex_sumo.behaviors.models.population import (
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
-ANTICIPATION_S = 1.0  # of a leader that slows down (Treiber, Kesting, Helbing 2006); chosen by error and coverage
+ANTICIPATION_S = 1.0  # of a leader that slows down (Treiber, Kesting, Helbing 2006); figure chosen
 STARTING_MPS = 0.02  # a standing vehicle that gained this in the last step has started
 HEADWAY_S = (0.1, 4.0)  # bounds
 KEPT_SHARE = 0.9  # of the headway shown in the seed scene, the largest that a driver keeps
@@ -72,7 +72,7 @@ MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
-WAVE_S, STARTING_S = 1.0, 4.0  # mean time from the leader's start, and time for which the rate counts
+WAVE_S, STARTING_S = 0.5, 4.0  # mean time from the leader's start, and time for which the rate counts
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 
 
