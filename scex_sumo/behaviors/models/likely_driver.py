@@ -72,7 +72,7 @@ MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
-WAVE_S, STARTING_S = 0.5, 4.0  # mean time from the leader's start, and time for which the rate counts
+WAVE_S, STARTING_S = 1.0, 4.0  # mean time from the leader's start, and time for which the rate counts
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 
 
