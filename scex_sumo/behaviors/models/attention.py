@@ -36,7 +36,7 @@ EVERY_S = 3.9  # one glance begins in each such interval: 20 % of the time are g
 REACTION_S, REACTION_SPREAD = 0.9, 0.3
 ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond; our choice
 # From the corner of the eye, drivers notice a leader that looms, but late (Lamble, Laakso, Summala 1999).
-LOOMING_MPS2, LOOMING_S = 3.0, 1.5
+LOOMING_MPS2, LOOMING_S, UNSEEN_S = 3.0, 1.5, 0.8  # the last one for drivers that look away
 LOOMING_FACTOR = 1.6  # then they brake harder than needed by this
 SAFE_ONSET = 2.0  # factor on the onset for vehicles that are missed with constant velocity and heading
 MORE_THAN_NEEDED = 1.2
@@ -142,9 +142,11 @@ def _bounds(
     merges = (holds.enter > t) & (holds.speed > 0) & (v - holds.speed < MERGING_MPS)
     most = np.where(merges, np.minimum(most, MERGING_MPS2), most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
-    onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
+    aware = attention.aware[holds.row, step]
+    onset = np.where(aware, onset, np.maximum(onset, LOOMING_MPS2))
     position, leader = line_motion(holds, t)
-    looms = (position - s < LOOMING_S * (v - leader)) & (holds.enter <= t) & ~holds.safe
+    time_s = np.where(aware, LOOMING_S, UNSEEN_S)
+    looms = (position - s < time_s * (v - leader)) & (holds.enter <= t) & ~holds.safe
     onset = np.where(looms, 0.0, onset)
     braking = np.minimum(np.where(looms, LOOMING_FACTOR, MORE_THAN_NEEDED) * needed, most)
     acts = (needed > onset) & (holds.until > t)
