@@ -26,7 +26,7 @@ def run_of(out: Path, **options: Any) -> Run:
     """Two pairs of cars; the first car of one of them brakes hard, closely ahead of the other."""
     given = {"models": "likely_driver", "children": 60, "world": "plain", "metrics": ["gap"], "rare": RARE}
     given["assign"] = {1: "emergency_brake"}
-    return scex_sumo.extrapolate(queues(2, 2, gap_m=4.0), out=out, **given | options)
+    return scex_sumo.extrapolate(queues(2, 2, gap_m=2.5), out=out, **given | options)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_other_models_and_frequent_collisions_have_no_rare_ones(tmp_path: Path) 
     assert run_of(tmp_path / "rules", models="rules", children=5).rare is None
     assert run_of(tmp_path / "mixed", models="likely,constant_velocity", children=5).rare is None
     often = scex_sumo.extrapolate(
-        queues(2, gap_m=3.0),
+        queues(2, gap_m=2.0),
         models="likely_driver",
         assign={1: "emergency_brake"},
         children=20,

@@ -36,7 +36,7 @@ EVERY_S = 3.9  # one glance begins in each such interval: 20 % of the time are g
 REACTION_S, REACTION_SPREAD = 0.9, 0.3
 ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond; our choice
 # From the corner of the eye, drivers notice a leader that looms, but late (Lamble, Laakso, Summala 1999).
-LOOMING_MPS2, LOOMING_S = 3.0, 0.8
+LOOMING_MPS2, LOOMING_S, UNSEEN_S = 3.0, 1.5, 0.8  # the last one for drivers that look away
 LOOMING_FACTOR = 1.6  # then they brake harder than needed by this
 SAFE_ONSET = 2.0  # factor on the onset for vehicles that are missed with constant velocity and heading
 MORE_THAN_NEEDED = 1.2
@@ -44,6 +44,8 @@ BESIDE_M = 0.3  # between boxes beside each other
 MAX_SLOPE = 0.3  # of the way across over the way along
 LOOKS = (0, 3, 6)  # of the samples of expected motion, for vehicles beside
 ENTRY_GAP_M = 1.0  # to a vehicle that merges in front
+STOP_GAP_M = 0.4  # beyond that of the guard, to a conflict
+CREEP_S = 1.0  # time constant of closing a smaller gap
 HARDEST_MPS2 = 8.0
 MERGING_MPS2, MERGING_MPS = 3.0, 2.0  # for vehicles about as fast that merge in front: both make room
 GENTLE_MPS2 = 2.0  # for vehicles beside that are missed with constant velocity and heading
@@ -134,19 +136,26 @@ def _bounds(
 ) -> FloatArray:
     """Return the highest speed after a step of each vehicle with a stop line, m/s; see `Bounds`."""
     t = step * STEP_S
-    needed = needed_braking(holds, t, s, v, ENTRY_GAP_M)
+    needed = needed_braking(holds, t, s + STOP_GAP_M, v, ENTRY_GAP_M)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
     most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
     merges = (holds.enter > t) & (holds.speed > 0) & (v - holds.speed < MERGING_MPS)
     most = np.where(merges, np.minimum(most, MERGING_MPS2), most)
     onset = np.where(holds.safe, SAFE_ONSET, 1.0) * attention.onset[holds.row]
-    onset = np.where(attention.aware[holds.row, step], onset, np.maximum(onset, LOOMING_MPS2))
+    aware = attention.aware[holds.row, step]
+    onset = np.where(aware, onset, np.maximum(onset, LOOMING_MPS2))
     position, leader = line_motion(holds, t)
-    looms = (position - s < LOOMING_S * (v - leader)) & (holds.enter <= t) & ~holds.safe
+    time_s = np.where(aware, LOOMING_S, UNSEEN_S)
+    looms = (position - s < time_s * (v - leader)) & (holds.enter <= t) & ~holds.safe
     onset = np.where(looms, 0.0, onset)
     braking = np.minimum(np.where(looms, LOOMING_FACTOR, MORE_THAN_NEEDED) * needed, most)
     acts = (needed > onset) & (holds.until > t)
-    lowest: FloatArray = np.minimum.reduceat(np.where(acts, v - braking * STEP_S, np.inf), first)
+    allowed = np.where(acts, v - braking * STEP_S, np.inf)
+    gap = position - s
+    close = (gap >= 0) & (gap < STOP_GAP_M) & (holds.enter <= t) & (holds.until > t)
+    creeps = np.maximum(leader + gap / CREEP_S, v - HARDEST_MPS2 * STEP_S)
+    allowed = np.where(close, np.minimum(allowed, creeps), allowed)
+    lowest: FloatArray = np.minimum.reduceat(allowed, first)
     return lowest
 
 

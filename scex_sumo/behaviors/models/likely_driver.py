@@ -58,6 +58,7 @@ from scex_sumo.behaviors.models.population import (
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
+ANTICIPATION_S = 1.0  # of a leader that slows down (Treiber, Kesting, Helbing 2006); figure chosen
 STARTING_MPS = 0.02  # a standing vehicle that gained this in the last step has started
 HEADWAY_S = (0.1, 4.0)  # bounds
 KEPT_SHARE = 0.9  # of the headway shown in the seed scene, the largest that a driver keeps
@@ -308,6 +309,8 @@ def _acceleration(
     towed &= np.abs(drivers.opening) < TOWED_OPENING_MPS
     pulled = _leader_acceleration(history, who, leaders)
     begun = np.where(stood, np.maximum(pulled, 0.0), 0.0)  # starting in a queue, drivers expect this to go on
+    # A driver foresees that a leader goes on slowing down, as far as that is not noise.
+    slows = np.minimum(pulled, 0.0) * shown.calm[np.clip(leaders.index, 0, history.scene.vehicles - 1)]
     pullers = _rows_of(history, who, leaders)
     follower = np.flatnonzero(towed & (pullers >= 0))
     puller = pullers[follower]
@@ -321,9 +324,12 @@ def _acceleration(
         # The motion of a standing vehicle is no habit.
         desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *motion, time_s))
         gap = away + (leaders.speed + begun * step * STEP_S / 2) * step * STEP_S - travelled
+        lead = leaders.speed + slows * (step * STEP_S + ANTICIPATION_S)
+        lead = np.maximum(lead, np.minimum(leaders.speed, 0.0))
+        gap = gap + (lead - leaders.speed) * step * STEP_S / 2
         gap_to_tow = there + (leaders.speed + pulled * step * STEP_S / 2) * step * STEP_S - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]
-        demanded = demanded_acceleration(profile, v, desired, gap, leaders.speed, curve)
+        demanded = demanded_acceleration(profile, v, desired, gap, lead, curve)
         alone = demanded_acceleration(profile, v, desired, no_gap, leaders.speed, curve)
         sees = aware[:, step]
         demanded = np.where(sees, demanded, alone)

@@ -10,6 +10,7 @@ import pytest
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.guard.conflicts import StopLines
+from scex_sumo.behaviors.models import likely_driver
 from scex_sumo.behaviors.models.attention import Attention, _bounds, kept_clear, looks_away, respond
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.scene import Plan, SeedScene, States, VehicleIndex
@@ -131,6 +132,36 @@ def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> 
     front = kept[:-1] + 9.6 * np.diff(kept) / 0.3
     assert front.max() < 0.16  # half of the room beyond 0.3 m
     assert 0.03 < kept[-1] < kept[-1] + 0.3 < wanted[0, -1]
+
+
+def test_a_driver_does_not_creep_into_a_vehicle_in_its_way() -> None:
+    # Both move so slowly that they stay apart for a while, 0.2 m and 0.5 m before a standing vehicle.
+    lines = StopLines(
+        row=np.arange(2),
+        position=np.array([0.2, 0.5]),
+        speed=np.zeros(2),
+        deceleration=np.zeros(2),
+        stop_time=np.full(2, np.inf),
+        enter=np.zeros(2),
+        until=np.full(2, np.inf),
+        firm=np.ones(2, dtype=bool),
+        safe=np.ones(2, dtype=bool),
+    )
+    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 0.3), attention=aware)
+    assert bound.tolist() == [0.2, np.inf]
+
+
+def test_drivers_foresee_that_a_leader_goes_on_slowing_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = closing(8.0, 8.0, 8.0)
+    speed = scene.history.speed.copy()
+    speed[1] = 8.0 + 0.15 * np.arange(10, -1, -1)
+    scene = replace(scene, history=replace(scene.history, speed=speed))
+    way = []
+    for time_s in (0.0, 1.0):
+        monkeypatch.setattr(likely_driver, "ANTICIPATION_S", time_s)
+        way.append(driven("likely_driver:inattention=0", scene, steps=15).x[:, 0, -1])
+    assert (way[1] <= way[0] + 1e-9).all() and (way[0] - way[1]).mean() > 0.1
 
 
 def test_drivers_make_room_gently_for_a_vehicle_about_as_fast_that_merges() -> None:
