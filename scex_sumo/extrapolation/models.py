@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +11,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.guard.guarded import Guarded
 from scex_sumo.behaviors.learned.models import LearnedModel
@@ -74,11 +74,7 @@ class ModelSet:
     def sources(self) -> dict[str, str]:
         """SHA-256 of the source file of each of the user's models, by name."""
         files = {name: source_file(model) for spec, name, model in self._bare() if is_own(spec)}
-        return {
-            name: hashlib.sha256(file.read_bytes()).hexdigest()
-            for name, file in files.items()
-            if file is not None and file.is_file()
-        }
+        return {name: sha256_of(file) for name, file in files.items() if file is not None and file.is_file()}
 
     def keep_images(self) -> None:
         """Let learned drivers cache their map features on the disk."""

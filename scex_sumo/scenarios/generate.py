@@ -67,12 +67,12 @@ def generated_scene(
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
     rng, table = np.random.default_rng([seed, number, vehicles or 0]), lane_cells(road)
-    ends = np.cumsum(table.cell_m if cells is None else table.cell_m * cells)
+    part = table.cell_m if cells is None else table.cell_m * cells
+    ends = np.cumsum(part)
     if ends[-1] <= 0:
         raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
     count = vehicles or min(model.count(ends[-1], rng), MAX_VEHICLES)
     if speed is None:
-        part = table.cell_m if cells is None else table.cell_m * cells
         speed = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], rng)
     pace = max(speed, MIN_PACE_MPS)
     scene = NO_VEHICLES
@@ -90,7 +90,7 @@ def generated_scene(
             one = _drawn(table, ends, model, others, count, pace, rng)
             scene = others.joined_with(scene[:1] if one is None else one)
     # Slower by one factor, vehicles are at the same places later: so none comes closer to another.
-    slower = min(1.0, FASTER * pace / max(float(scene.speed.mean()), MIN_PACE_MPS))
+    slower = min(1.0, FASTER * pace / scene.pace)
     scene = replace(scene, speed=scene.speed * slower, acceleration=scene.acceleration * slower**2)
     history = states_of(table, scene, STEP_S * np.arange(-HISTORY_STEPS, 1.0))
     return SeedScene(

@@ -71,6 +71,11 @@ class Placed:
     def __getitem__(self, key: IntArray | BoolArray | slice) -> Placed:
         return Placed(**{f.name: getattr(self, f.name)[key] for f in fields(self)})
 
+    @property
+    def pace(self) -> float:
+        """Mean speed, at least `MIN_PACE_MPS`, m/s."""
+        return max(float(self.speed.mean()), MIN_PACE_MPS)
+
     def joined_with(self, other: Placed) -> Placed:
         """Append vehicles."""
         return Placed(

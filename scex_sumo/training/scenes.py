@@ -18,7 +18,6 @@ from scex_sumo.converters.datasets.moment import Split
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.scenarios.scene_context import (
     COLUMNS,
-    MIN_PACE_MPS,
     ROAD_COLUMNS,
     LaneCells,
     Placed,
@@ -104,12 +103,10 @@ def _subset(
     cells = inside[rng.choice(len(inside), n * ELSEWHERE, p=table.cell_m[inside] / total_m)]
     s = table.cell_s[cells] + table.cell_m[cells] * (rng.random(len(cells)) - 0.5)
     lane, s = np.append(targets.lane, table.cell_lane[cells]), np.append(targets.s, s)
-    pace = max(float(whole.speed.mean()), MIN_PACE_MPS)
-    features = place_features(table, lane, s, others, vehicles=count, total_m=total_m, pace=pace).astype(
-        np.float32
-    )
+    features = place_features(table, lane, s, others, vehicles=count, total_m=total_m, pace=whole.pace)
+    features = features.astype(np.float32)
     places = np.concatenate([features[:n, None], features[n:].reshape(n, ELSEWHERE, -1)], axis=1)
-    ratio = np.where(targets.speed < 0.1, 0.0, targets.speed / pace)
+    ratio = np.where(targets.speed < 0.1, 0.0, targets.speed / whole.pace)
     values = [targets.length, ratio, targets.acceleration, targets.offset, targets.turn]
     return places, np.column_stack(values), targets.width, targets.kind
 
@@ -123,7 +120,7 @@ def known_scenes(scenes: Sequence[SeedScene], wholes: Sequence[Placed]) -> Float
     assert scenes[0].road is not None
     table, (inside, total_m) = lane_cells(scenes[0].road), _seen_cells(scenes)
     road = table.cell_m[inside] @ table.fixed[inside] / total_m
-    pairs = [(len(w.lane), max(float(w.speed.mean()), MIN_PACE_MPS)) for w in wholes if len(w.lane)]
+    pairs = [(len(w.lane), w.pace) for w in wholes if len(w.lane)]
     count, pace = np.array(pairs).reshape(-1, 2).T
     return np.column_stack([np.log(1000 * count / total_m), np.log(pace), np.tile(road, (len(count), 1))])
 

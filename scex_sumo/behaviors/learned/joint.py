@@ -18,8 +18,9 @@ from scex_sumo.behaviors.learned.driver import LearnedDriver, drawn, rounded
 from scex_sumo.behaviors.learned.networks import Tokens
 from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, PathInputs
 from scex_sumo.behaviors.learned.profiles import JointPredictorProfile, Profile
-from scex_sumo.behaviors.models.likely_observations import path_edges
+from scex_sumo.behaviors.models.likely_observations import path_weights
 from scex_sumo.behaviors.models.population import population, uniforms
+from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
@@ -75,9 +76,8 @@ class JointDriver(LearnedDriver):
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray:
         """Return (P,) log probabilities of `LikelyDriver`: pose, speed and shape tell more at a new place."""
-        edges = path_edges(scene, paths, population())
-        share = np.diff(edges, prepend=0.0)
-        share[paths.first] = edges[paths.first]
+        weight = path_weights(scene, paths, population())
+        share = weight / np.repeat(np.add.reduceat(weight, paths.first), paths.count)
         return rounded(np.log(np.maximum(share, TINY)))
 
     def _roll(
@@ -184,16 +184,12 @@ def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
     gap = inputs.features[:, GAP]
     k = np.flatnonzero((inputs.features[:, LEADER] > 0) & (gap > 0))
     now, length, width = history.now, scene.length, scene.width
-    dx, dy = (a[:, None, :] - a[:, :, None] for a in (now.x, now.y))
-    child, i, j = np.nonzero((np.abs(dx) < NEAR_M) & (np.abs(dy) < NEAR_M))
-    one, two = now[child, i], now[child, j]
-    dx, dy, turn = dx[child, i, j], dy[child, i, j], two.heading - one.heading
-    cos, sin = np.cos(one.heading), np.sin(one.heading)
-    x, y = cos * dx + sin * dy, cos * dy - sin * dx
-    cos, sin = np.cos(turn), np.sin(turn)
+    dx, dy = (np.abs(a[:, None, :] - a[:, :, None]) for a in (now.x, now.y))
+    child, i, j = np.nonzero((dx < NEAR_M) & (dy < NEAR_M))
+    x, y, cos, sin, speed = seen_from(now[child, i], now[child, j]).T
     clear = x - (length[i] + np.abs(cos) * length[j] + np.abs(sin) * width[j]) / 2
     beside = np.abs(y) - (width[i] + np.abs(cos) * width[j] + np.abs(sin) * length[j]) / 2
-    closing = -np.sign(y) * sin * two.speed
+    closing = -np.sign(y) * sin * speed
     comes = (x > 0) & (cos > 0.5) & (np.maximum(clear, beside) > 0) & (beside < CLOSING_S * closing)
     child, i, j = child[comes], i[comes], j[comes]
     first = child * scene.vehicles
@@ -201,5 +197,5 @@ def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
         follower=np.append(k, first + i),
         leader=np.append(inputs.leader[k], first + j),
         gap=np.append(gap[k], clear[comes]),
-        speed=np.append(inputs.features[k, LEADER_SPEED], (two.speed * cos)[comes]),
+        speed=np.append(inputs.features[k, LEADER_SPEED], (speed * cos)[comes]),
     )

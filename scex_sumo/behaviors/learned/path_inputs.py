@@ -138,9 +138,9 @@ def path_inputs(
     others, leader = _others(history, who, paths, row, s, now.speed, radius)
     features = np.concatenate([motion, _road_ahead(paths, row, s, now, path_heading + error), others], axis=1)
     first = who.child * history.scene.vehicles  # node of the child's first vehicle
-    leader = np.where(leader < history.scene.vehicles, leader, -1)
+    is_vehicle = (leader >= 0) & (leader < history.scene.vehicles)
     return PathInputs(
-        node=first + who.vehicle, features=features, leader=np.where(leader < 0, -1, first + leader)
+        node=first + who.vehicle, features=features, leader=np.where(is_vehicle, first + leader, -1)
     )
 
 

@@ -303,11 +303,16 @@ def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
 
 
 @owner_cache
-def path_edges(scene: SeedScene, paths: SeedPaths, people: Population) -> FloatArray:
-    """Return (P,) upper edges in [0, 1] of paths' shares of a draw."""
+def path_weights(scene: SeedScene, paths: SeedPaths, people: Population) -> FloatArray:
+    """Return (P,) relative probabilities, above 0, of each vehicle's paths."""
     share = np.diff(paths.draw_edges, prepend=0.0)
     share[paths.first] = paths.draw_edges[paths.first]
-    weight = np.maximum(share, 1e-9) * np.exp(-path_features(scene, paths) @ people.path) + 1e-12
+    return np.asarray(np.maximum(share, 1e-9) * np.exp(-path_features(scene, paths) @ people.path) + 1e-12)
+
+
+def path_edges(scene: SeedScene, paths: SeedPaths, people: Population) -> FloatArray:
+    """Return (P,) upper edges in [0, 1] of paths' shares of a draw."""
+    weight = path_weights(scene, paths, people)
     edges = np.empty_like(weight)
     for first, count in zip(paths.first, paths.count, strict=True):
         part = slice(first, first + count)

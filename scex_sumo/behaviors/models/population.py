@@ -5,7 +5,6 @@ The numbers are in ``behaviors/weights/likely_driver.json``, written by ``benchm
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import dataclass
 from functools import cache
@@ -15,6 +14,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.files import sha256_of
 
 SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
 NODES_S = (0.0, 1.5, 3.0)  # additional accelerations are drawn for these times, linear between them
@@ -124,7 +124,7 @@ def node_shares(time_s: float) -> FloatArray:
 
 def population_digest() -> str:
     """Return the SHA-256 of the shipped population."""
-    return hashlib.sha256(SHIPPED.read_bytes()).hexdigest()
+    return sha256_of(SHIPPED)
 
 
 def way_across(across: FloatArray, target: FloatArray, time_s: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.base.files import TemporaryFolder, cache_folder, write_atomic
+from scex_sumo.base.files import TemporaryFolder, cache_folder, sha256_of, write_atomic
 from scex_sumo.base.programs import environment, program
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.naming import map_name
@@ -114,7 +114,7 @@ def _temporary_folder() -> TemporaryFolder:
 
 def _is_whole(net: Path, digest: Path) -> bool:
     try:
-        return hashlib.sha256(net.read_bytes()).hexdigest().encode() == digest.read_bytes()
+        return sha256_of(net).encode() == digest.read_bytes()
     except OSError:
         return False
 
