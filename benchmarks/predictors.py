@@ -4,11 +4,12 @@
     python benchmarks/predictors.py OUT --data FOLDER... errors   3 s of prediction on the test part
     python benchmarks/predictors.py OUT --data FOLDER... loop     10 s of closed loop from perturbed starts
     python benchmarks/predictors.py OUT --data FOLDER... joint    six futures of whole scenes
+    python benchmarks/predictors.py OUT --data FOLDER... curve    joint's error over its sites; trains
     python benchmarks/predictors.py OUT table                     the results so far as Markdown
 
 Everything is kept in OUT, and only what is missing there is done: weights as ``NAME.safetensors``, numbers in
 ``results.json``. ``--only WORD`` restricts a part to names with that word; ``--seeds`` says how many
-trainings the means are over. FOLDER is searched for recordings; without it those of SCEX_DATA, else
+trainings the means are over. `--simulated MAP`, repeatable: joint trains on traffic simulated there, too. FOLDER is searched for recordings; without it those of SCEX_DATA, else
 ../shared/data.
 
 Test part: the last fifth of each recording, at least 1 s after what validation may use; of NGSIM, whose
@@ -31,6 +32,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import predictors_measures as measures
 from predictors_report import place, tables
 from recorded_scenes import ngsim_part
@@ -65,6 +67,7 @@ RULES = ("calibrated_driver",)
 KINDS = ("graph", "hybrid", "joint")
 JOINT_EVERY_S = {"MONA": 4.0, "Peachtree": 0.5}
 JOINT_OFTEN_S = 1.0
+CURVE_SITES = ("USA_Lanker-2", "k733_2020-09-15")  # left out of the networks of `curve`
 ALONE = ("likely_driver", "constant_velocity")  # drawn independently, like `graph`
 
 
@@ -76,6 +79,8 @@ class Training:
     kind: str
     seed: int
     leave_out: str = ""
+    others: tuple[str, ...] = ()  # sites left out, too
+    simulates: bool = True  # uses the maps of `--simulated`
 
 
 def trainings(sites: Sequence[str], seeds: int) -> Iterator[Training]:
@@ -90,8 +95,31 @@ def trainings(sites: Sequence[str], seeds: int) -> Iterator[Training]:
                 yield Training(name=name, kind=kind, seed=seed, leave_out=site)
 
 
-def train(out: Path, roots: Sequence[Path], names: Sequence[str], wanted: Sequence[Training]) -> None:
-    """Train what is not there yet; `names` are those of the recordings."""
+def curve(sites: Sequence[str], simulated: bool) -> Iterator[Training]:
+    """Networks of 1, 2, ... sites in random orders; each order leaves the same site out."""
+    rng = np.random.default_rng(0)
+    for left_out in CURVE_SITES:
+        order = rng.permutation([site for site in sites if site != left_out])
+        for count in range(1, len(order) + 1):
+            for simulates in (False, True)[: 1 + simulated]:
+                yield Training(
+                    name=f"curve-{count}-{'simulated' if simulates else 'recorded'}-{left_out}",
+                    kind="joint",
+                    seed=0,
+                    leave_out=left_out,
+                    others=tuple(order[count:].tolist()),
+                    simulates=simulates,
+                )
+
+
+def train(
+    out: Path,
+    roots: Sequence[Path],
+    names: Sequence[str],
+    wanted: Sequence[Training],
+    maps: Sequence[Path] = (),
+) -> None:
+    """Train what is not there yet; `names` are those of the recordings, `maps` those of simulated traffic."""
     apart = {part: [name for name in names if part_of(name) == part] for part in ("validation", "test")}
     for training in wanted:
         file = out / f"{training.name}.safetensors"
@@ -103,7 +131,12 @@ def train(out: Path, roots: Sequence[Path], names: Sequence[str], wanted: Sequen
             data=list(roots),
             out=file,
             seed=training.seed,
-            leave_out=[*apart["test"], *([training.leave_out] if training.leave_out else [])],
+            leave_out=[
+                *apart["test"],
+                *([training.leave_out] if training.leave_out else []),
+                *training.others,
+            ],
+            simulated=list(maps) if training.kind == "joint" and training.simulates else [],
             validation=apart["validation"],
             resume=True,
         )
@@ -264,8 +297,9 @@ def _recordings(given: Sequence[Path]) -> tuple[tuple[Recording, ...], tuple[Pat
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("part", choices=("train", "errors", "loop", "joint", "table"))
+    parser.add_argument("part", choices=("train", "errors", "loop", "joint", "curve", "table"))
     parser.add_argument("--data", type=Path, action="append", default=[])
+    parser.add_argument("--simulated", type=Path, action="append", default=[])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--only", default="")
     given = parser.parse_args()
@@ -276,14 +310,19 @@ def main() -> None:
         return
     recordings, roots = _recordings(given.data)
     sites = sorted({r.site for r in recordings if part_of(r.name) != "test" and place(r.site) != "Peachtree"})
+    names = [recording.name for recording in recordings]
     wanted = [t for t in trainings(sites, given.seeds) if given.only in t.name]
     if given.part == "train":
-        train(given.out, roots, [recording.name for recording in recordings], wanted)
+        train(given.out, roots, names, wanted, given.simulated)
         return
+    if given.part == "curve":
+        measured = [t for t in curve(sites, bool(given.simulated)) if given.only in t.name]
+        train(given.out, roots, names, measured, given.simulated)
     looped = given.part == "loop"
     every, often = {
         "loop": (LOOP_EVERY_S, LOOP_OFTEN_S),
         "errors": (ERRORS_EVERY_S, ERRORS_OFTEN_S),
+        "curve": (ERRORS_EVERY_S, ERRORS_OFTEN_S),
         "joint": (JOINT_EVERY_S, JOINT_OFTEN_S),
     }[given.part]
     scenes = [
@@ -291,6 +330,13 @@ def main() -> None:
         for recording in recordings
         for scene in measures.test_scenes(recording, every.get(place(recording.site), often))
     ]
+    if given.part == "curve":
+        results.add("errors|straight_on", lambda: measure_errors(scenes, "straight_on"))
+        for training in measured:
+            model = learned(given.out / f"{training.name}.safetensors", "joint")
+            some = [t for t in scenes if t.site == training.leave_out or place(t.site) == "Peachtree"]
+            results.add(training.name.replace("-", "|", 1), lambda: measure_errors(some, model))  # noqa: B023
+        return
     if given.part == "joint":
         for name, site, model, replan in joint_variants(given.out, given.seeds, sites):
             if given.only in name:

@@ -38,6 +38,10 @@ def train_command(
     data: Annotated[
         list[Path] | None, Option(metavar="ROOT", help="Folder with recordings; repeatable.")
     ] = None,
+    simulated: Annotated[
+        list[Path] | None,
+        Option(metavar="MAP", help="Train on traffic that SUMO simulates on this map, too; repeatable."),
+    ] = None,
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="WEIGHTS", help="File of weights to write.")
     ] = None,
@@ -63,9 +67,13 @@ def train_command(
 ) -> None:
     """Train a learned driver, or a model of scenes, on recordings."""
     weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
+    absent = [path for path in simulated or () if not path.is_file()]
+    if absent:
+        raise UsageError(f"--simulated {absent[0]}: no such map")
     if every <= 0 or minutes < 0:
         raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
     of_networks = {
+        "--simulated": bool(simulated),
         "--rounds": rounds is not None,
         "--minutes": minutes > 0,
         "--no-edges": not edges,
@@ -83,6 +91,7 @@ def train_command(
     words = [  # the options on which the result depends
         f"scex-sumo train {kind}",
         *(f"--data {root.name}" for root in data or ()),
+        *(f"--simulated {path.name}" for path in simulated or ()),
         f"--seed {seed}",
         *([f"--epochs {epochs}"] if epochs is not None else []),
         *([f"--rounds {rounds}"] if rounds is not None else []),
@@ -114,7 +123,8 @@ def train_command(
     recordings = _recordings(data or [], leave_out or [], validation or [])
     sampling = SampleOptions(every_s=every, split=Split(kept_validation=tuple(validation or ())))
     with progress_bar("samples") as tick:
-        dataset = make_dataset(recordings, sampling, cache=cache or cache_folder(), tick=tick)
+        maps = tuple(simulated or ())
+        dataset = make_dataset(recordings, sampling, maps=maps, cache=cache or cache_folder(), tick=tick)
     folder = _checkpoints(weights)
     drift = closed_loop(recordings, sampling, dataset, options)
     run = Trainer(dataset, options, device=where, drift=drift, folder=folder)

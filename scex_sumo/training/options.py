@@ -49,6 +49,7 @@ class TrainOptions:
     noise: float = 0.05  # spread of the noise on scaled inputs, in standard deviations
     unlinked: float = 0.2  # share of the graph's edges that is dropped
     mirror: float = 0.5  # share of the batches that are mirrored
+    simulated: float = 0.3  # share of an epoch's vehicles that SUMO drove, if there are such
     balance: float = 0.25  # a site counts like the number of its vehicles to the power of 1 minus this
     sizes: dict[str, Any] = field(default_factory=dict)
     weights: LossWeights = field(default_factory=LossWeights)  # of the parts of the loss

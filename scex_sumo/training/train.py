@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic
@@ -184,7 +185,7 @@ class Trainer:
         return sums
 
     def _groups(self, rng: np.random.Generator) -> list[Any]:
-        order = rng.permutation(len(self.train.samples))
+        order = self._mixed(rng.permutation(len(self.train.samples)))
         if self.images is None:
             return self.train.groups(order, self.options.nodes)
         site = self.train.samples.site[order]
@@ -194,6 +195,13 @@ class Trainer:
             for group in self.train.groups(order[site == s], self.options.nodes)
         ]
         return [groups[k] for k in rng.permutation(len(groups))]
+
+    def _mixed(self, order: IntArray) -> IntArray:
+        """Keep as many simulated graphs of an order as `TrainOptions.simulated` says."""
+        nodes, share = self.train.samples.nodes[order], self.options.simulated
+        simulated = (order >= self.dataset.recorded) & (order < len(self.dataset.train))
+        most = nodes[~simulated].sum() * share / (1 - share)
+        return order[~simulated | (np.cumsum(nodes * simulated) <= most)]
 
     def _predict(
         self, net: Net, batch: Batch, rng: np.random.Generator | None, *, mirror: bool = False

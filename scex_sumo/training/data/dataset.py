@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import code_key
-from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.base.errors import MapError, SimulationError, TrackError
+from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.datasets.moment import Moment, Part, Split, split_moments
 from scex_sumo.converters.datasets.recordings import (
     LoadedRecording,
@@ -21,7 +23,10 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
+from scex_sumo.converters.maps import read_map
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.road import Road
+from scex_sumo.scenarios.synthetic import simulated_scenes
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.training.data.obstacles import add_obstacles
 from scex_sumo.training.data.perturb import Perturbation, measured, perturbed
@@ -36,6 +41,7 @@ from scex_sumo.training.data.samples import (
 MAX_MOMENTS = 800  # of a short recording, whose moments are denser, but at least so far apart:
 MIN_APART_S = 0.2
 SAME_MAP_M = 1.0
+SIMULATED_S, SIMULATED_EVERY_S = 240.0, 1.0  # of traffic on each map, and between two moments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,26 +62,33 @@ class SampleOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
-    """Samples for training and validation."""
+    """Samples for training and validation.
+
+    Attributes:
+        recorded: number of graphs in `train` of recordings; those of simulated traffic follow.
+    """
 
     sites: tuple[str, ...]  # (S) names; `TrainingSamples.site` counts them
     kinds: tuple[str, ...]  # (S) dataset of each site
     roads: tuple[Road, ...]  # (S) maps
     train: TrainingSamples
     validation: TrainingSamples  # without copies
-    digest: str  # of the recordings and options
+    digest: str  # of the recordings, maps and options
+    recorded: int
 
 
 def make_dataset(
     recordings: Sequence[Recording],
     options: SampleOptions,
     *,
+    maps: Sequence[Path] = (),
     cache: Path | None = None,
     tick: Callable[[int, int], None] | None = None,
 ) -> Dataset:
-    """Make the samples of recordings, or take them from the cache.
+    """Make the samples of recordings and of simulated traffic, or take them from the cache.
 
     Args:
+        maps: on which SUMO's drivers drive; each is a site of its own, with training samples only.
         cache: folder; None keeps nothing.
         tick: called with the number of recordings done, and of all.
     """
@@ -86,20 +99,15 @@ def make_dataset(
     digest = hashlib.sha256()
     for done, recording in enumerate(recordings):
         if tick is not None:
-            tick(done, len(recordings))
-        key = _key(recording, options)
+            tick(done, len(recordings) + len(maps))
+        key = _digest((recording.map_path, *recording.track_paths), options)
         digest.update(key.encode())
         loaded = load_recording(recording)
         kinds[recording.site] = recording.dataset
         shift = map_shift(roads.setdefault(recording.site, loaded.road), loaded.road)
         for part, made in parts.items():
-            whole = hashlib.sha256(code_key() + key.encode()).hexdigest()
-            file = None if cache is None else cache / f"{recording.name}-{part}-{whole[:16]}.npz"
-            samples = None if file is None else load_samples(file)
-            if samples is None:
-                samples = _make(loaded, options, part)
-                if file is not None:
-                    save_samples(file, samples)
+            make = partial(_make, loaded, options, part)
+            samples = _cached(cache, f"{recording.name}-{part}", key, make)
             site = sites.index(recording.site)
             made += [samples.at(site, shift)] if samples else []
     if not parts["train"] or not parts["validation"]:
@@ -108,10 +116,23 @@ def make_dataset(
             f"{', '.join(r.name for r in recordings[:3])}: no vehicle for {short} with 1 s of recorded past "
             "and 3 s of recorded future; give longer recordings"
         )
+    recorded = sum(map(len, parts["train"]))
+    for done, map_path in enumerate(maps, len(recordings)):
+        if tick is not None:
+            tick(done, len(recordings) + len(maps))
+        road, name = read_map(map_path, own_corner=True), f"{map_path.name}, simulated"
+        key = _digest((map_path,), options)
+        digest.update(key.encode())
+        samples = _cached(cache, f"{road.name}-simulated", key, partial(_make_simulated, road, options))
+        if samples is None:
+            raise SimulationError(f"{map_path}: no vehicle drives 4 s on it in SUMO; give a larger map")
+        parts["train"].append(samples.at(len(sites), np.zeros(2)))
+        sites, kinds[name], roads[name] = (*sites, name), "simulated", road
     return Dataset(
         sites=sites,
         kinds=tuple(kinds[site] for site in sites),
         roads=tuple(roads[site] for site in sites),
+        recorded=recorded,
         train=TrainingSamples.concatenate(parts["train"]),
         validation=TrainingSamples.concatenate(parts["validation"]),
         digest=digest.hexdigest(),
@@ -176,17 +197,48 @@ def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
                 )
 
 
+def _cached(
+    cache: Path | None, name: str, key: str, make: Callable[[], TrainingSamples | None]
+) -> TrainingSamples | None:
+    whole = hashlib.sha256(code_key() + key.encode()).hexdigest()
+    file = None if cache is None else cache / f"{name}-{whole[:16]}.npz"
+    samples = None if file is None else load_samples(file)
+    if samples is None:
+        samples = make()
+        if file is not None:
+            save_samples(file, samples)
+    return samples
+
+
 def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> TrainingSamples | None:
-    rng = np.random.default_rng([options.seed, zlib.crc32(loaded.recording.name.encode())])
-    copies = options.copies if part == "train" else 0
-    road, made = loaded.road, []
-    for scene in part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MAX_MOMENTS):
-        put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(copies)]
-        seen = [measured(states, options.perturbation, rng) for states in put_off]
-        whole = States.stack([scene.history, *put_off], 0)
-        samples = scene_samples(scene, road, whole, seen=States.stack([scene.history, *seen], 0))
+    scenes = part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MAX_MOMENTS)
+    options = options if part == "train" else replace(options, copies=0, stops=0)
+    return _samples(scenes, loaded.road, loaded.recording.name, options)
+
+
+def _make_simulated(road: Road, options: SampleOptions) -> TrainingSamples | None:
+    with TemporaryFolder() as folder:
+        net = converted(road, Path(folder) / "map.net.xml")
+        scenes = simulated_scenes(road, net.path, seconds=SIMULATED_S, every_s=SIMULATED_EVERY_S)
+    scenes = [scene for scene in scenes if len(learnable(scene))]
+    return _samples(scenes, road, road.name, replace(options, copies=1, stops=1), noisy=True)
+
+
+def _samples(
+    scenes: Sequence[SeedScene], road: Road, name: str, options: SampleOptions, *, noisy: bool = False
+) -> TrainingSamples | None:
+    """Make samples of scenes; ``noisy`` ones are seen as if they were measured, in all copies."""
+    rng = np.random.default_rng([options.seed, zlib.crc32(name.encode())])
+    made = []
+    for scene in scenes:
+        put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(options.copies)]
+        whole = [scene.history, *put_off]
+        seen = whole[: not noisy] + [
+            measured(states, options.perturbation, rng) for states in whole[not noisy :]
+        ]
+        samples = scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0))
         made += [samples] if samples is not None else []
-        for _ in range(options.stops if part == "train" else 0):
+        for _ in range(options.stops):
             stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:
                 break
@@ -198,8 +250,8 @@ def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> Traini
     return TrainingSamples.concatenate(made) if made else None
 
 
-def _key(recording: Recording, options: SampleOptions) -> str:
+def _digest(paths: Sequence[Path], options: SampleOptions) -> str:
     digest = hashlib.sha256(repr(sorted(asdict(options).items())).encode())
-    for path in (recording.map_path, *recording.track_paths):
+    for path in paths:
         digest.update(path.read_bytes())
     return digest.hexdigest()
