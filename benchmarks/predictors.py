@@ -9,8 +9,8 @@
 
 Everything is kept in OUT, and only what is missing there is done: weights as ``NAME.safetensors``, numbers in
 ``results.json``. ``--only WORD`` restricts a part to names with that word; ``--seeds`` says how many
-trainings the means are over. `--simulated MAP`, repeatable: joint trains on traffic simulated there, too. FOLDER is searched for recordings; without it those of SCEX_DATA, else
-../shared/data.
+trainings the means are over; ``--simulated MAP``, repeatable: joint trains on traffic simulated there, too.
+FOLDER is searched for recordings; without it those of SCEX_DATA, else ../shared/data.
 
 Test part: the last fifth of each recording, at least 1 s after what validation may use; of NGSIM, whose
 recordings are too short to be cut, the files of `recorded_scenes.NGSIM_TEST`. Nothing of Peachtree is trained

@@ -26,13 +26,18 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.video import Film
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate_pairs
+from scex_sumo.reports.drawing import STYLE
 from scex_sumo.reports.page.report import write_report
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, States
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 IMAGES = Path(__file__).resolve().parent / "images"
+# Of the example roundabout: a moment, two vehicles, the place where their ways meet (m), and how near counts.
+CROSSING_S, CROSSING, PLACE, NEAR_M = 9.1, (10, 11), (1022.5, 997.7), 3.0
 BLUE, RED, GREY = "#1f5fa8", "#b5342b", "#777777"
 
 
@@ -266,6 +271,37 @@ def metrics() -> None:
         figure.savefig(IMAGES / "metrics.svg", metadata={"Date": None})
 
 
+def going_first() -> None:
+    """Two futures of one moment, drawn by `joint_predictor`: in each another vehicle goes first."""
+    scene = scex.read_seed(scex.example_path("roundabout"), time=CROSSING_S)
+    with tempfile.TemporaryDirectory() as folder, mpl.rc_context(STYLE):
+        run = scex.extrapolate(
+            scene, models="joint_predictor", children=24, steps=70, exact=False, out=Path(folder, "out")
+        )
+        pair = [scene.track_ids.tolist().index(track) for track in CROSSING]
+        ways = np.array([[(v.x, v.y) for v in (run.states(c)[k] for k in pair)] for c in range(run.children)])
+        near = np.hypot(*(np.moveaxis(ways, 2, 0) - np.reshape(PLACE, (2, 1, 1, 1)))) < NEAR_M
+        hit = set(run.collisions["child"].to_pylist())
+        comes = [c for c in range(run.children) if c not in hit and near[c].any()]
+        first = [next(c for c in comes if near[c, k].any() and not near[c, 1 - k].any()) for k in (0, 1)]
+        request = Request(run=run, children=tuple(first), encounter=CROSSING)
+        films = [Film(request, child, (400, 400)) for child in first]
+        shots = [
+            Image.fromarray(np.hstack([film.picture(float(k)) for film in films]))
+            for k in range(LOGGED_HISTORY - 1, LOGGED_HISTORY + 70, 2)
+        ]
+    palette = shots[-1].quantize(64)
+    frames = [shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
+    frames[0].save(
+        IMAGES / "going_first.gif",
+        save_all=True,
+        append_images=frames[1:],
+        duration=200,
+        loop=0,
+        optimize=True,
+    )
+
+
 def handover() -> None:
     """One child in sumo-gui beside what was exported of it; needs a screen or Xvfb."""
     import handover_picture
@@ -274,7 +310,8 @@ def handover() -> None:
 
 
 PICTURES: dict[str, Callable[[], None]] = {
-    made.__name__: made for made in (report, scene_graph, attention, converter, metrics, handover)
+    made.__name__: made
+    for made in (report, scene_graph, attention, going_first, converter, metrics, handover)
 }
 
 

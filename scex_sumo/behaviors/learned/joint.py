@@ -9,9 +9,10 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
 from scex_sumo.behaviors.learned.architecture import TOKEN_STEPS
 from scex_sumo.behaviors.learned.decoding import plan_along
 from scex_sumo.behaviors.learned.driver import LearnedDriver, drawn, rounded
@@ -29,6 +30,10 @@ STANDING_GAP_M = 0.3  # then
 NEAR_M = 25.0  # between vehicles that can get in each other's way
 CLOSING_S = 0.4  # before which a vehicle that moves sideways counts as ahead
 FALLS_BACK_MPS2 = 3.0  # behind one that is beside it and comes into its way
+LOOK_M, SPACING_M = 100.0, 1.0  # along paths for crossings
+CLEARANCE_M = 2.2  # between paths that are in each other's way
+SLOW_MPS, STARTS_MPS2 = 0.5, 2.0  # a slower vehicle leaves the others first; with it a waiting one starts
+CLEAR_S = 0.5  # between two vehicles at a crossing
 TOKEN_S = TOKEN_STEPS * STEP_S
 SPEED, LEADER, GAP, LEADER_SPEED = (
     PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
@@ -87,11 +92,12 @@ class JointDriver(LearnedDriver):
         finite, parts = np.ones(len(who), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
             inputs, tokens = self.predict(history, road, who, paths, row)
-            acceleration, sideways = self._chosen(history, who, tokens, inputs)
+            now = history.now[who.child, who.vehicle]
+            way, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+            ahead = _ahead(history, inputs).joined_with(_crossing(history, paths, row, way))
+            acceleration, sideways = self._chosen(history, who, tokens, inputs, ahead)
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             acceleration[~finite], sideways[~finite] = 0.0, 0.0
-            now = history.now[who.child, who.vehicle]
-            _, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
             later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
             made = plan_along(
                 history,
@@ -111,12 +117,12 @@ class JointDriver(LearnedDriver):
         return States.concatenate(parts, 1), finite
 
     def _chosen(
-        self, history: SceneHistory, who: VehicleIndex, tokens: Tokens, inputs: PathInputs
+        self, history: SceneHistory, who: VehicleIndex, tokens: Tokens, inputs: PathInputs, ahead: _Pairs
     ) -> tuple[FloatArray, FloatArray]:
         """Return (n,) accelerations, m/s², and (n,) sideways speeds, m/s, of the next 0.5 s.
 
         Accelerations are drawn among those after which a vehicle can stop behind its leader, which does what
-        was drawn for it.
+        was drawn for it, and before a crossing at which another one comes first.
         """
         logits = rounded(tokens.logits)
         assert isinstance(self.profile, JointPredictorProfile)
@@ -126,7 +132,6 @@ class JointDriver(LearnedDriver):
         along = weight.sum(2)
         salt = FIRST_SALT + history.step // TOKEN_STEPS  # so a plan and the next one draw the same
         draw = _with_leaders(uniforms(history.route_draw[who.child, who.vehicle], 2, salt), inputs)
-        ahead = _ahead(history, inputs)
         best = self.profile.mode == "best"
         most = np.full(len(who), np.inf)
         for _ in range(history.scene.vehicles + 1):  # a queue passes one bound on in each round
@@ -166,6 +171,10 @@ class _Pairs:
     gap: FloatArray  # m; where it is negative, the follower falls back
     speed: FloatArray  # of the leader along the follower's way, m/s
 
+    def joined_with(self, others: _Pairs) -> _Pairs:
+        """Return the pairs of both."""
+        return _Pairs(**{name: np.append(a, getattr(others, name)) for name, a in vars(self).items()})
+
     def bound(self, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Return (n,) accelerations up to which vehicles can stop if leaders accelerate as given, m/s²."""
         own, change = speed[self.follower], TOKEN_S * np.where(self.leader < 0, 0, acceleration[self.leader])
@@ -198,4 +207,76 @@ def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
         leader=np.append(inputs.leader[k], first + j),
         gap=np.append(gap[k], clear[comes]),
         speed=np.append(inputs.features[k, LEADER_SPEED], (speed * cos)[comes]),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Conflicts:
+    """K pairs of paths of two vehicles that come together ahead of both."""
+
+    vehicle: IntArray  # (K, 2)
+    row: IntArray  # (K, 2)
+    span: FloatArray  # (K, 2, 2) where the other path is too near, m; to infinity where they merge
+
+
+@owner_cache
+def _conflicts(paths: SeedPaths) -> _Conflicts:
+    """Return all conflicts of a scene in both orders."""
+    owner = np.repeat(np.arange(len(paths.count)), paths.count)
+    s = BEHIND_M + np.arange(0.0, LOOK_M, SPACING_M)
+    n = len(s)
+    at = sample_paths(paths, np.repeat(np.arange(len(owner)), n), np.tile(s, len(owner)))
+    x, y = xy = at[:2].reshape(2, -1, n)
+    low, high = xy.min(axis=2) - CLEARANCE_M, xy.max(axis=2)
+    meet = (owner[:, None] != owner) & (low[:, :, None] < high[:, None]).all(0)
+    found = []
+    for a, b in np.argwhere(meet & meet.T):
+        near = np.hypot(x[a][:, None] - x[b], y[a][:, None] - y[b]) < CLEARANCE_M
+        if a > b or not near.any():
+            continue
+        begin, end = np.array([_first_run(near.any(axis=1)), _first_run(near.any(axis=0))]).T
+        if begin.min() > 0:
+            span = np.column_stack([s[begin], np.full(2, np.inf) if end.max() == n else s[end]])
+            found += [((a, b), span), ((b, a), span[::-1])]
+    rows = np.array([pair for pair, _ in found], dtype=np.int64).reshape(-1, 2)
+    return _Conflicts(
+        vehicle=owner[rows], row=rows, span=np.array([spans for _, spans in found]).reshape(-1, 2, 2)
+    )
+
+
+def _first_run(near: BoolArray) -> tuple[int, int]:
+    """Return where the first run of true values begins and ends."""
+    begin = int(near.argmax())
+    free = np.flatnonzero(~near[begin:])
+    return begin, begin + int(free[0]) if len(free) else len(near)
+
+
+def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, way: FloatArray) -> _Pairs:
+    """Return vehicles that have to wait before a crossing, and those that come first.
+
+    One that cannot stop before the crossing any more comes first; else one that moves and gets there earlier,
+    unless the other is through by then.
+    """
+    scene = history.scene
+    table, shape = _conflicts(paths), (-1, scene.vehicles)
+    rows, ways, speeds = row.reshape(shape), way.reshape(shape), np.maximum(history.now.speed, 0.0)
+    child, k = np.nonzero((rows[:, table.vehicle] == table.row).all(axis=2))
+    who = table.vehicle[k]
+    speed, half = speeds[child[:, None], who], scene.length[who] / 2
+    at = ways[child[:, None], who]
+    room, rest = table.span[k, :, 0] - at - half, table.span[k, :, 1] - at + half
+    committed = speed**2 > 2 * SAFE_MPS2 * np.maximum(room, 0.0)
+    arrival = np.where(speed > SLOW_MPS, np.maximum(room, 0.0) / np.maximum(speed, SLOW_MPS), np.inf)
+    own = speed[:, 0]
+    through = (np.sqrt(own**2 + 2 * STARTS_MPS2 * np.maximum(rest[:, 0], 0.0)) - own) / STARTS_MPS2
+    later = (arrival[:, 1] < arrival[:, 0]) & (arrival[:, 1] < through + CLEAR_S)
+    waits = ~committed[:, 0] & (committed[:, 1] | later) & (rest[:, 1] > 0)
+    behind = room[:, 0] - room[:, 1] - 2 * half[:, 1]  # to the other one's rear where the paths have merged
+    follows = np.isinf(rest).all(axis=1) & (room[:, 1] < 0) & (behind > 0)
+    node = child[:, None] * scene.vehicles + who
+    return _Pairs(
+        follower=node[waits, 0],
+        leader=np.where(follows, node[:, 1], -1)[waits],
+        gap=np.where(follows, behind, room[:, 0])[waits],
+        speed=np.where(follows, speed[:, 1], 0.0)[waits],
     )

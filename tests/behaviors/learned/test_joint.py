@@ -11,7 +11,7 @@ import pytest
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.paths import chosen_paths, seed_paths
 from scex_sumo.behaviors.learned.driver import choice_of
-from scex_sumo.behaviors.learned.joint import _ahead
+from scex_sumo.behaviors.learned.joint import _ahead, _conflicts, _crossing
 from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, path_inputs
 from scex_sumo.behaviors.models.likely_observations import path_edges
 from scex_sumo.behaviors.models.population import population
@@ -143,6 +143,42 @@ def test_drawn_followers_stop_behind_whatever_their_leaders_do(ahead: tuple[floa
         for one in (follower, leader)
     )
     assert rectangle_distance(*boxes).min() > 0
+
+
+def test_whoever_comes_first_at_a_crossing_the_other_waits(tmp_path: Path) -> None:
+    """An untrained network draws any motion; both vehicles can stop at first."""
+    crossing = roads.road(
+        roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]), roads.lane(2, [(100.0, -100.0), (100.0, 200.0)])
+    )
+    scene = roads.scene_of((86.0, 0.0, 0.0, 8.0), (100.0, -15.0, np.pi / 2, 8.0))
+    draws = np.random.default_rng(0).random((300, 2))
+    driver = build(
+        parse_models(
+            f"joint_predictor:weights={nets.untrained(tmp_path, 'joint_predictor', scene, crossing)}"
+        )[0]
+    )
+    made = roads.plan(driver, crossing, roads.present(scene, len(draws), draws))
+    first, second = (made[k::2] for k in range(2))
+    size = [np.full(first.x.size, s) for s in (scene.length[0], scene.width[0])]
+    boxes = (Rectangles.of(each.map(np.ravel), *size) for each in (first, second))
+    assert rectangle_distance(*boxes).min() > 0
+    through = first.x[:, -1] > 110.0, second.y[:, -1] > 10.0
+    assert all((some & ~other).any() for some, other in (through, through[::-1]))
+
+
+def test_where_a_vehicle_has_merged_the_other_one_follows_it() -> None:
+    ramp = [(80.0, -30.0), (110.0, 0.0), (300.0, 0.0)]
+    merge = roads.road(roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]), roads.lane(2, ramp))
+    scene = roads.scene_of((80.0, 0.0, 0.0, 8.0), (92.0, -18.0, np.pi / 4, 8.0))
+    paths, rows = chosen_paths(roads.present(scene), merge, roads.every(roads.present(scene)), "straight")
+    ((begin, end),) = {tuple(span) for span in _conflicts(paths).span[:, 1].tolist()[:1]}
+    assert begin > 20.0 and end == np.inf
+    waits = _crossing(roads.present(scene), paths, rows, np.array([20.0, 30.0]))
+    assert (waits.follower.tolist(), waits.leader.tolist(), waits.speed.tolist()) == ([0], [-1], [0.0])
+    follows = _crossing(roads.present(scene), paths, rows, np.array([20.0, begin + 12.0]))
+    own = _conflicts(paths).span[0, 0, 0]
+    assert (follows.leader.tolist(), follows.speed.tolist()) == ([1], [8.0])
+    assert follows.gap[0] == pytest.approx(own - 20.0 + 12.0 - scene.length[0])
 
 
 def test_paths_are_as_probable_as_network_and_likely_driver_agree(tmp_path: Path) -> None:
