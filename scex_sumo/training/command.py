@@ -38,12 +38,12 @@ def train_command(
     data: Annotated[
         list[Path] | None, Option(metavar="ROOT", help="Folder with recordings; repeatable.")
     ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="WEIGHTS", help="File of weights to write.")
+    ] = None,
     simulated: Annotated[
         list[Path] | None,
         Option(metavar="MAP", help="Train on traffic that SUMO simulates on this map, too; repeatable."),
-    ] = None,
-    out: Annotated[
-        Path | None, Option("-o", "--out", metavar="WEIGHTS", help="File of weights to write.")
     ] = None,
     seed: Seed = 0,
     epochs: Annotated[int | None, Option(help="Passes over all samples; default: as shipped.")] = None,

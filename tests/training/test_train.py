@@ -192,6 +192,30 @@ def test_samples_come_from_the_cache_the_second_time(
         make_dataset(merge, replace(SAMPLING, copies=2), cache=tmp_path)
 
 
+def test_simulated_traffic_is_for_training_alone_and_a_share_of_each_epoch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
+) -> None:
+    monkeypatch.setattr(dataset_module, "SIMULATED_S", 60.0)
+    merge = [
+        r for r in find_recordings([example_path("motorway_merge").parent]) if r.name == "motorway_merge"
+    ]
+    maps = [example_path("roundabout")]
+    mixed = make_dataset(merge, SAMPLING, maps=maps, cache=tmp_path)
+    assert mixed.sites == ("motorway_merge", "roundabout.osm, simulated")
+    assert mixed.kinds == ("interaction", "simulated")
+    assert mixed.recorded == small.recorded == len(small.train) < len(mixed.train)
+    assert set(mixed.train.site[mixed.recorded :]) == {1} and set(mixed.validation.site) == {0}
+    assert mixed.digest != small.digest
+    monkeypatch.setattr(dataset_module, "_make_simulated", lambda *_: pytest.fail("made again"))
+    again = make_dataset(merge, SAMPLING, maps=maps, cache=tmp_path)
+    np.testing.assert_array_equal(mixed.train.feature, again.train.feature)
+    run = Trainer(mixed, options(simulated=0.2), device=CPU)
+    used = np.concatenate(run._groups(np.random.default_rng(0)))
+    nodes, simulated = mixed.train.nodes[used], used >= mixed.recorded
+    assert np.array_equal(np.sort(used[~simulated]), np.arange(mixed.recorded))
+    assert nodes[simulated].sum() / nodes.sum() == pytest.approx(0.2, abs=0.02)
+
+
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x93NUMPY"])
 def test_damaged_samples_in_the_cache_are_made_again(tmp_path: Path, small: Dataset, content: bytes) -> None:
     """NumPy raises an EOFError for no byte, which command lines take for Ctrl-C."""
@@ -236,6 +260,8 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
         train(data=[])
     with pytest.raises(UsageError, match="no such folder"):
         train(data=[tmp_path / "nowhere"])
+    with pytest.raises(UsageError, match=r"--simulated .*nowhere\.osm: no such map"):
+        train(simulated=[tmp_path / "nowhere.osm"])
     (tmp_path / "w.safetensors").write_bytes(b"")
     with pytest.raises(ResultError, match="--overwrite"):
         train()
@@ -248,6 +274,7 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
         with pytest.raises(UsageError, match="--epochs needs at least 1"):
             train(out=tmp_path / "other.safetensors", **few)
     networks = {
+        "simulated": [example_path("roundabout")],
         "rounds": 0,
         "minutes": 1.0,
         "edges": False,
