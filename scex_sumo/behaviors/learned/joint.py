@@ -230,9 +230,9 @@ def _conflicts(paths: SeedPaths) -> _Conflicts:
     low, high = xy.min(axis=2) - CLEARANCE_M, xy.max(axis=2)
     meet = (owner[:, None] != owner) & (low[:, :, None] < high[:, None]).all(0)
     found = []
-    for a, b in np.argwhere(meet & meet.T):
+    for a, b in np.argwhere(np.triu(meet & meet.T)):
         near = np.hypot(x[a][:, None] - x[b], y[a][:, None] - y[b]) < CLEARANCE_M
-        if a > b or not near.any():
+        if not near.any():
             continue
         begin, end = np.array([_first_run(near.any(axis=1)), _first_run(near.any(axis=0))]).T
         if begin.min() > 0:
