@@ -55,6 +55,8 @@ def run(command: list[str], where: Path) -> str:
             "--children",
             "3",
             "--no-plots",
+            "--reference",
+            "none",
         ]
     else:
         full = [sys.executable, *arguments]
