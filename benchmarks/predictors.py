@@ -5,6 +5,7 @@
     python benchmarks/predictors.py OUT --data FOLDER... loop     10 s of closed loop from perturbed starts
     python benchmarks/predictors.py OUT --data FOLDER... joint    six futures of whole scenes
     python benchmarks/predictors.py OUT --data FOLDER... curve    joint's error over its sites; trains
+    python benchmarks/predictors.py OUT crossings                 joint's collisions on the example maps
     python benchmarks/predictors.py OUT table                     the results so far as Markdown
 
 Everything is kept in OUT, and only what is missing there is done: weights as ``NAME.safetensors``, numbers in
@@ -68,6 +69,7 @@ KINDS = ("graph", "hybrid", "joint")
 JOINT_EVERY_S = {"MONA": 4.0, "Peachtree": 0.5}
 JOINT_OFTEN_S = 1.0
 CURVE_SITES = ("USA_Lanker-2", "k733_2020-09-15")  # left out of the networks of `curve`
+EXAMPLES = ("roundabout", "urban_intersection", "motorway_merge")
 ALONE = ("likely_driver", "constant_velocity")  # drawn independently, like `graph`
 
 
@@ -297,7 +299,7 @@ def _recordings(given: Sequence[Path]) -> tuple[tuple[Recording, ...], tuple[Pat
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("part", choices=("train", "errors", "loop", "joint", "curve", "table"))
+    parser.add_argument("part", choices=("train", "errors", "loop", "joint", "curve", "crossings", "table"))
     parser.add_argument("--data", type=Path, action="append", default=[])
     parser.add_argument("--simulated", type=Path, action="append", default=[])
     parser.add_argument("--seeds", type=int, default=3)
@@ -307,6 +309,12 @@ def main() -> None:
     results = Results(given.out / "results.json")
     if given.part == "table":
         print(tables(results.numbers))
+        return
+    if given.part == "crossings":
+        for file in sorted(given.out.glob("joint-*.safetensors")):
+            model = learned(file, "joint", mode="draw")
+            found = {name: measures.example_collisions(name, model) for name in EXAMPLES}
+            print(f"{file.stem}: futures with a collision, of all: {found}", flush=True)
         return
     recordings, roots = _recordings(given.data)
     sites = sorted({r.site for r in recordings if part_of(r.name) != "test" and place(r.site) != "Peachtree"})

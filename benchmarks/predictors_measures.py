@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from recorded_scenes import ngsim_part
 
+from scex_sumo import example_path
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
@@ -16,7 +17,13 @@ from scex_sumo.behaviors.learned.decoding import plan_along, way_of
 from scex_sumo.behaviors.learned.driver import LearnedDriver
 from scex_sumo.behaviors.learned.surface import Surface, path_room, surface_of
 from scex_sumo.converters.datasets.moment import Split
-from scex_sumo.converters.datasets.recordings import Recording, load_recording
+from scex_sumo.converters.datasets.recordings import (
+    Recording,
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
 from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
@@ -31,6 +38,7 @@ MOVING_MPS = 0.5
 CHANGE_MPS = 3.0
 GUESSES = 6
 LOOP_STEPS = 100
+EXAMPLE_FUTURES, EXAMPLE_STEPS = 8, 50
 LOOK_STEPS = 5  # leaving the road is looked for every half second
 STANDING_M = 0.01  # per step
 OUTSIDE = 0.15  # of the box
@@ -149,7 +157,13 @@ JOINT = ("minJointADE", "minJointFDE", "minJointMR", "cMR", "collided", "recorde
 """Figures of `joint_figures`."""
 
 
-def drawn_futures(test: TestScene, model: Behavior, count: int = 2 * GUESSES, replan: int = REPLAN) -> States:
+def drawn_futures(
+    test: TestScene,
+    model: Behavior,
+    count: int = 2 * GUESSES,
+    replan: int = REPLAN,
+    steps: int = PLAN_STEPS,
+) -> States:
     """(C, H, V) futures of a scene with a model that drives everybody, a new plan every `replan` steps."""
     vehicles = test.scene.vehicles
     batch = Batch(
@@ -162,7 +176,22 @@ def drawn_futures(test: TestScene, model: Behavior, count: int = 2 * GUESSES, re
         generators=[np.random.default_rng([0, child]) for child in range(count)],
     )
     world = PlainWorld(count, vehicles)
-    return roll_out(world, test.road, test.scene, batch, steps=PLAN_STEPS, replan=replan).states
+    return roll_out(world, test.road, test.scene, batch, steps=steps, replan=replan).states
+
+
+def example_collisions(name: str, model: Behavior) -> tuple[int, int]:
+    """Futures of 5 s of an example recording, one moment every 3 s, in which two vehicles collide; all."""
+    (recording,) = (r for r in find_recordings([example_path(name).parent]) if r.name == name)
+    loaded, hit, steps = load_recording(recording), [], EXAMPLE_STEPS
+    for moment in recording_moments(loaded, every_s=3.0):
+        test = TestScene(site=name, scene=seed_at(loaded, moment.time_s), road=loaded.road)
+        futures = drawn_futures(test, model, EXAMPLE_FUTURES, PLAN_STEPS, steps)
+        counts = np.ones((test.scene.vehicles, steps), dtype=np.bool_)
+        hit += [
+            _collided(test.scene, test.scene, future.swapaxes(0, 1), counts).any()
+            for future in (futures[c] for c in range(EXAMPLE_FUTURES))
+        ]
+    return int(np.sum(hit)), len(hit)
 
 
 def final_errors(test: TestScene, futures: States, vehicle: IntArray) -> FloatArray:

@@ -201,7 +201,7 @@ class Trainer:
         nodes, share = self.train.samples.nodes[order], self.options.simulated
         simulated = (order >= self.dataset.recorded) & (order < len(self.dataset.train))
         most = nodes[~simulated].sum() * share / (1 - share)
-        return order[~simulated | (np.cumsum(nodes * simulated) <= most)]
+        return np.asarray(order[~simulated | (np.cumsum(nodes * simulated) <= most)])
 
     def _predict(
         self, net: Net, batch: Batch, rng: np.random.Generator | None, *, mirror: bool = False
