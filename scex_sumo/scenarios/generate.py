@@ -16,6 +16,7 @@ from scex_sumo.scenarios.scene_context import (
     NO_VEHICLES,
     LaneCells,
     Placed,
+    demands,
     lane_cells,
     needed_deceleration,
     place_features,
@@ -164,13 +165,15 @@ def _drawn(
 
 def _free(table: LaneCells, tries: Placed, others: Placed, bounds: dict[str, float]) -> BoolArray:
     """Return (n,) whether each of the tried vehicles may join the others."""
+    usual = [value <= bounds[name] for name, value in demands(table, tries).items()]
+    good = np.asarray(np.all(usual, axis=0))
     if not len(others.lane):
-        return np.full(len(tries.lane), True)
+        return good
     n, count = len(tries.lane), len(others.lane)
 
     def driven(vehicles: Placed) -> States:
         past = states_of(table, vehicles, CHECKED_S[CHECKED_S <= 0])
-        steady = Placed(**{**vars(vehicles), "acceleration": np.zeros_like(vehicles.speed)})
+        steady = replace(vehicles, acceleration=np.zeros_like(vehicles.speed))
         return States.concatenate([past, states_of(table, steady, CHECKED_S[CHECKED_S > 0])], 1)
 
     one, two = driven(tries), driven(others)
@@ -181,4 +184,4 @@ def _free(table: LaneCells, tries: Placed, others: Placed, bounds: dict[str, flo
     )
     apart = rectangle_distance(*boxes).min(axis=1).reshape(n, count)
     hardest = needed_deceleration(table, tries, others)
-    return np.asarray(((apart > CLEAR_M) & (hardest <= bounds["deceleration"])).all(axis=1))
+    return good & ((apart > CLEAR_M) & (hardest <= bounds["deceleration"])).all(axis=1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -24,6 +24,7 @@ NEAR_M = (15.0, 40.0)
 TURN_M = (20.0, 60.0)  # ahead, over which a lane's turn is a feature
 FLOW_STEPS = 60
 MIN_PACE_MPS = 1.0
+STANDING_MPS = 0.5
 
 ROAD_COLUMNS: Final = (
     *("limit", "width", "bend", "turn_20", "turn_60", "turned_20", "lanes", "from_right", "from_left"),
@@ -297,7 +298,7 @@ def place_features(
         empty = [far, 1.0, 0, 0, far, 1.0, 40.0, 1.0, 40.0, 1.0, far, far, 1.0, 0, 0, 1.0, 0, 0, 1.0, 1.0, 0]
         return np.hstack([fixed, np.tile([*empty, *whole, 60.0, 1.0], (n, 1))])
     ratio = others.speed / pace
-    standing = (others.speed < 0.5).astype(np.float64)
+    standing = (others.speed < STANDING_MPS).astype(np.float64)
     half = (others.length + USUAL_LENGTH_M) / 2
     rows = np.arange(n)
 
@@ -368,6 +369,28 @@ def needed_deceleration(table: LaneCells, one: Placed, two: Placed) -> FloatArra
         gap = np.where(way > 0, np.maximum(way - half, 0.1), np.inf)
         needed = np.maximum(needed, np.maximum(closes, 0.0) ** 2 / (2 * gap))
     return needed
+
+
+def demands(table: LaneCells, vehicles: Placed) -> dict[str, FloatArray]:
+    """Return what (n,) vehicles do that few recorded ones exceed, by name.
+
+    ``lateral`` acceleration at the lane's curvature from 1 s before to 0.5 s after, m/s²; ``over_limit``, the
+    speed over the limit; ``off_lane``, how far the body is beyond the lane's edge where no lane is beside it,
+    m; ``on_crossing``, 1 for a vehicle that stands where another lane crosses or merges.
+    """
+    steady = replace(vehicles, acceleration=np.zeros_like(vehicles.speed))
+    heading = states_of(table, steady, np.arange(-2.0, 2.0) / 2).heading
+    fixed = table.fixed[table.cells_at(vehicles.lane, vehicles.s)]
+    width, right, left = (fixed[:, ROAD_COLUMNS.index(c)] for c in ("width", "from_right", "from_left"))
+    beside = np.where(vehicles.offset > 0, left, right) > 0
+    way = table.relations.meeting[vehicles.lane, ..., 0] - vehicles.s[:, None, None]
+    over = (np.abs(way) < vehicles.length[:, None, None] / 2).any(axis=(1, 2))
+    return {
+        "lateral": 2 * np.abs(wrap(np.diff(heading))).max(axis=1) * vehicles.speed,
+        "over_limit": vehicles.speed / table.limit[vehicles.lane],
+        "off_lane": np.where(beside, 0.0, np.abs(vehicles.offset) + (vehicles.width - width) / 2),
+        "on_crossing": (over & (vehicles.speed < STANDING_MPS)).astype(np.float64),
+    }
 
 
 def states_of(table: LaneCells, vehicles: Placed, steps: FloatArray) -> States:
