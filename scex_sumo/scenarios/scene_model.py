@@ -28,6 +28,7 @@ MOTION: Final = np.flatnonzero(
 )
 """Features of a motion; with all of the road, motions at a new place are those of one recorded site."""
 LIKE_DENSITY, LIKE_ROAD, LIKE_PACE = 0.2, 0.15, 0.33  # widths of what is similar; of roads in spreads
+OVER_LIMIT = 1.3  # times the speed limit, the mean speed may be
 KINDS: Final = ("car", "truck", "bus", "motorcycle")
 SHIPPED: Final = Path(__file__).parent / "data" / "scenes.safetensors"
 AGAIN: Final = "train again with: scex-sumo train scenes"
@@ -95,24 +96,25 @@ class SceneModel:
     def pace(self, road: FloatArray, density: float, rng: np.random.Generator) -> float:
         """Draw the mean speed, m/s: that of a recorded scene with similar roads and density.
 
-        It is scaled by what `usual_pace` says of both scenes, and at most the speed limit or the highest
-        recorded one.
+        It is scaled by what `usual_pace` says of both scenes. It is at most 1.3 times the speed limit, and
+        above the limit at most the highest recorded one.
 
         Args:
             road: (R,) mean `ROAD_COLUMNS` of the lanes.
             density: vehicles per km of lane.
         """
         scenes, slopes = (self.tensors[name].astype(np.float64) for name in ("scenes", "slopes"))
-        this = np.concatenate([[np.log(density), 0.0], road])
-        usual = usual_pace(np.vstack([scenes, this]), slopes)
+        dense = np.clip(np.log(density), scenes[:, 0].min(), scenes[:, 0].max())
+        usual = usual_pace(np.vstack([scenes, [dense, 0.0, *road]]), slopes)
         scale = usual[-1] - usual[:-1]
         spread = self.tensors["spread"][1 : len(road)]  # without the limit, which scales
         roads = (((scenes[:, 3:] - road[1:]) / spread) ** 2).mean(axis=1)
-        away = ((scenes[:, 0] - this[0]) / LIKE_DENSITY) ** 2
+        away = ((scenes[:, 0] - dense) / LIKE_DENSITY) ** 2
         away += roads / LIKE_ROAD**2 + (scale / LIKE_PACE) ** 2
         chosen = _choose(-away[None] / 2, rng)[0]
-        fastest = max(10.0 * road[0], float(np.exp(scenes[:, 1].max())))
-        return min(float(np.exp(scenes[chosen, 1] + scale[chosen])), fastest)
+        limit, fastest = 10.0 * road[0], float(np.exp(scenes[:, 1].max()))
+        pace = float(np.exp(scenes[chosen, 1] + scale[chosen]))
+        return min(pace, OVER_LIMIT * limit, max(limit, fastest))
 
     def count(self, total_m: float, rng: np.random.Generator) -> int:
         """Draw the number of vehicles on a length of lanes; at least 2, as recorded scenes have."""

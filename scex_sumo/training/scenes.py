@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,10 @@ from torch import Tensor, nn
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.moment import Split
+from scex_sumo.converters.datasets.moment import Part, Split
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.scenarios.scene_context import (
     COLUMNS,
-    ROAD_COLUMNS,
     LaneCells,
     Placed,
     demands,
@@ -290,27 +290,30 @@ def train_scenes(
     """
     rng = np.random.default_rng(seed)
     sites = sorted({recording.site for recording in recordings})
-    parts: dict[str, list[SceneSamples | None]] = {"train": [], "validation": []}
+    parts: dict[Part, list[SceneSamples | None]] = {"train": [], "validation": []}
     known: dict[str, list[FloatArray]] = {}
     needs: dict[str, list[FloatArray]] = {}
-    count = 0
+    of_maps: dict[Path, dict[tuple[str, Part], list[SeedScene]]] = {}
     for recording in recordings:
         loaded = load_recording(recording)
-        table = lane_cells(loaded.road)
-        for part, samples in parts.items():
-            scenes = part_scenes(loaded, part, split=split, every_s=every_s)  # type: ignore[arg-type]
-            if not scenes:
+        for part in parts:
+            if scenes := part_scenes(loaded, part, split=split, every_s=every_s):
+                of_map = of_maps.setdefault(recording.map_path, {})
+                of_map.setdefault((recording.site, part), []).extend(scenes)
+    for of_map in of_maps.values():
+        inside = seen_cells([scene for scenes in of_map.values() for scene in scenes])
+        for (site, part), scenes in of_map.items():
+            parts[part].append(scene_samples(scenes, inside, sites.index(site), rng))
+            if part != "train":
                 continue
-            inside = seen_cells(scenes)
-            samples.append(scene_samples(scenes, inside, sites.index(recording.site), rng))
-            if part == "train":
-                wholes = [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes]
-                known.setdefault(recording.site, []).append(known_scenes(table, inside, wholes))
-                for whole in wholes:
-                    hardest = needed_deceleration(table, whole, whole).max(axis=1, initial=0.0)
-                    for name, value in {"deceleration": hardest, **demands(table, whole)}.items():
-                        needs.setdefault(name, []).append(value)
-                count += len(scenes)
+            assert scenes[0].road is not None
+            table = lane_cells(scenes[0].road)
+            wholes = [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes]
+            known.setdefault(site, []).append(known_scenes(table, inside, wholes))
+            for whole in wholes:
+                hardest = needed_deceleration(table, whole, whole).max(axis=1, initial=0.0)
+                for name, value in {"deceleration": hardest, **demands(table, whole)}.items():
+                    needs.setdefault(name, []).append(value)
     if not any(parts["train"]) or not any(parts["validation"]):
         raise TrackError("train scenes: needs scenes for training and for validation; give more recordings")
     tensors, loss = fit(
@@ -322,4 +325,5 @@ def train_scenes(
         report=report,
     )
     bounds = {name: float(np.quantile(np.concatenate(some), USUAL)) for name, some in needs.items()}
+    count = sum(len(scenes) for m in of_maps.values() for (_, part), scenes in m.items() if part == "train")
     return tensors, {"sites": sites, "scenes": count, "validation_loss": round(loss, 3), "bounds": bounds}
