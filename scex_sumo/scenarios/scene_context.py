@@ -23,11 +23,13 @@ USUAL_LENGTH_M = 4.5
 NEAR_M = (15.0, 40.0)
 TURN_M = (20.0, 60.0)  # ahead, over which a lane's turn is a feature
 FLOW_STEPS = 60
+CURVE_MPS2, BRAKE_MPS2 = 2.5, 1.5  # usual in curves, and towards and after them
+CURVES_M = np.arange(-40.0, 41.0, 10.0)  # around a place, at which curves count
 MIN_PACE_MPS = 1.0
 STANDING_MPS = 0.5
 
 ROAD_COLUMNS: Final = (
-    *("limit", "width", "bend", "turn_20", "turn_60", "turned_20", "lanes", "from_right", "from_left"),
+    *("free", "width", "bend", "turn_20", "turn_60", "turned_20", "lanes", "from_right", "from_left"),
     *("entry", "exit", "meeting_ahead", "meeting_behind", "stop_ahead", "light_ahead", "stop_behind"),
     *("flow_in", "flow_out", "conflicts"),
 )
@@ -204,7 +206,7 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
         return _log_least(_ways(relations, to, at, lane, s).T)
 
     columns = [
-        index.speed_limit[lane] / 10.0,
+        _free_speed(paths, lane, s, index.speed_limit[lane]) / 10.0,
         np.array([other.width_m for other in lanes])[lane],
         10.0 * np.abs(wrap(turned[4] - turned[3])),
         *(wrap(t - heading) for t in turned[:3]),
@@ -222,6 +224,16 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
         np.array([min(len(other.conflicts), 8) for other in lanes])[lane],
     ]
     return np.column_stack(columns).astype(np.float64)
+
+
+def _free_speed(paths: Paths, lane: IntArray, s: FloatArray, limit: FloatArray) -> FloatArray:
+    """Return speeds (n,) m/s without other traffic: the limit, less in curves, before and after them."""
+    squares = limit**2
+    for away in CURVES_M:
+        turned = wrap(_poses(paths, lane, s + away + 5.0)[2] - _poses(paths, lane, s + away - 5.0)[2])
+        curve = CURVE_MPS2 * 10.0 / np.maximum(np.abs(turned), 1e-3)
+        squares = np.minimum(squares, curve + 2.0 * BRAKE_MPS2 * abs(away))
+    return np.sqrt(squares)
 
 
 def _beside(table: list[int]) -> IntArray:
@@ -295,8 +307,27 @@ def place_features(
     ]
     if not count:
         far = np.log1p(FAR_M)
-        empty = [far, 1.0, 0, 0, far, 1.0, 40.0, 1.0, 40.0, 1.0, far, far, 1.0, 0, 0, 1.0, 0, 0, 1.0, 1.0, 0]
-        return np.hstack([fixed, np.tile([*empty, *whole, 60.0, 1.0], (n, 1))])
+        empty = [
+            far,
+            1.0,
+            0,
+            0,
+            far,
+            1.0,
+            *(np.log(41.0), 1.0) * 2,
+            far,
+            far,
+            1.0,
+            0,
+            0,
+            1.0,
+            0,
+            0,
+            1.0,
+            1.0,
+            0,
+        ]
+        return np.hstack([fixed, np.tile([*empty, *whole, np.log(61.0), 1.0], (n, 1))])
     ratio = others.speed / pace
     standing = (others.speed < STANDING_MPS).astype(np.float64)
     half = (others.length + USUAL_LENGTH_M) / 2
@@ -327,7 +358,8 @@ def place_features(
     for sign in (1, -1):
         best, way, there = nearest(np.where(side == sign, np.abs(beside), np.inf))
         there &= way < 40.0
-        columns += [np.where(there, beside[rows, best], 40.0), np.where(there, ratio[best], 1.0)]
+        lead_m = np.where(there, beside[rows, best], 40.0)
+        columns += [np.sign(lead_m) * np.log1p(np.abs(lead_m)), np.where(there, ratio[best], 1.0)]
     own = r.meeting[pair][..., 0] - s[:, None, None]
     other = r.meeting[pair][..., 1] - others.s[:, None]
     soon = np.where((own > -5) & (other > -5), np.maximum(own, 0) + np.maximum(other, 0), np.inf)
@@ -354,7 +386,7 @@ def place_features(
     front, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
     best, way, there = nearest(np.where((front > 0) & (aside < 1.5), front, np.inf))
     there &= way < 60.0
-    columns += [np.where(there, way, 60.0), np.where(there, ratio[best], 1.0)]
+    columns += [np.log1p(np.where(there, way, 60.0)), np.where(there, ratio[best], 1.0)]
     return np.hstack([fixed, np.column_stack(columns)])
 
 

@@ -24,11 +24,11 @@ ABOUT: Final = "scex_sumo"
 DRAWN: Final = ("length", "speed", "acceleration", "offset", "turn")
 """Quantities of a vehicle in the order of their draws, each given those before; speed over the mean one."""
 MOTION: Final = np.flatnonzero(
-    [name in (*SCENE_COLUMNS, "bend", "stop_ahead", "light_ahead") for name in COLUMNS]
+    [name in (*SCENE_COLUMNS, "free", "bend", "stop_ahead", "light_ahead") for name in COLUMNS]
 )
 """Features of a motion; with all of the road, motions at a new place are those of one recorded site."""
 LIKE_DENSITY, LIKE_ROAD, LIKE_PACE = 0.2, 0.15, 0.33  # widths of what is similar; of roads in spreads
-OVER_LIMIT = 1.3  # times the speed limit, the mean speed may be
+OVER_FREE = 1.3  # times the speed without other traffic, the mean speed may be
 KINDS: Final = ("car", "truck", "bus", "motorcycle")
 SHIPPED: Final = Path(__file__).parent / "data" / "scenes.safetensors"
 AGAIN: Final = "train again with: scex-sumo train scenes"
@@ -96,8 +96,8 @@ class SceneModel:
     def pace(self, road: FloatArray, density: float, rng: np.random.Generator) -> float:
         """Draw the mean speed, m/s: that of a recorded scene with similar roads and density.
 
-        It is scaled by what `usual_pace` says of both scenes. It is at most 1.3 times the speed limit, and
-        above the limit at most the highest recorded one.
+        It is scaled by what `usual_pace` says of both scenes. It is at most 1.3 times the speed without
+        other traffic, and above that at most the highest recorded one.
 
         Args:
             road: (R,) mean `ROAD_COLUMNS` of the lanes.
@@ -107,14 +107,14 @@ class SceneModel:
         dense = np.clip(np.log(density), scenes[:, 0].min(), scenes[:, 0].max())
         usual = usual_pace(np.vstack([scenes, [dense, 0.0, *road]]), slopes)
         scale = usual[-1] - usual[:-1]
-        spread = self.tensors["spread"][1 : len(road)]  # without the limit, which scales
+        spread = self.tensors["spread"][1 : len(road)]  # without the free speed, which scales
         roads = (((scenes[:, 3:] - road[1:]) / spread) ** 2).mean(axis=1)
         away = ((scenes[:, 0] - dense) / LIKE_DENSITY) ** 2
         away += roads / LIKE_ROAD**2 + (scale / LIKE_PACE) ** 2
         chosen = _choose(-away[None] / 2, rng)[0]
-        limit, fastest = 10.0 * road[0], float(np.exp(scenes[:, 1].max()))
+        free, fastest = 10.0 * road[0], float(np.exp(scenes[:, 1].max()))
         pace = float(np.exp(scenes[chosen, 1] + scale[chosen]))
-        return min(pace, OVER_LIMIT * limit, max(limit, fastest))
+        return min(pace, OVER_FREE * free, max(free, fastest))
 
     def count(self, total_m: float, rng: np.random.Generator) -> int:
         """Draw the number of vehicles on a length of lanes; at least 2, as recorded scenes have."""
@@ -125,14 +125,14 @@ class SceneModel:
 def usual_pace(scenes: FloatArray, slopes: FloatArray) -> FloatArray:
     """Return the logarithm of the mean speed (S,) that road and density let expect, up to a constant.
 
-    It is the speed limit, less for roads with many conflicts and for dense traffic.
+    It is the speed without other traffic, less for roads with many conflicts and for dense traffic.
 
     Args:
         scenes: (S, 2 + R) as in `SceneModel`.
         slopes: (2,) of `pace_terms`.
     """
-    limit = scenes[:, 2 + ROAD_COLUMNS.index("limit")]
-    return np.asarray(np.log(np.maximum(limit, 0.1)) + pace_terms(scenes) @ slopes)
+    free = scenes[:, 2 + ROAD_COLUMNS.index("free")]
+    return np.asarray(np.log(np.maximum(free, 0.1)) + pace_terms(scenes) @ slopes)
 
 
 def pace_terms(scenes: FloatArray) -> FloatArray:
