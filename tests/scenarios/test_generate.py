@@ -108,8 +108,8 @@ def test_an_unknown_mean_speed_is_that_of_a_similar_scene_scaled_by_the_road() -
     assert drawn_pace([sparse], 7.0, free=2.8) == pytest.approx(10.0)
     assert drawn_pace([sparse], 7.0, conflicts=1.0) == pytest.approx(2.5)
     assert drawn_pace([sparse, known(27.0, 5.0, conflicts=9.0)], 17.0) == pytest.approx(5.0 * np.exp(-0.1))
-    assert drawn_pace([known(7.0, 18.0)], 7.0, free=0.7) == pytest.approx(1.3 * 7.0)  # not 9 m/s
-    assert drawn_pace([known(7.0, 18.0)], 7.0, free=3.0) == pytest.approx(30.0)
+    assert drawn_pace([known(7.0, 20.0)], 7.0, free=0.7) == pytest.approx(1.3 * 7.0)  # not 10 m/s
+    assert drawn_pace([known(7.0, 20.0)], 7.0, free=3.0) == pytest.approx(30.0)
 
 
 def left_turn() -> Lanelet:
