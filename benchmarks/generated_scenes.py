@@ -5,9 +5,10 @@ python benchmarks/generated_scenes.py DATA/mona --scenes LEFT_OUT.safetensors --
 
 A scene has as many vehicles as a recorded one, in the region that the recording sees. SUMO populates the
 whole map as densely; its scenes are cut to that region. Distances are Wasserstein's of the values of all
-vehicles (conflicts: of all scenes), and the maximum mean discrepancy of scenes; the third number of a cell is
-that of the two halves of the recorded scenes, by time. A classifier tells generated scenes from recorded
-ones; recorded seconds that follow each other are in one fold.
+vehicles (conflicts: of all scenes), and the maximum mean discrepancy of scenes, those of generated ones on
+average over `--each` draws; the third number of a cell is that of the two halves of the recorded scenes, by
+time. A classifier tells generated scenes from recorded ones; recorded seconds that follow each other are in
+one fold.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
@@ -286,43 +286,53 @@ def main() -> None:
     )
     parser.add_argument("--synthetic", type=int, default=20, help="scenes of SUMO at each site; 0: none")
     parser.add_argument("--most", type=int, default=20, help="recorded scenes of each site")
+    parser.add_argument("--each", type=int, default=4, help="draws of all scenes, over which is averaged")
     parser.add_argument("--speed", type=float, help="mean speed of the traffic, m/s; default: drawn")
     parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     model = load_scenes(given.scenes)
-    sides: dict[str, list[tuple[Values, Values]]] = {"generated": [], "synthetic": []}
+    sides: dict[tuple[str, int], list[tuple[Values, Values]]] = {}
     ratios: list[dict[str, float]] = []
     print(f"| site | scenes | {' | '.join((*VALUES, 'MMD'))} |\n|---|---|{'---|' * (len(VALUES) + 1)}")
     for site in sites_of(given.roots, given.most, PARTS if given.left_out else ("test",)):
         if given.sites and not any(site.name.startswith(name) for name in given.sites):
             continue
         recorded = values_of_all(site, site.scenes)
-        scenes = [
-            generated_scene(
-                scene.road,
-                model,
-                vehicles=seen_vehicles(site, scene),
-                speed=given.speed,
-                number=k,
-                cells=site.cells(scene.road),
-            )
-            for k, scene in enumerate(site.scenes)
-            if scene.road is not None
+        draws = [
+            [
+                generated_scene(
+                    scene.road,
+                    model,
+                    vehicles=seen_vehicles(site, scene),
+                    speed=given.speed,
+                    seed=seed,
+                    number=k,
+                    cells=site.cells(scene.road),
+                )
+                for k, scene in enumerate(site.scenes)
+                if scene.road is not None
+            ]
+            for seed in range(given.each)
         ]
-        if given.picture is not None and len(scenes) >= 20:
-            draw(given.picture, {"recorded": site.scenes, "generated": scenes}, site.seen)
+        if given.picture is not None and len(draws[0]) >= 20:
+            draw(given.picture, {"recorded": site.scenes, "generated": draws[0]}, site.seen)
             given.picture = None
-        made = {"generated": values_of_all(site, scenes)}
+        made = {"generated": [values_of_all(site, scenes) for scenes in draws]}
         fewer = 0
         if given.synthetic:
-            made["synthetic"], fewer = synthetic(site, given.synthetic)
-        found: dict[str, Any] = {name: distances(recorded, values) for name, values in made.items() if values}
+            every, fewer = synthetic(site, given.synthetic)
+            made["synthetic"] = [every] if every else []
+        found: dict[str, dict[str, float]] = {}
+        for name, kinds in made.items():
+            each = [distances(recorded, values) for values in kinds]
+            if each:
+                found[name] = {key: float(np.mean([d[key] for d in each])) for key in each[0]}
+            for number, values in enumerate(kinds):
+                sides.setdefault((name, number), []).append((recorded, values))
         half = len(recorded) // 2
         if half:
             found["halves"] = distances(recorded[:half], recorded[half:])
-        for name, values in made.items():
-            sides[name].append((recorded, values))
         cells = [" / ".join(f"{d[name]:.2f}" for d in found.values()) for name in (*VALUES, "MMD")]
         note = f" ({fewer} with fewer vehicles)" if fewer else ""
         print(f"| {site.name} | {len(recorded)}{note} | {' | '.join(cells)} |", flush=True)
@@ -332,9 +342,11 @@ def main() -> None:
     if ratios:
         medians = [f"{np.median([r[name] for r in ratios]):.2f}" for name in ratios[0]]
         print(f"| median ratio | | {' | '.join(medians)} |")
-    for name, pairs in sides.items():
-        if pairs and sum(len(p[0]) for p in pairs) > 10 * BLOCK:
-            print(f"AUC of {name} against recorded: {area_under_curve(pairs):.2f}")
+    for name in dict.fromkeys(name for name, _ in sides):
+        draws_of = [pairs for (of, _), pairs in sides.items() if of == name]
+        if sum(len(recorded) for recorded, _ in draws_of[0]) > 10 * BLOCK:
+            curve = np.mean([area_under_curve(pairs) for pairs in draws_of])
+            print(f"AUC of {name} against recorded: {curve:.2f}")
 
 
 if __name__ == "__main__":

@@ -223,7 +223,7 @@ def generated() -> None:
         title: [scex.synthetic_seed(path, vehicles=12, like=like, seed=k) for k in range(20)]
         for title, like in (("generate", "recorded"), ("SUMO's demand", "sumo"))
     }
-    draw(IMAGES / "generated.png", sides, {path.stem: shapely.box(900.0, 900.0, 1100.0, 1100.0)})
+    draw(IMAGES / "generated.png", sides, {path.stem: shapely.box(930.0, 930.0, 1070.0, 1070.0)})
 
 
 def metrics() -> None:

@@ -173,7 +173,7 @@ def _motion(table: LaneCells, vehicles: Placed) -> States:
 
 def _free(table: LaneCells, tries: Placed, others: Placed, motion: States, most_mps2: float) -> BoolArray:
     """Return (n,) whether each of the tried vehicles keeps off the others, and none must brake hard."""
-    free = (needed_deceleration(table, tries, others) <= most_mps2).all(axis=1)
+    free = np.asarray((needed_deceleration(table, tries, others) <= most_mps2).all(axis=1))
     own = _motion(table, tries)
     one, two = np.nonzero(np.broadcast_to(free[:, None], (len(free), len(others.lane))))
     way = own.speed.max(axis=1)[one] + motion.speed.max(axis=1)[two]
