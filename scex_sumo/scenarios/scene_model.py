@@ -112,7 +112,7 @@ class SceneModel:
         away = ((scenes[:, 0] - dense) / LIKE_DENSITY) ** 2
         away += roads / LIKE_ROAD**2 + (scale / LIKE_PACE) ** 2
         chosen = _choose(-away[None] / 2, rng)[0]
-        free, fastest = 10.0 * road[0], float(np.exp(scenes[:, 1].max()))
+        free, fastest = float(10.0 * road[0]), float(np.exp(scenes[:, 1].max()))
         pace = float(np.exp(scenes[chosen, 1] + scale[chosen]))
         return min(pace, OVER_FREE * free, max(free, fastest))
 
