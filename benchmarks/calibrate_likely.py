@@ -8,7 +8,8 @@ it did beyond what `LikelyDriver` asks of it (its leader as it really drove) is 
 its own in each of three seconds, by least squares over the 30 steps. By class of speed these are regressed on
 what the seed scene shows (ridge), and what is left gives the scale of a Student distribution of four degrees:
 its quartiles' width by direction, so that a few mistracked vehicles do not set it. Headways, starts from
-standing, stops of creeping vehicles, offsets from the path, lane changes and the choice of path are counted from the same vehicles.
+standing, stops of creeping vehicles, offsets from the path, lane changes and the choice of path are counted
+from the same vehicles.
 """
 
 from __future__ import annotations

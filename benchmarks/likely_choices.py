@@ -13,8 +13,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.driving.seed_state import estimated_scene
-from scex_sumo.behaviors.models.likely_lanes import USUAL_M, change_features
 from scex_sumo.behaviors.models.idm import HABIT_STEPS
+from scex_sumo.behaviors.models.likely_lanes import USUAL_M, change_features
 from scex_sumo.behaviors.models.likely_observations import (
     CREEPING_MPS,
     STANDING_MPS,

@@ -55,9 +55,8 @@ def start_features(
 ) -> FloatArray:
     """Return (n, 5) features of the rate of starting.
 
-    1; creeping speed over `STANDING_MPS`; near leader moves off; no near leader; near leader stands behind one
-    that moves off (``wave``). A leader moves off if it can have stood at its place in the queue; a faster one
-    passes.
+    1; creeping speed over `STANDING_MPS`; near leader moves off; no near leader; near leader stands behind
+    one that moves off (``wave``). A leader that cannot have stood in the queue does not move off: it passes.
     """
     near, stands = gap_m < QUEUE_M, np.abs(leader_speed_mps) <= STANDING_MPS
     moves = ~stands & (leader_speed_mps > 0) & (leader_speed_mps**2 < 2 * MOVING_OFF_MPS2 * gap_m)
@@ -235,7 +234,7 @@ class PathObservations:
     headway: FloatArray  # beyond the minimum gap, s
     across: FloatArray  # (P, 3) lateral motion of the rear axle: m, left positive; m/s; m/s²
     # (P, 9) 1, shown acceleration, that of the model, speed difference to the leader, lag, leader's
-    # acceleration, limit minus speed, speed difference to the leader's leader, acceleration of the others around
+    # acceleration, limit minus speed, speed difference to the leader's leader, acceleration around
     features: FloatArray
     unsure: FloatArray  # (P, 3) scatter, size of the acceleration, leader near or not
 

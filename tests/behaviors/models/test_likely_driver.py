@@ -118,7 +118,7 @@ def test_a_leader_that_passes_does_not_begin_a_start() -> None:
 
 
 def test_vehicles_around_show_what_a_driver_will_do() -> None:
-    # The leader's leader is faster, and the others around speed up; the vehicle and its leader do not show it.
+    # The leader's leader is faster, or speeds up; the vehicle and its leader do not show it.
     where, ways = roads.straight(), []
     for second, gain in ((10.0, 0.0), (14.0, 0.0), (10.0, 1.5)):
         scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (125.0, 0.0, 0.0, 10.0), (150.0, 0.0, 0.0, second))
