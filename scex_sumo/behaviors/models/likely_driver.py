@@ -74,10 +74,7 @@ MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
-STOP_S, STOP_SPREAD = (
-    2.2,
-    0.4,
-)  # median time in which a creeping vehicle comes to rest, spread of its logarithm
+STOP_S, STOP_SPREAD = 2.2, 0.4  # median time in which creeping vehicles come to rest, and log spread
 # Mean times to the start behind a leader that moves off, and of others; time for which the rate counts.
 FOLLOW_S, WAVE_S, STARTING_S = 0.5, 1.0, 4.0
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
@@ -205,13 +202,10 @@ class LikelyDriver:
         """Return (n,) times in which creeping vehicles come to rest, s; inf for others."""
         shown, spread = last_second(history.scene), min(self.profile.spread, 1.0)
         speed = shown.speed[who.vehicle]
-        odds = (
-            self.population.stop
-            @ stop_features(
-                speed, shown.acceleration[who.vehicle], observed.gap[row], observed.leader_speed[row]
-            ).T
+        features = stop_features(
+            speed, shown.acceleration[who.vehicle], observed.gap[row], observed.leader_speed[row]
         )
-        share = 1 / (1 + np.exp(-odds))
+        share = 1 / (1 + np.exp(-features @ self.population.stop))
         draw = draw if spread else np.full_like(draw, 0.5)
         stops = (speed >= STANDING_MPS) & (speed < CREEPING_MPS) & (draw < share)
         time_s = STOP_S * np.exp(spread * STOP_SPREAD * ndtri(np.where(stops, draw / share, 0.5)))
@@ -335,9 +329,9 @@ def _acceleration(
     headway = effective_headway(history.states.speed[who.child, who.vehicle, -1], leaders, drivers)
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
-    crawl = np.where(stood, motion[0] * drivers.crawl, 0.0)
+    crawl = np.where(stood, np.minimum(motion[0] * drivers.crawl, STANDING_MPS), 0.0)
     # It brakes until it stands; from then on, it waits as others do that stand.
-    stops = history.step * STEP_S < np.where(np.isinf(drivers.stop_s), 0.0, drivers.stop_s)
+    stops = np.isfinite(drivers.stop_s) & (history.step * STEP_S < drivers.stop_s)
     no_gap = np.full_like(away, np.inf)
     # Nobody follows at such a headway: it is a trailer, or a box is too long.
     tow, there = np.minimum(drivers.gap, 1e3), np.minimum(leaders.gap, 1e3)
