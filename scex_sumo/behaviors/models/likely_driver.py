@@ -76,7 +76,7 @@ TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and sp
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
 STOP_S, STOP_SPREAD = 2.2, 0.4  # median time in which creeping vehicles come to rest, and log spread
 # Mean times to the start behind a leader that moves off, and of others; time for which the rate counts.
-FOLLOW_S, WAVE_S, STARTING_S = 0.5, 1.0, 4.0
+FOLLOW_S, WAVE_S, STARTING_S = 0.5, 1.5, 4.0
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 
 
