@@ -8,7 +8,8 @@ it did beyond what `LikelyDriver` asks of it (its leader as it really drove) is 
 its own in each of three seconds, by least squares over the 30 steps. By class of speed these are regressed on
 what the seed scene shows (ridge), and what is left gives the scale of a Student distribution of four degrees:
 its quartiles' width by direction, so that a few mistracked vehicles do not set it. Headways, starts from
-standing, offsets from the path, lane changes and the choice of path are counted from the same vehicles.
+standing, stops of creeping vehicles, offsets from the path, lane changes and the choice of path are counted
+from the same vehicles.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from likely_accelerations import BRAKING, HABIT_S, NODES, SPEED_EDGES, accelerations_of, headway_of, settled
-from likely_choices import changes_of, offsets_of, paths_of, starts_of
+from likely_choices import changes_of, comes_to_rest, offsets_of, paths_of, starts_of, stops_of
 from likely_samples import Manner, joined, kept, weighted
 from recorded_scenes import EVERY_S, recorded_parts, smoothed
 
@@ -58,7 +59,7 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         for part, noise, same in zip(sets.values(), noisy, found, strict=True)
     ]
     both, share = weighted([*found, *calm])
-    moving = both.speed >= STANDING_MPS
+    moving = (both.speed >= STANDING_MPS) & ~comes_to_rest(both)
     driving, share = both.part(moving), share[moving]
     begun = dataclasses.replace(population(), headway=log_headway, braking=BRAKING, habit_s=HABIT_S)
     manner = Manner.of(driving.headway, begun, np.zeros((len(driving.speed), 2)))
@@ -82,6 +83,7 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         "skew": known.skew.round(4).tolist(),
         "headway": [round(v, 4) for v in log_headway],
         "start": starts_of(samples, weight).round(4).tolist(),
+        "stop": stops_of(samples, weight).round(4).tolist(),
         "habit_s": HABIT_S,
         "braking": [round(v, 4) for v in BRAKING],
         "keeps_side": keeps_side.round(4).tolist(),

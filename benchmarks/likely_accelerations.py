@@ -92,7 +92,7 @@ def headway_of(samples: Samples) -> tuple[float, float]:
 def accelerations_of(
     samples: Samples, manner: Manner, importance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means (K, 3, 7) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
+    """Means (K, 3, 9) and roots (K, 3, 3) of what drivers add, by class of speed, and (3,) what spreads it.
 
     Expectation and maximisation of a Student distribution: means, scale matrices and spreads in turn.
     """

@@ -13,8 +13,15 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.driving.seed_state import estimated_scene
+from scex_sumo.behaviors.models.idm import HABIT_STEPS
 from scex_sumo.behaviors.models.likely_lanes import USUAL_M, change_features
-from scex_sumo.behaviors.models.likely_observations import STANDING_MPS, path_features, start_features
+from scex_sumo.behaviors.models.likely_observations import (
+    CREEPING_MPS,
+    STANDING_MPS,
+    path_features,
+    start_features,
+    stop_features,
+)
 from scex_sumo.behaviors.models.population import ASIDE_S, DEGREES, MAX_ASIDE_M, spread_of, way_across
 from scex_sumo.scene import STEP_S, SeedScene
 
@@ -24,6 +31,7 @@ NEAR_LANE_M = 1.3
 HALF_WAY_M = 1.0
 WEAK = 1e-4  # a prior for weights of 0
 QUARTILE = 0.741  # of the Student distribution of four degrees
+AT_REST_MPS = 0.3
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
 
 
@@ -108,6 +116,31 @@ def starts_of(samples: Samples, weight: FloatArray) -> FloatArray:
 
     w = minimize(cost, np.array([-3.0, *np.zeros(x.shape[1] - 1)]), method="BFGS").x
     print(f"standing: {len(x)} vehicles, {went.sum()} start, log rates {w.round(2)}")
+    return np.asarray(w)
+
+
+def comes_to_rest(samples: Samples) -> BoolArray:
+    """(n,) which creeping vehicles stand after 3 s."""
+    creeps = (samples.speed >= STANDING_MPS) & (samples.speed < CREEPING_MPS)
+    last = (samples.way[:, -1] - samples.way[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    return creeps & (last < AT_REST_MPS)
+
+
+def stops_of(samples: Samples, weight: FloatArray) -> FloatArray:
+    """Weights of `stop_features` for the log odds of coming to rest: logistic regression."""
+    creeps = (samples.speed >= STANDING_MPS) & (samples.speed < CREEPING_MPS)
+    x = stop_features(samples.speed, samples.acceleration, samples.gap[:, 0], samples.leader_speed[:, 0])[
+        creeps
+    ]
+    rests, each = comes_to_rest(samples)[creeps], weight[creeps] / weight[creeps].mean()
+    penalty = np.array([0.0, *np.ones(x.shape[1] - 1)]) / 10
+
+    def cost(w: FloatArray) -> float:
+        odds = x @ w
+        return float((each * (np.logaddexp(0.0, odds) - rests * odds)).sum() + penalty @ w**2)
+
+    w = minimize(cost, np.zeros(x.shape[1]), method="BFGS").x
+    print(f"creeping: {len(x)} vehicles, {rests.sum()} stop, weights {w.round(2)}")
     return np.asarray(w)
 
 

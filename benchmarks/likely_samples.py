@@ -67,7 +67,7 @@ class Samples:
         leader_speed: (n, 31) m/s.
         headway: (n,) shown, s, as in `PathObservations`.
         across: (n, 3) likewise.
-        features: (n, 7) shown, as in `PathObservations`.
+        features: (n, 9) shown, as in `PathObservations`.
         unsure: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.

@@ -25,6 +25,7 @@ _UNIFORM = (
     (DRIVER, 9, _NOTHING),
     (DRIVER, 10, ("", "creeps")),
     (DRIVER, 11, ("changes to the left", "changes to the right")),
+    (DRIVER, 12, ("stops", "")),
     (PATH, 0, _NOTHING),
     (STARTS, 0, ("starts", "keeps standing")),
     (START, 0, ("starts late", "starts early")),

@@ -31,6 +31,7 @@ from scex_sumo.behaviors.models.idm import (
 )
 from scex_sumo.behaviors.models.likely_lanes import change_shares, change_to, lanes_beside
 from scex_sumo.behaviors.models.likely_observations import (
+    CREEPING_MPS,
     STANDING_MPS,
     PathObservations,
     behind_a_wave,
@@ -43,6 +44,7 @@ from scex_sumo.behaviors.models.likely_observations import (
     room_beside,
     side_shown,
     start_features,
+    stop_features,
 )
 from scex_sumo.behaviors.models.population import (
     FAR_M,
@@ -72,7 +74,9 @@ MAX_SPREAD = 100
 CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
-WAVE_S, STARTING_S = 1.0, 4.0  # mean time from the leader's start, and time for which the rate counts
+STOP_S, STOP_SPREAD = 2.2, 0.4  # median time in which creeping vehicles come to rest, and log spread
+# Mean times to the start behind a leader that moves off, and of others; time for which the rate counts.
+FOLLOW_S, WAVE_S, STARTING_S = 0.5, 1.5, 4.0
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 
 
@@ -108,6 +112,7 @@ class Drivers:
     additional: FloatArray  # (n, 3) m/s²
     aside: FloatArray  # (n, 31) wanted offset from the path, m, left positive
     crawl: FloatArray  # (n,) factor on the speed of a standing vehicle
+    stop_s: FloatArray  # (n,) time in which a creeping vehicle comes to rest, s; inf: it does not
     leader: IntArray  # (n,) column of the leader in the seed scene
     gap: FloatArray  # (n,) to that leader in the seed scene, m
     opening: FloatArray  # (n,) its speed in the seed scene beyond that of the vehicle, m/s
@@ -159,7 +164,7 @@ class LikelyDriver:
     def _drivers(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> Drivers:
-        drawn = uniforms(history.route_draw[who.child, who.vehicle], 12, DRIVER)
+        drawn = uniforms(history.route_draw[who.child, who.vehicle], 13, DRIVER)
         spread, people = self.profile.spread, self.population
         observed, speed = observations_of(history.scene, paths), last_second(history.scene).speed[who.vehicle]
         headway = np.exp(people.headway[0] + spread * people.headway[1] * ndtri(drawn[:, 5]))
@@ -178,12 +183,33 @@ class LikelyDriver:
             braking=braking,
             aside=way_across(observed.across[row], side, time_s),
             crawl=1 + np.minimum(spread, 1.0) * (2 * drawn[:, 10] - 1),
+            stop_s=self._stops(history, who, observed, row, drawn[:, 12]),
             leader=observed.leader[row],
             gap=observed.gap[row] - observed.slack[row],
             opening=observed.leader_speed[row] - speed,
             slack=observed.slack[row],
             habit=_habit(history, who, observed, row, headway, braking),
         )
+
+    def _stops(
+        self,
+        history: SceneHistory,
+        who: VehicleIndex,
+        observed: PathObservations,
+        row: IntArray,
+        draw: FloatArray,
+    ) -> FloatArray:
+        """Return (n,) times in which creeping vehicles come to rest, s; inf for others."""
+        shown, spread = last_second(history.scene), min(self.profile.spread, 1.0)
+        speed = shown.speed[who.vehicle]
+        features = stop_features(
+            speed, shown.acceleration[who.vehicle], observed.gap[row], observed.leader_speed[row]
+        )
+        share = 1 / (1 + np.exp(-features @ self.population.stop))
+        draw = draw if spread else np.full_like(draw, 0.5)
+        stops = (speed >= STANDING_MPS) & (speed < CREEPING_MPS) & (draw < share)
+        time_s = STOP_S * np.exp(spread * STOP_SPREAD * ndtri(np.where(stops, draw / share, 0.5)))
+        return np.where(stops, time_s, np.inf)
 
     def _side(
         self,
@@ -229,10 +255,12 @@ class LikelyDriver:
             starts, draw = np.full_like(draw, 0.5), np.full_like(draw, 0.5)
         queue = queue_leaders(history.scene, paths)
         wave = behind_a_wave(history.now.speed, leaders, who.child, queue)
-        rate = np.exp(start_features(speed[:, -1], leaders.gap, leaders.speed, wave) @ self.population.start)
+        features = start_features(speed[:, -1], leaders.gap, leaders.speed, wave)
+        rate = np.exp(features @ self.population.start)
+        mean_s = np.where(features[:, 2] > 0, FOLLOW_S, WAVE_S)
         # The fitted rate says how many start soon; those that do follow the wave.
         # Waiting has no memory: draws of successive plans give one exponential time in all.
-        wait = np.where(starts < 1 - np.exp(-rate * STARTING_S), -WAVE_S * np.log(draw), np.inf)
+        wait = np.where(starts < 1 - np.exp(-rate * STARTING_S), -mean_s * np.log(draw), np.inf)
         return np.where(stands, wait, 0.0)
 
 
@@ -301,7 +329,9 @@ def _acceleration(
     headway = effective_headway(history.states.speed[who.child, who.vehicle, -1], leaders, drivers)
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
     away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
-    crawl = np.minimum(motion[0] * drivers.crawl, STANDING_MPS)
+    crawl = np.where(stood, np.minimum(motion[0] * drivers.crawl, STANDING_MPS), 0.0)
+    # It brakes until it stands; from then on, it waits as others do that stand.
+    stops = np.isfinite(drivers.stop_s) & (history.step * STEP_S < drivers.stop_s)
     no_gap = np.full_like(away, np.inf)
     # Nobody follows at such a headway: it is a trailer, or a box is too long.
     tow, there = np.minimum(drivers.gap, 1e3), np.minimum(leaders.gap, 1e3)
@@ -343,6 +373,7 @@ def _acceleration(
             HARDEST_MPS2,
             np.where(sees | (v < leaders.speed) | (gap > FAR_M), STRONGEST_MPS2, 0.0),
         )
+        a = np.where(stops, np.minimum(a, -motion[0] / drivers.stop_s), a)
         a = np.where(towed, pulled + 2 * (leaders.speed + pulled * step * STEP_S - v) + gap_to_tow - tow, a)
         apart = (there - tow - travelled)[follower] + travelled[puller]
         a[follower] = a[puller] + 2 * (v[puller] - v[follower]) + apart

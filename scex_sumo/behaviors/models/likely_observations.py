@@ -27,6 +27,7 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 STANDING_MPS = 0.5
+CREEPING_MPS = 3.0  # a slower vehicle that does not stand may come to rest
 HALF_TRUST_MPS2 = 0.7  # scatter of accelerations at which a measured one counts by half
 MAX_SCATTER_MPS2 = 0.7
 LASTING_MPS2, LARGE_MPS2 = 0.5, 1.0  # shown accelerations count by at most LARGE² / hypot(scatter, LASTING)
@@ -36,6 +37,7 @@ MARGIN_M = -0.2  # measured boxes of vehicles side by side may touch
 BESIDE_M = 8.0  # along the way; a nearer vehicle next to the way is beside
 MAX_ROOM_M = 3.0  # more room beside a vehicle makes no difference
 MAX_SPEED_MPS = 20.0  # nor does a higher speed
+MOVING_OFF_MPS2, WAVE_MPS = 2.4, 3.0  # largest acceleration and speed of a vehicle that leaves a queue
 QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
 COUPLED_M = 2.0  # least gap assumed between a vehicle and a leader at the same speed
 COUPLED_MPS = (3.0, 5.0)  # at least this speed, and at most this difference
@@ -43,6 +45,9 @@ MAX_SLACK_M = 4.0
 TRACKED_TWICE_M, APART_M = 1.0, 1000.0  # overlap of two boxes along the way, and the slack for it
 EXTRA_BRAKING_MPS2 = 0.8  # limit beyond the necessary braking for a leader; set by CRPS
 MIN_ROOM_M = 0.1
+AROUND_M = 30.0  # vehicles around count by exp(-distance / AROUND_M), and together less than 1
+DOUBT_AROUND = 0.5  # weight of no acceleration among theirs
+SAME_WAY = 0.8  # cosine of the difference of headings
 
 
 def start_features(
@@ -50,12 +55,25 @@ def start_features(
 ) -> FloatArray:
     """Return (n, 5) features of the rate of starting.
 
-    1; creeping speed over `STANDING_MPS`; near leader moves off; no near leader; near leader stands behind a
-    moving one (``wave``).
+    1; creeping speed over `STANDING_MPS`; near leader moves off; no near leader; near leader stands behind
+    one that moves off (``wave``). A leader that cannot have stood in the queue does not move off: it passes.
     """
-    near, moves = gap_m < QUEUE_M, leader_speed_mps > STANDING_MPS
+    near, stands = gap_m < QUEUE_M, np.abs(leader_speed_mps) <= STANDING_MPS
+    moves = ~stands & (leader_speed_mps > 0) & (leader_speed_mps**2 < 2 * MOVING_OFF_MPS2 * gap_m)
     creep = np.clip(speed_mps / STANDING_MPS, 0.0, 1.0)
-    return np.column_stack([np.ones_like(gap_m), creep, near & moves, ~near, near & ~moves & wave])
+    return np.column_stack([np.ones_like(gap_m), creep, near & moves, ~near, near & stands & wave])
+
+
+def stop_features(
+    speed_mps: FloatArray, acceleration_mps2: FloatArray, gap_m: FloatArray, leader_speed_mps: FloatArray
+) -> FloatArray:
+    """Return (n, 5) features of the log odds that a creeping vehicle comes to rest.
+
+    1; speed; shown acceleration; near leader or not; its speed beyond that of the vehicle.
+    """
+    near = gap_m < QUEUE_M
+    opening = np.where(near, np.clip(leader_speed_mps - speed_mps, -CREEPING_MPS, CREEPING_MPS), 0.0)
+    return np.column_stack([np.ones_like(speed_mps), speed_mps, acceleration_mps2, near, opening])
 
 
 @owner_cache
@@ -67,7 +85,7 @@ def queue_leaders(scene: SeedScene, paths: SeedPaths) -> IntArray:
 
 
 def behind_a_wave(speed_mps: FloatArray, leaders: Leaders, child: IntArray, queue: IntArray) -> BoolArray:
-    """Return (n,) whether the leader's leader moves.
+    """Return (n,) whether the leader's leader moves off.
 
     Args:
         speed_mps: (C, V) present speeds.
@@ -75,7 +93,8 @@ def behind_a_wave(speed_mps: FloatArray, leaders: Leaders, child: IntArray, queu
     """
     first = np.where((leaders.index >= 0) & (leaders.index < len(queue)), leaders.index, 0)
     second = np.where(leaders.index == first, queue[first], -1)
-    return (second >= 0) & (speed_mps[child, np.maximum(second, 0)] > STANDING_MPS)
+    speed = speed_mps[child, np.maximum(second, 0)]
+    return (second >= 0) & (speed > STANDING_MPS) & (speed < WAVE_MPS)
 
 
 def leaders_of(
@@ -165,6 +184,17 @@ def last_second(scene: SeedScene) -> LastSecond:
 
 
 @owner_cache
+def acceleration_around(scene: SeedScene) -> FloatArray:
+    """Return (V,) weighted mean accelerations of the other vehicles around that move the same way, m/s²."""
+    speed, now = scene.history.speed, scene.now
+    time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
+    moves = (now.speed > STANDING_MPS) & (np.cos(now.heading - now.heading[:, None]) > SAME_WAY)
+    weight = moves * np.exp(-np.hypot(now.x - now.x[:, None], now.y - now.y[:, None]) / AROUND_M)
+    np.fill_diagonal(weight, 0.0)
+    return np.asarray(weight @ (speed @ time / (time @ time)) / (weight.sum(axis=1) + DOUBT_AROUND))
+
+
+@owner_cache
 def room_beside(scene: SeedScene) -> FloatArray:
     """Return (V, 2) room to vehicles on the right and left, m."""
     now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + BESIDE_M
@@ -203,8 +233,8 @@ class PathObservations:
     curve: FloatArray  # speed that the curves ahead allow a moment later, m/s
     headway: FloatArray  # beyond the minimum gap, s
     across: FloatArray  # (P, 3) lateral motion of the rear axle: m, left positive; m/s; m/s²
-    # (P, 7) 1, shown acceleration, that of the model, speed difference to the leader, lag, leader's
-    # acceleration, limit minus speed
+    # (P, 9) 1, shown acceleration, that of the model, speed difference to the leader, lag, leader's
+    # acceleration, limit minus speed, speed difference to the leader's leader, acceleration around
     features: FloatArray
     unsure: FloatArray  # (P, 3) scatter, size of the acceleration, leader near or not
 
@@ -236,6 +266,8 @@ def observations_of(scene: SeedScene, paths: SeedPaths) -> PathObservations:
         (shown.lag[vehicle], -2.0, 2.0),
         (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
         (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
+        (_second_opening(scene, paths, leaders, near, shown.speed, speed), -8.0, 8.0),
+        (acceleration_around(scene)[vehicle], -3.0, 3.0),
     )
     scatter = _capped(shown.scatter[vehicle])
     first, last = row * paths.samples, paths.samples - 1
@@ -286,6 +318,21 @@ def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatAr
     """Return (P,) values of near leaders from (V,) values, else 0."""
     is_vehicle = near & (leaders.index >= 0) & (leaders.index < len(values))
     return np.where(is_vehicle, values[np.where(is_vehicle, leaders.index, 0)], 0.0)
+
+
+def _second_opening(
+    scene: SeedScene,
+    paths: SeedPaths,
+    leaders: Leaders,
+    near: BoolArray,
+    speeds: FloatArray,
+    speed: FloatArray,
+) -> FloatArray:
+    """Return (P,) speed differences to the near leaders of near leaders, m/s; 0 without."""
+    straight = paths.first + paths.straight
+    second = np.where(near & (leaders.index < scene.vehicles), leaders.index, -1)[straight]
+    there = _of_leader(leaders, near, (second >= 0).astype(np.float64))
+    return there * (_of_leader(leaders, near, speeds[second]) - speed)
 
 
 def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:

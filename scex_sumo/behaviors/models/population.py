@@ -32,7 +32,7 @@ class Population:
     """Distribution of drivers."""
 
     speed_edges: FloatArray  # (K - 1,) m/s between the K classes by speed in the seed scene
-    # (K, 3, 7) weights of ``features`` for the expected additional acceleration in three seconds, m/s²
+    # (K, 3, 9) weights of ``features`` for the expected additional acceleration in three seconds, m/s²
     mean: FloatArray
     # (K, 3, 3) lower triangular root of the scale matrix, m/s²
     root: FloatArray
@@ -43,6 +43,7 @@ class Population:
     braking: tuple[float, float]  # the same of the deceleration for a leader, m/s²
     habit_s: float  # time constant of the shown acceleration
     start: FloatArray  # (5,) weights of `start_features` for the log rate, 1/s
+    stop: FloatArray  # (5,) weights of `stop_features` for the log odds
     keeps_side: FloatArray  # (3,) weights of ``across`` for the offset after `ASIDE_S`
     side_m: float  # scale of the deviation, m
     side_noise: FloatArray  # (1,) its growth with ``side_shown``, see `spread_of`
@@ -94,6 +95,7 @@ def population() -> Population:
         "change_to",
         "path",
         "start",
+        "stop",
     )
     return Population(
         **{name: np.array(given[name]) for name in arrays},

@@ -15,12 +15,15 @@ from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, idm_accele
 from scex_sumo.behaviors.models.likely_driver import Drivers, LikelyDriver, LikelyProfile, effective_headway
 from scex_sumo.behaviors.models.likely_observations import (
     EXTRA_BRAKING_MPS2,
+    acceleration_around,
+    behind_a_wave,
     demanded_acceleration,
     last_second,
     observations_of,
     path_edges,
     room_beside,
     side_shown,
+    start_features,
 )
 from scex_sumo.behaviors.models.population import (
     node_shares,
@@ -31,6 +34,7 @@ from scex_sumo.behaviors.models.population import (
     way_across,
 )
 from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.scene import SeedScene
 from tests.behaviors import roads
 
 DRIVER = LikelyDriver(LikelyProfile())
@@ -82,6 +86,48 @@ def test_a_vehicle_that_crawls_goes_on_crawling() -> None:
     made = roads.plan(DRIVER, where, roads.present(scene, 50, np.column_stack([DRAW, DRAW[::-1]])))
     way = made.x[::2, 29] - 100.0
     assert 0.5 < np.median(way) < 1.3  # 0.9 m at 0.3 m/s
+
+
+def slowing(scene: SeedScene, change: float) -> SeedScene:
+    """Let the first vehicle change its speed in the last second by so much, m/s."""
+    speed = scene.history.speed.copy()
+    speed[0] -= change * np.linspace(1.0, 0.0, 11)
+    return replace(scene, history=replace(scene.history, speed=speed))
+
+
+@pytest.mark.parametrize(("change", "least", "most"), [(-0.8, 0.5, 1.0), (0.8, 0.0, 0.1)])
+def test_creeping_vehicles_come_to_rest_if_they_slow_down(change: float, least: float, most: float) -> None:
+    where = roads.straight()
+    scene = slowing(roads.scene_of((100.0, 0.0, 0.0, 1.0), (111.0, 0.0, 0.0, 0.6)), change)
+    made = roads.plan(DRIVER, where, roads.present(scene, 50, np.column_stack([DRAW, DRAW[::-1]])))[::2]
+    rests = made.speed[:, -1] < 0.05
+    assert least <= rests.mean() <= most
+    # They stop within a few metres, and not all at the same place.
+    assert (made.x[rests, -1] < 103.0).all() and (not rests.any() or np.ptp(made.x[rests, -1]) > 0.3)
+
+
+def test_a_leader_that_passes_does_not_begin_a_start() -> None:
+    # Standing; moving off; much faster than a vehicle can be that stood 4 m ahead; coming closer.
+    leader = np.array([0.0, 2.0, 10.0, -4.0])
+    found = start_features(np.zeros(4), np.full(4, 4.0), leader, np.ones(4, dtype=bool))
+    assert found[:, 2].tolist() == [0, 1, 0, 0]
+    assert found[:, 4].tolist() == [1, 0, 0, 0]
+    leaders = Leaders(gap=np.full(2, 4.0), speed=np.zeros(2), index=np.array([1, 1]))
+    speed, queue = np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 9.0]]), np.array([1, 2, -1])
+    assert behind_a_wave(speed, leaders, np.array([0, 1]), queue).tolist() == [True, False]
+
+
+def test_vehicles_around_show_what_a_driver_will_do() -> None:
+    # The leader's leader is faster, or speeds up; the vehicle and its leader do not show it.
+    where, ways = roads.straight(), []
+    for second, gain in ((10.0, 0.0), (14.0, 0.0), (10.0, 1.5)):
+        scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (125.0, 0.0, 0.0, 10.0), (150.0, 0.0, 0.0, second))
+        speed = scene.history.speed.copy()
+        speed[2] += gain * np.linspace(-1.0, 0.0, 11)
+        scene = replace(scene, history=replace(scene.history, speed=speed))
+        assert acceleration_around(scene)[0] == pytest.approx(gain * 0.17, abs=0.1)
+        ways.append(roads.plan(DRIVER, where, roads.present(scene, 50, np.tile(DRAW[:, None], 3))).x[::3, 29])
+    assert min((ways[1] - ways[0]).mean(), (ways[2] - ways[0]).mean()) > 0.05
 
 
 def test_ways_across_begin_as_shown_and_end_where_the_driver_wants_to_be() -> None:
@@ -194,6 +240,7 @@ def test_a_new_leader_is_followed_at_no_more_than_the_headway_that_it_leaves() -
         additional=np.zeros((2, 3)),
         aside=np.zeros((2, 31)),
         crawl=some,
+        stop_s=some,
         leader=np.array([1, 1]),
         gap=np.zeros(2),
         opening=np.zeros(2),
