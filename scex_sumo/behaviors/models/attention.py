@@ -38,7 +38,7 @@ ONSET_MPS2, ONSET_SPREAD = 0.8, 0.4  # needed braking from which drivers respond
 # From the corner of the eye, drivers notice a leader that looms, but late (Lamble, Laakso, Summala 1999).
 LOOMING_MPS2, LOOMING_S, UNSEEN_S = 3.0, 1.5, 0.8  # the last one for drivers that look away
 LOOMING_FACTOR = 1.6  # then they brake harder than needed by this
-SAFE_ONSET = 4.0  # factor on the onset for vehicles that are missed with constant velocity and heading
+SAFE_ONSET = 3.0  # factor on the onset for vehicles that are missed with constant velocity and heading
 MORE_THAN_NEEDED = 1.2
 BESIDE_M = 0.3  # between boxes beside each other
 MAX_SLOPE = 0.3  # of the way across over the way along

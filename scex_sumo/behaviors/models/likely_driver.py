@@ -75,8 +75,7 @@ CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
 TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
 QUEUE_GAP_M = 0.5  # smallest gap for crawling
 STOP_S, STOP_SPREAD = 2.2, 0.4  # median time in which creeping vehicles come to rest, and log spread
-# Mean times to the start behind a leader that moves off, and of others; time for which the rate counts.
-FOLLOW_S, WAVE_S, STARTING_S = 0.5, 1.5, 4.0
+WAVE_S, STARTING_S = 1.0, 4.0  # mean time from the leader's start, and time for which the rate counts
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 
 
@@ -255,12 +254,10 @@ class LikelyDriver:
             starts, draw = np.full_like(draw, 0.5), np.full_like(draw, 0.5)
         queue = queue_leaders(history.scene, paths)
         wave = behind_a_wave(history.now.speed, leaders, who.child, queue)
-        features = start_features(speed[:, -1], leaders.gap, leaders.speed, wave)
-        rate = np.exp(features @ self.population.start)
-        mean_s = np.where(features[:, 2] > 0, FOLLOW_S, WAVE_S)
+        rate = np.exp(start_features(speed[:, -1], leaders.gap, leaders.speed, wave) @ self.population.start)
         # The fitted rate says how many start soon; those that do follow the wave.
         # Waiting has no memory: draws of successive plans give one exponential time in all.
-        wait = np.where(starts < 1 - np.exp(-rate * STARTING_S), -mean_s * np.log(draw), np.inf)
+        wait = np.where(starts < 1 - np.exp(-rate * STARTING_S), -WAVE_S * np.log(draw), np.inf)
         return np.where(stands, wait, 0.0)
 
 
