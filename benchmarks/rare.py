@@ -43,7 +43,7 @@ from scex_sumo.world.plain import PlainWorld
 CHECKED = (("Peach-3_2", 0.25), ("Peach-2_1", 0.25), ("Lanker-2_16", 0.5))
 """Recordings of NGSIM, and shares of their time."""
 DRIVERS = "likely"
-EXTRA = (100, 1000)
+EXTRA = (50, 1000)
 SEED, STEPS, REPLAN = 4711, 30, 5
 VEHICLES_AT_ONCE = 6000
 

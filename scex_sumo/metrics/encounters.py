@@ -73,14 +73,14 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
     hits = collisions.take(np.flatnonzero(inside))
     first, second = scenes.pairs
     size = len(first) * children
-    none = np.zeros(size, dtype=np.int64)
     if on_paths:
         gap, gap_step, least_pet, cross = scenes.of_pairs(_approaches).reshape(size, 4).T
         ttc, ttc_step, drac, towards = _on_paths(scenes)
     else:
-        gap, gap_step = _least_gaps(scenes)
-        least_pet = ttc = none + np.inf
-        ttc_step, cross, drac, towards = none - 1, none, 0.0 * none, none.copy()
+        gap, steps_of_gaps = _least_gaps(scenes)
+        gap_step, cross, drac = steps_of_gaps.astype(np.float64), np.zeros(size), np.zeros(size)
+        least_pet, ttc = np.full((2, size), np.inf)
+        ttc_step, towards = np.full(size, -1), np.zeros(size, dtype=np.int64)
     kind = np.full(size, NO_COLLISION)
     impact, x, y, speed = np.zeros((4, size))
     low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)

@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 
-TREES: Final = 40
+TREES: Final = 30
 LEAF: Final = 3
 """Samples in a leaf, at least."""
 

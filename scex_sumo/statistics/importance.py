@@ -14,17 +14,21 @@ from scex_sumo.statistics.density import CONFIDENCE, Interval
 from scex_sumo.statistics.forest import Forest
 
 
-def weighted_interval(hits: FloatArray, largest: float, number: int) -> Interval:
+def weighted_interval(
+    hits: FloatArray, largest: float, number: int, *, variance: float | None = None
+) -> Interval:
     """Return Σ hits with a 95 % gamma interval; without hits the upper limit is that of one side.
 
     Args:
         hits: (k,) weights of the futures with the event.
         largest: weight that the next hit may have at most.
         number: of futures.
+        variance: of the sum; None: Σ hits², that of independent futures.
 
     Source: Fay, Feuer 1997, for sums of Poisson counts with weights.
     """
-    tail, value, variance = (1 - CONFIDENCE) / 2, float(hits.sum()), float((hits**2).sum())
+    tail, value = (1 - CONFIDENCE) / 2, float(hits.sum())
+    variance = float((hits**2).sum()) if variance is None else variance
     if not len(hits):
         return Interval(value=0.0, low=0.0, high=min(1.0, -largest * np.log(1 - CONFIDENCE)), count=number)
     low = variance / value * gammaincinv(value**2 / variance, tail)
@@ -175,7 +179,26 @@ class Sampled:
         hit = self.outcomes.hits() if pair is None else self.outcomes.of(pair)[1]
         hits = self.weight[hit]
         many = len(hits) >= SURE_HITS and hits.sum() ** 2 >= SURE_EFFECTIVE * (hits**2).sum()
-        return weighted_interval(hits, float((hits if many else self.weight).max()), len(hit))
+        largest = float((hits if many else self.weight).max())
+        return weighted_interval(hits, largest, len(hit), variance=self._variance(hit))
+
+    def _variance(self, hit: BoolArray) -> float:
+        """Return the variance of the sum of weights, clustered by either number of the pairs.
+
+        Chosen futures share numbers, as many pairs are made of few numbers of each vehicle.
+
+        Source: Cameron, Gelbach, Miller 2011.
+        """
+        result, rows = 0.0, np.flatnonzero(hit)
+        for side in (0, 1):
+            shared = rows + 2.0  # of no other future; drawn numbers are below 1
+            for k, future in enumerate(rows.tolist()):
+                if (proposal := self.proposal[future]) >= 0:
+                    vehicle = self.proposals[proposal].pair[side]
+                    shared[k] = self.draw[future, vehicle]
+            _, group = np.unique(shared, return_inverse=True)
+            result += float((np.bincount(group, self.weight[rows]) ** 2).sum())
+        return result - float((self.weight[rows] ** 2).sum())
 
 
 PLAIN_SHARE: Final = 0.2
@@ -190,9 +213,9 @@ ROUND: Final = 150
 MAX_ROUNDS: Final = 5
 MIN_PAIRS: Final = 2
 
-_NUMBERS = (200, 2000)  # limits of how many of each vehicle are tried: twice the extra futures
+_NUMBERS = (200, 4000)  # limits of how many of each vehicle are tried: four times the extra futures
 _CANDIDATES = 300  # pairs of these numbers for each future that is run, up to
-_MOST = 1 << 15
+_MOST = 1 << 14
 _TAIL = 12  # futures in which a pair is closest
 _ELITE = 0.03  # share of the futures, beyond `_TAIL`, that are close
 _POWER = 2.0  # of the predicted closeness
@@ -223,7 +246,7 @@ def sample_rare(
     Source: multifidelity importance sampling, Peherstorfer et al. 2016.
     """
     rounds = min(1 + extra // ROUND, MAX_ROUNDS)
-    tried = rng.random((int(np.clip(2 * extra, *_NUMBERS)), plain.shape[1]))
+    tried = rng.random((int(np.clip(4 * extra, *_NUMBERS)), plain.shape[1]))
     search = _Search(futures, plain, outcomes, tiltable, tried)
     for size in np.diff(extra * np.arange(rounds + 1) // rounds).tolist():
         search.run(size, rng)
@@ -271,7 +294,7 @@ class _Search:
         self._which = np.full(len(plain), -1)
         self._tilted = np.zeros(len(plain))  # density of all proposals over that of plain futures
         self._proposals: list[Proposal] = []
-        self._most = MIN_PAIRS + len(tried) // 200
+        self._most = MIN_PAIRS + len(tried) // 500
 
     def run(self, size: int, rng: np.random.Generator) -> None:
         """Run another ``size`` futures."""

@@ -1,4 +1,4 @@
-"""Rare collisions of a run: extra futures with tilted draws of its drivers, beside the drawn ones."""
+"""Rare collisions of a run: extra futures near them, chosen by what drivers plan at the seed moment."""
 
 from __future__ import annotations
 
@@ -31,7 +31,6 @@ from scex_sumo.statistics.importance import Outcomes, Sampled, joined, sample_ra
 
 FREQUENT: Final = 10
 """Drawn futures with a collision from which on it is not rare, and no more futures are run."""
-
 
 _LOOKS = np.arange(2, PLAN_STEPS, 3)  # steps of a first plan
 _SHOWN = [1, 3, 6, 9]  # of these: after 0.6, 1.2, 2.1 and 3 s
