@@ -14,11 +14,62 @@ from collections.abc import Mapping
 from pathlib import Path
 
 PRELOADED = (
-    "scex_sumo.extrapolation.engine",
-    "scex_sumo.commands.run",
-    "scex_sumo.reports.run_table",
+    "libsumo",
     "pandas",
+    "scex_sumo.cli",
+    "scex_sumo.commands.run",
+    "scex_sumo.converters.datasets.recordings",
+    "scex_sumo.converters.lanelet.reader",
+    "scex_sumo.extrapolation.engine",
+    "scex_sumo.formats.lane_map",
+    "scex_sumo.reports.page.contents",
+    "scex_sumo.reports.run_table",
+    "scex_sumo.studies.rank.rank",
+    "tests.command",
 )
+
+
+class Started:
+    """A command that runs: `wait` for its end, or `kill` it."""
+
+    def __init__(
+        self, words: list[str], cwd: Path | None, path: Path | None, env: Mapping[str, str] | None
+    ) -> None:
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(list(PRELOADED))
+        self._words, self._folder = words, tempfile.TemporaryDirectory()
+        self._files = [Path(self._folder.name, name) for name in ("stdout", "stderr")]
+        given = (words, self._files, cwd or Path.cwd(), path, dict(os.environ if env is None else env))
+        self._process = context.Process(target=_run, args=given)
+        self._process.start()
+        self.kill = self._process.kill
+
+    def wait(self, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
+        """Return its status and what it printed; killed after ``timeout`` in s, it fails the test."""
+        with self._folder:
+            self._process.join(timeout)
+            if self._process.is_alive():
+                self._process.kill()
+                raise subprocess.TimeoutExpired(self._words, timeout)
+            out, errors = (f.read_text(encoding="utf-8") if f.exists() else "" for f in self._files)
+        assert self._process.exitcode is not None
+        return subprocess.CompletedProcess(self._words, self._process.exitcode, out, errors)
+
+
+def started(
+    *arguments: object,
+    cwd: Path | None = None,
+    path: Path | None = None,
+    env: Mapping[str, str] | None = None,
+) -> Started:
+    """Start ``scex-sumo`` as its console script does.
+
+    Args:
+        cwd: folder in which it runs.
+        path: folder from which it also imports.
+        env: its environment; without it, that of the test.
+    """
+    return Started([*map(str, arguments)], cwd, path, env)
 
 
 def scex(
@@ -28,29 +79,8 @@ def scex(
     env: Mapping[str, str] | None = None,
     timeout: float = 120.0,
 ) -> subprocess.CompletedProcess[str]:
-    """Run ``scex-sumo`` as its console script does, and return its status and what it printed.
-
-    Args:
-        cwd: folder in which it runs.
-        path: folder from which it also imports.
-        env: its environment; without it, that of the test.
-        timeout: in s; a command that takes longer is killed and fails the test.
-    """
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(list(PRELOADED))
-    words = [*map(str, arguments)]
-    with tempfile.TemporaryDirectory() as folder:
-        files = [Path(folder, name) for name in ("stdout", "stderr")]
-        given = (words, files, cwd or Path.cwd(), path, dict(os.environ if env is None else env))
-        process = context.Process(target=_run, args=given)
-        process.start()
-        process.join(timeout)
-        if process.is_alive():
-            process.kill()
-            raise subprocess.TimeoutExpired(words, timeout)
-        out, errors = (file.read_text(encoding="utf-8") if file.exists() else "" for file in files)
-        assert process.exitcode is not None
-        return subprocess.CompletedProcess(words, process.exitcode, out, errors)
+    """Run ``scex-sumo`` to its end; see `started` and `Started.wait`."""
+    return started(*arguments, cwd=cwd, path=path, env=env).wait(timeout)
 
 
 def _run(

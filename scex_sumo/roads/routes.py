@@ -19,6 +19,7 @@ from scex_sumo.geometry.polylines import (
     join_owned,
     length_of,
     nearest,
+    without_repeats,
     wrap,
 )
 from scex_sumo.road import Lane, Road
@@ -208,23 +209,51 @@ def centreline(
         before.insert(0, min((_turn(road, i, at), i) for i in options)[1])
         missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
-    pieces, owners = _pieces(known, sequence)
-    points, owner = join_owned(pieces, owners)
-    start = sum(length[i] for i in before) + s - behind_m
-    return _cut(points, owner, start, behind_m + ahead_m)
+    at = sum(length[i] for i in before) + s
+    points, owner = join_owned(*_pieces(known, sequence, at))
+    return _cut(points, owner, at - behind_m, behind_m + ahead_m)
 
 
-def _pieces(known: dict[int, Lane], sequence: tuple[int, ...]) -> tuple[list[FloatArray], list[int]]:
+def _pieces(
+    known: dict[int, Lane], sequence: tuple[int, ...], start: float
+) -> tuple[list[FloatArray], list[int]]:
+    """Return the pieces of a centreline and their lanes; changes begin after arc length ``start``."""
     pieces: list[FloatArray] = []
-    rest = known[sequence[0]].centreline
-    for a, b in pairwise(sequence):
-        if b in known[a].successors:
-            pieces.append(rest)
-            rest = known[b].centreline
+    owners: list[int] = []
+    rest, passed, i = known[sequence[0]].centreline, 0.0, 0
+    while i + 1 < len(sequence):
+        ends = length_of(rest)
+        if sequence[i + 1] in known[sequence[i]].successors:
+            piece, owner, i = rest, sequence[i], i + 1
+            rest = known[sequence[i]].centreline
         else:
-            piece, rest = blend_over(rest, known[b].centreline, CHANGE_LENGTH_M)
-            pieces.append(piece)
-    return [*pieces, rest], list(sequence)
+            # Where the lane ends sooner, the change goes on beside the lanes that follow the neighbour.
+            begin = min(max(ends - CHANGE_LENGTH_M, start - passed, 0.0), ends)
+            owner, i = sequence[i], i + 1
+            other = known[sequence[i]].centreline
+            while i + 1 < len(sequence) and sequence[i + 1] in known[sequence[i]].successors:
+                if length_of(other) - nearest(other, *rest[-1]) > begin + CHANGE_LENGTH_M - ends:
+                    break
+                i += 1
+                other = np.vstack([other, known[sequence[i]].centreline])
+            else:
+                if i + 1 == len(sequence):  # the road goes straight on
+                    last = np.diff(without_repeats(other)[-2:], axis=0)
+                    other = np.vstack([other, other[-1:] + CHANGE_LENGTH_M * last / np.hypot(*last[0])])
+            piece, rest = blend_over(_beside(rest, other, begin + CHANGE_LENGTH_M), other, CHANGE_LENGTH_M)
+        passed += length_of(piece)
+        pieces.append(piece)
+        owners.append(owner)
+    return [*pieces, rest], [*owners, sequence[-1]]
+
+
+def _beside(line: FloatArray, other: FloatArray, length_m: float) -> FloatArray:
+    """Cut a line to a length, or continue it parallel to another line beside it."""
+    foot = nearest(other, *line[-1])
+    after = other[arc_lengths(other) > foot] + line[-1] - along(other, np.array([foot]))
+    longer = np.vstack([line, after])
+    arc = arc_lengths(longer)
+    return np.vstack([longer[arc < length_m], along(longer, np.array([min(length_m, arc[-1])]))])
 
 
 def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tuple[FloatArray, IntArray]:

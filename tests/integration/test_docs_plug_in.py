@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.command import scex
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-RUN = "import sys; sys.path.pop(0); from scex_sumo.cli import main; main()"  # as a console script does
 
 
 def blocks(page: str, kind: str) -> list[str]:
@@ -40,28 +41,18 @@ def commands(page: str) -> list[list[str]]:
 def run(command: list[str], where: Path) -> str:
     """Run a command of the page with three children and without pictures."""
     program, *arguments = command
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     if program == "scex-sumo":
         if "--children" in arguments:
             at = arguments.index("--children")
             del arguments[at : at + 2]
-        map_path = DOCS.parent / arguments[1]
-        full = [
-            sys.executable,
-            "-c",
-            RUN,
-            "run",
-            str(map_path),
-            *arguments[2:],
-            "--children",
-            "3",
-            "--no-plots",
-        ]
+        few = ("--children", 3, "--no-plots", "--reference", "none")
+        done = scex("run", DOCS.parent / arguments[1], *arguments[2:], *few, cwd=where, env=environment)
     else:
         full = [sys.executable, *arguments]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(
-        full, cwd=where, capture_output=True, text=True, timeout=120, check=False, env=environment
-    )
+        done = subprocess.run(
+            full, cwd=where, capture_output=True, text=True, timeout=120, check=False, env=environment
+        )
     assert done.returncode == 0, (command, done.stdout, done.stderr)
     return done.stdout
 

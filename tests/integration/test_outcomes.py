@@ -9,13 +9,13 @@ import pytest
 
 import scex_sumo
 from scex_sumo.results.run import Run
-from tests.integration.test_cli import ROUNDABOUT, refused, scex
+from tests.integration.test_cli import ALONE, ROUNDABOUT, refused, scex
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     out = tmp_path_factory.mktemp("run") / "out"
-    done = scex("run", ROUNDABOUT, "--children", 40, "--no-plots", "-o", out)
+    done = scex("run", ROUNDABOUT, "--children", 40, *ALONE, "-o", out)
     assert done.returncode == 0, done.stderr
     assert "\u2502 collision " in done.stdout and "collides in" in done.stdout
     return scex_sumo.open_run(out)

@@ -15,6 +15,7 @@ import scex_sumo
 from tests import command
 
 ROUNDABOUT = scex_sumo.example_path("roundabout")
+ALONE = ("--reference", "none")
 MODELS = "standard_driver,constant_velocity"
 DRIVER = '''
 import numpy as np
@@ -52,8 +53,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     where = tmp_path_factory.mktemp("plug_in")
     (where / "drivers").mkdir()
     (where / "drivers" / "__init__.py").write_text(DRIVER)
-    options = ("--children", 6, "--models", MODELS, "--assign", "3=drivers:Straight", "-o", "out")
-    done = scex(where, "run", ROUNDABOUT, *options)
+    options = ("--children", 6, "--models", MODELS, "--assign", "3=drivers:Straight", *ALONE)
+    done = scex(where, "run", ROUNDABOUT, *options, "-o", "out")
     assert done.returncode == 0, done.stderr
     (where / "printed.txt").write_text(done.stdout)
     return where
@@ -98,7 +99,7 @@ def test_values_under_test_are_those_of_the_vehicles_own_pairs(folder: Path) -> 
 
 
 def test_workers_and_batches_leave_the_same_bytes(folder: Path) -> None:
-    options = ("--children", 6, "--models", MODELS, "--assign", "3=drivers:Straight", "--no-plots")
+    options = ("--children", 6, "--models", MODELS, "--assign", "3=drivers:Straight", *ALONE)
     done = scex(folder, "run", ROUNDABOUT, *options, "--workers", 2, "--batch", 1, "-o", "again")
     assert done.returncode == 0, done.stderr
     for name in ("tracks", "metrics", "fallbacks", "under_test", "baseline/under_test", "baseline/tracks"):

@@ -20,7 +20,7 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.rank.rank import rank as rank_dataset
-from tests.command import scex
+from tests.command import scex, started
 
 MODELS = "standard_driver,constant_velocity,emergency_brake"
 OPTIONS = ("--every", "4", "--first", "3", "--children", "6", "--top", "2", "--models", MODELS)
@@ -117,12 +117,12 @@ def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(
     dataset: Path, result: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    process = subprocess.Popen(command(dataset, *OPTIONS, "-o", out), stdout=subprocess.DEVNULL)
+    process = started("rank", dataset, *OPTIONS, "-o", out)
     deadline = time.monotonic() + 60
     while len(list(out.glob("children/*/*/*.parquet"))) < 2 and time.monotonic() < deadline:
         time.sleep(0.01)
     process.kill()
-    process.wait()
+    assert process.wait().returncode == -signal.SIGKILL
     assert not (out / "rank.json").exists()
     done = rank(dataset, *OPTIONS, "-o", out, "--workers", 2)
     assert done.returncode == 0, done.stderr

@@ -142,3 +142,19 @@ def test_where_two_lanes_fit_the_one_counts_that_the_vehicle_came_along() -> Non
     unknown = replace(straight, recorded_steps=np.array([0]))
     (paths,) = candidate_paths(merge, unknown)
     assert sorted(path.lanes for path in paths) == [(1, 3), (2, 3)]
+
+
+@pytest.mark.parametrize("mapped_m", (300.0, 6.0))
+def test_a_lane_change_takes_40_m_from_the_vehicle_on_also_past_the_lane_end_and_the_map(
+    mapped_m: float,
+) -> None:
+    merge = roads.road(
+        roads.lane(1, [(0.0, 0.0), (10.0, 0.0)], left=2),
+        roads.lane(2, [(0.0, 3.5), (10.0, 3.5)], successors=(3,), right=1),
+        roads.lane(3, [(10.0, 3.5), (10.0 + mapped_m, 3.5)]),
+    )
+    points, owners = centreline(merge, (1, 2, 3), 8.0, 8.0, 80.0)
+    y = np.interp([0.0, 8.0, 28.0, 48.0, 80.0], points[:, 0], points[:, 1])
+    assert y == pytest.approx([0.0, 0.0, 1.75, 3.5, 3.5], abs=0.02)
+    assert np.abs(np.diff(points[:, 1]) / np.diff(points[:, 0])).max() < 0.18  # a third of it in 10 m
+    assert owners[0] == 1 and owners[-1] == 3

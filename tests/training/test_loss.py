@@ -7,7 +7,6 @@ import math
 import pytest
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("torch_geometric")
 
 from scex_sumo.training.data.batches import Batch  # noqa: E402
 from scex_sumo.training.loss import LossWeights, displacement, loss, trajectory_errors  # noqa: E402

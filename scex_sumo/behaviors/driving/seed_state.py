@@ -13,6 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.beside import box_distances
+from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.geometry.polylines import wrap
@@ -24,11 +25,15 @@ STEADY_RAD = np.deg2rad(2.0)  # scatter of headings at which their change counts
 STEERING_RAD = np.deg2rad(1.0)  # error of a straight line through the headings of a second, without noise
 OUTLIER_RAD = np.deg2rad(3.0)  # from that line
 NEAR_M = 0.15  # distance of two boxes
+BOX_RAD = np.deg2rad(2.0)  # error of the heading of a box
+DRIFT_MPS, DRIFT_PER_S = 0.07, 16.0  # error of the speed across: constant, and over the scatter of positions
+LARGEST_TURN_RAD = np.deg2rad(30.0)  # vehicles at a larger angle to their course roll back
 PEDAL_MPS = 0.3  # the same of speeds
 OUTLIER_MPS = 2.0
 _TIME = STEP_S * np.arange(-HISTORY_STEPS, 1)
 # (11, 3) polynomials up to the second degree, orthonormal over the last second.
-_BASIS = np.linalg.qr(np.vander(_TIME, 3, increasing=True))[0]
+_POWERS = np.vander(_TIME, 3, increasing=True)
+_BASIS = np.linalg.qr(_POWERS)[0]
 
 
 @owner_cache
@@ -39,9 +44,12 @@ def estimated_scene(scene: SeedScene, road: Road) -> SeedScene:
     """
     past = scene.history
     stands = (past.speed.max(axis=1) < STANDING_MPS)[:, None]
-    path, raw = _path_headings(scene, road), np.unwrap(past.heading, axis=1)
+    path, raw = _path_headings(scene, road), np.unwrap(past.heading, axis=1, period=np.pi)
+    raw += (past.heading - raw)[:, -1:]  # boxes that were the wrong way round are turned
+    path = np.where((_scatter(raw - path, 2) < _scatter(raw, 2))[:, None], path, 0.0)
     steady = 1 / (1 + (_scatter(raw - path) / STEADY_RAD) ** 2)
     smooth = path + _smoothed(raw - path, steady, STEERING_RAD, OUTLIER_RAD)
+    smooth += _to_course(smooth[:, -1], scene)[:, None]
     turned = wrap(np.where(stands, np.median(raw, axis=1, keepdims=True), smooth))
     speed = past.speed.copy()
     present = _smoothed(speed, np.ones(len(speed)), PEDAL_MPS, OUTLIER_MPS)[:, -1]
@@ -68,6 +76,23 @@ def estimated_history(history: SceneHistory, road: Road) -> SceneHistory:
         states = states.map(np.copy)
         states.assign((slice(None), slice(None), slice(0, old)), scene.history[None, :, -old:])
     return replace(history, scene=scene, states=states)
+
+
+def _to_course(heading: FloatArray, scene: SeedScene) -> FloatArray:
+    """(V,) turns from the present headings (V,) towards the course of the rear axles, rad.
+
+    The course is that of polynomials of the second degree through the positions of the last second. It
+    counts the more, the less positions scatter and the faster the vehicle is.
+    """
+    past = scene.history
+    (_, vx, ax), (_, vy, ay) = (np.linalg.pinv(_POWERS) @ z.T for z in (past.x, past.y))
+    speed = np.maximum(np.hypot(vx, vy), STANDING_MPS)
+    slip = np.arctan(REAR_AXLE_SHARE * scene.length * 2 * (vx * ay - vy * ax) / speed**3)
+    scatter = np.hypot(_scatter(past.x), _scatter(past.y))
+    error = ((DRIFT_MPS + DRIFT_PER_S * scatter) / speed) ** 2
+    share = BOX_RAD**2 / (BOX_RAD**2 + error)
+    turn: FloatArray = share * wrap(np.arctan2(vy, vx) - slip - heading)
+    return np.where(np.abs(turn) < LARGEST_TURN_RAD, turn, 0.0)
 
 
 def _path_headings(scene: SeedScene, road: Road) -> FloatArray:

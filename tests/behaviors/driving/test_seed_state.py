@@ -63,6 +63,27 @@ def test_one_heading_that_jumps_moves_the_estimate_by_a_fraction() -> None:
     assert abs(np.rad2deg(made.now.heading[0])) < 1.5
 
 
+def test_a_box_askew_to_its_motion_is_turned_towards_it_if_the_positions_are_clean() -> None:
+    scene = turning()
+    askew = scene.history.heading + np.deg2rad(6.0)
+    rng = np.random.default_rng(1)
+    made = []
+    for noise in (0.0, 0.1):
+        past = replace(scene.history, heading=askew, y=scene.history.y + rng.normal(0, noise, askew.shape))
+        now = estimated_scene(replace(scene, history=past), roads.straight()).now
+        made.append(np.rad2deg(now.heading[0] - scene.now.heading[0]))
+    assert abs(made[0]) < 1.0  # the true heading, on a circle, with the slip of the centre
+    assert 4.0 < made[1] < 8.0
+
+
+def test_a_box_that_was_the_wrong_way_round_is_turned() -> None:
+    scene = turning()
+    heading = scene.history.heading.copy()
+    heading[:, :7] += np.pi
+    made = estimated_scene(replace(scene, history=replace(scene.history, heading=heading)), roads.straight())
+    assert np.rad2deg(np.abs(wrap(made.history.heading - scene.history.heading))).max() < 0.2
+
+
 def test_scatter_of_headings_is_that_about_a_steady_turn() -> None:
     rng = np.random.default_rng(3)
     scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (200.0, 0.0, 0.0, 10.0))

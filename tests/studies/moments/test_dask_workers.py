@@ -18,19 +18,11 @@ import scex_sumo
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.moments.workers import DaskWorkers
 from scex_sumo.studies.rank.children import run_moment
+from tests.command import scex, started
 
 distributed = pytest.importorskip("distributed")
 
 OPTIONS = ("--every", "2", "--first", "4", "--children", "8", "--top", "2")
-
-
-def started(command: str, *arguments: object) -> subprocess.Popen[str]:
-    line = [sys.executable, "-m", "scex_sumo", command, *map(str, arguments)]
-    return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def rank(*arguments: object) -> subprocess.Popen[str]:
-    return started("rank", *arguments)
 
 
 def free_port() -> int:
@@ -52,12 +44,13 @@ class Cluster:
     workers: list[subprocess.Popen[bytes]]
 
 
-@pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A scheduler and two workers; tests that kill one of them come last."""
     address = f"tcp://127.0.0.1:{free_port()}"
     host, port = address.removeprefix("tcp://").split(":")
     scheduler = dask("scheduler", "--host", host, "--port", port)
-    options = ("--nthreads", 1, "--no-nanny", "--local-directory", tmp_path / "dask")
+    options = ("--nthreads", 1, "--no-nanny", "--local-directory", tmp_path_factory.mktemp("dask"))
     workers = [dask("worker", address, *options) for _ in range(2)]
     with distributed.Client(address, timeout=60, set_as_default=False) as client:
         client.wait_for_workers(2, timeout=60)
@@ -88,49 +81,46 @@ def begun(folder: Path) -> None:
         time.sleep(0.01)
 
 
-def test_a_worker_killed_in_the_middle_changes_no_byte(
-    cluster: Cluster, dataset: Path, tmp_path: Path
-) -> None:
-    ranking = rank(dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "cluster")
-    begun(tmp_path / "cluster")
-    cluster.workers[0].kill()
-    _, err = ranking.communicate(timeout=120)
-    assert (ranking.returncode, err) == (0, "")
-    assert (tmp_path / "cluster" / "rank.json").exists()
-
-    alone = rank(dataset, *OPTIONS, "-o", tmp_path / "alone")
-    _, err = alone.communicate(timeout=120)
-    assert alone.returncode == 0, err
-    assert result_of(tmp_path / "cluster") == result_of(tmp_path / "alone")
-    table = pq.read_table(tmp_path / "cluster" / "ranking.parquet")
-    assert table["failure"].null_count == table.num_rows == 7
-
-
 def test_a_validation_over_the_cluster_is_that_of_this_machine(
     cluster: Cluster, dataset: Path, tmp_path: Path
 ) -> None:
     told = {}
     for name, option in (("cluster", ("--cluster", cluster.address)), ("alone", ())):
         folder = tmp_path / name
-        validation = started(
-            "validate", dataset, "--every", "2", "--children", "4", "--seed", "3", *option, "-o", folder
-        )
-        _, err = validation.communicate(timeout=120)
-        assert validation.returncode == 0, err
+        words = ("--every", "2", "--children", "4", "--seed", "3", *option, "-o", folder)
+        done = scex("validate", dataset, *words)
+        assert done.returncode == 0, done.stderr
         told[name] = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.parquet")}
     assert told["cluster"] == told["alone"]
+
+
+def test_a_worker_killed_in_the_middle_changes_no_byte(
+    cluster: Cluster, dataset: Path, tmp_path: Path
+) -> None:
+    ranking = started("rank", dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "cluster")
+    begun(tmp_path / "cluster")
+    cluster.workers[0].kill()
+    done = ranking.wait()
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "cluster" / "rank.json").exists()
+
+    alone = scex("rank", dataset, *OPTIONS, "-o", tmp_path / "alone")
+    assert alone.returncode == 0, alone.stderr
+    assert result_of(tmp_path / "cluster") == result_of(tmp_path / "alone")
+    table = pq.read_table(tmp_path / "cluster" / "ranking.parquet")
+    assert table["failure"].null_count == table.num_rows == 7
 
 
 def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(
     cluster: Cluster, dataset: Path, tmp_path: Path
 ) -> None:
-    ranking = rank(dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "out")
+    ranking = started("rank", dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "out")
     begun(tmp_path / "out")
     cluster.scheduler.kill()
-    _, err = ranking.communicate(timeout=120)
-    assert ranking.returncode == 1
+    done = ranking.wait()
+    assert done.returncode == 1
     kept = "finished seed scenes are kept; run the same command again to go on"
-    assert err == f"error: the Dask scheduler went away; {kept}\n"
+    assert done.stderr == f"error: the Dask scheduler went away; {kept}\n"
 
 
 @pytest.mark.parametrize(
@@ -139,10 +129,9 @@ def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(
     ids=["no address", "a free port"],
 )
 def test_an_address_where_nobody_answers_is_refused(tmp_path: Path, address: str, words: str) -> None:
-    ranking = rank(scex_sumo.example_path("roundabout"), "--cluster", address, "-o", tmp_path / "out")
-    _, err = ranking.communicate(timeout=60)
-    assert ranking.returncode == 2, err
-    (line,) = err.splitlines()
+    done = scex("rank", scex_sumo.example_path("roundabout"), "--cluster", address, "-o", tmp_path / "out")
+    assert done.returncode == 2, done.stderr
+    (line,) = done.stderr.splitlines()
     assert line.startswith(f"error: --cluster {address}: ")
     assert words in line
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("torch_geometric")
 
 from scex_sumo.scene import SeedScene, States  # noqa: E402
 from scex_sumo.training.data.augment import mirrored  # noqa: E402
