@@ -215,7 +215,7 @@ MIN_PAIRS: Final = 2
 
 _NUMBERS = (200, 4000)  # limits of how many of each vehicle are tried: four times the extra futures
 _CANDIDATES = 300  # pairs of these numbers for each future that is run, up to
-_MOST = 1 << 14
+_MOST = 1 << 15
 _TAIL = 12  # futures in which a pair is closest
 _ELITE = 0.03  # share of the futures, beyond `_TAIL`, that are close
 _POWER = 2.0  # of the predicted closeness
