@@ -48,14 +48,14 @@ class Forest:
         self._bags = [np.sort(rng.permutation(count)[:bag]) for _ in range(TREES)]
         self._trees = [_grown(features[rows], value[rows], rng) for rows in self._bags]
 
-    def predict(self, features: FloatArray, *, fitted: int) -> FloatArray:
-        """Return predictions (n,).
+    def predict(self, features: FloatArray, *, fitted: int, power: float = 1.0) -> FloatArray:
+        """Return predictions (n,), the mean over trees of a power of their values.
 
         Args:
             fitted: number of the first samples that the forest was fitted to, in this order; only the trees
                 that did not see such a sample predict it.
         """
-        values = np.stack([tree.predict(features) for tree in self._trees])
+        values = np.stack([tree.predict(features) for tree in self._trees]) ** power
         unseen = np.ones(values.shape, dtype=np.bool_)
         for row, bag in zip(unseen, self._bags, strict=True):
             row[bag[bag < fitted]] = False

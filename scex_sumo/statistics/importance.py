@@ -150,7 +150,7 @@ class Proposal:
         Args:
             fitted: number of the first futures that the forest was fitted to, as of `Forest.predict`.
         """
-        score = _score(self.forest.predict(features, fitted=fitted), self.floor)
+        score = self.forest.predict(features, fitted=fitted, power=_POWER) + self.floor
         return np.asarray(np.minimum(score, self.cap) / self.mean)
 
 
@@ -219,7 +219,7 @@ _MOST = 1 << 15
 _TAIL = 12  # futures in which a pair is closest
 _ELITE = 0.03  # share of the futures, beyond `_TAIL`, that are close
 _POWER = 2.0  # of the predicted closeness
-_FLOOR = 0.01
+_FLOOR = 1e-3  # of the largest score
 _MIN_SHARE = 0.1
 
 
@@ -367,9 +367,10 @@ class _Search:
         number = np.arange(min(_CANDIDATES * count, _MOST))
         one = number % numbers
         other = rng.permutation(numbers)[(one + number // numbers) % numbers]
-        predicted = forest.predict(self._tried.features(pair, one, other), fitted=0)
+        # The mean of powers: fewer trees then have the same expectation.
+        predicted = forest.predict(self._tried.features(pair, one, other), fitted=0, power=_POWER)
         floor = _FLOOR * float(predicted.max())
-        score = _score(predicted, floor)
+        score = predicted + floor
         # Systematic sampling draws no candidate twice if none has more than its share.
         cap = float(np.sort(score)[-count])
         score = np.minimum(score, cap)
@@ -379,10 +380,6 @@ class _Search:
         made = Proposal(pair=pair, count=count, forest=forest, floor=floor, cap=cap, mean=float(score.mean()))
         draw = [self._tried.draw[rows[at], vehicle] for vehicle, rows in zip(pair, (one, other), strict=True)]
         return made, np.stack(draw, axis=1)
-
-
-def _score(predicted: FloatArray, floor: float) -> FloatArray:
-    return np.asarray((predicted + floor) ** _POWER)
 
 
 def _closeness(gap: FloatArray) -> FloatArray:
