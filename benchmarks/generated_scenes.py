@@ -1,11 +1,14 @@
 """How far generated scenes are from recorded ones of the test parts, and those of `--synthetic`.
 
-python benchmarks/generated_scenes.py DATA/mona DATA/taf_bw DATA/ngsim [--scenes FILE] [--sites NAME ...]
+python benchmarks/generated_scenes.py DATA/mona DATA/taf_bw DATA/ngsim
+python benchmarks/generated_scenes.py DATA/mona --scenes LEFT_OUT.safetensors --sites NAME --left-out
 
 A scene has as many vehicles as a recorded one, in the region that the recording sees. SUMO populates the
 whole map as densely; its scenes are cut to that region. Distances are Wasserstein's of the values of all
-vehicles (conflicts: of all scenes), and the maximum mean discrepancy of scenes. A classifier tells generated
-scenes from recorded ones; recorded seconds that follow each other are in one fold.
+vehicles (conflicts: of all scenes), and the maximum mean discrepancy of scenes, those of generated ones on
+average over `--each` draws; the third number of a cell is that of the two halves of the recorded scenes, by
+time. A classifier tells generated scenes from recorded ones; recorded seconds that follow each other are in
+one fold.
 """
 
 from __future__ import annotations
@@ -14,10 +17,9 @@ import argparse
 import dataclasses
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
@@ -26,7 +28,7 @@ from scipy.stats import wasserstein_distance
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.converters.datasets.moment import Split
+from scex_sumo.converters.datasets.moment import Part, Split
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
@@ -39,6 +41,7 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.training.data.dataset import part_scenes
 from scex_sumo.training.scenes import seen_part
 
+PARTS: tuple[Part, ...] = ("train", "validation", "test")
 EVERY_S, BLOCK = 2.0, 3  # between two scenes; scenes in one fold
 VALUES = ("nearest gap", "speed", "density", "deceleration needed", "conflicts")
 NEAR_M, AHEAD_S = 40.0, np.arange(0.0, 3.01, 0.25)
@@ -46,7 +49,7 @@ NEAR_M, AHEAD_S = 40.0, np.arange(0.0, 3.01, 0.25)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Site:
-    """Recorded scenes of the test part of a site, and what the recording sees of the map."""
+    """Recorded scenes of a site, and what the recording sees of the map."""
 
     name: str
     scenes: tuple[SeedScene, ...]
@@ -62,26 +65,26 @@ class Site:
         return float(table.cell_m[self.cells(road)].sum() / table.total_m)
 
 
-def sites_of(roots: Sequence[Path], most: int) -> list[Site]:
-    """Return the sites of recordings, with at most so many scenes of their test parts, evenly thinned."""
+def sites_of(roots: Sequence[Path], most: int, taken: Sequence[Part] = ("test",)) -> list[Site]:
+    """Return the sites of recordings, with at most so many scenes of parts of them, evenly thinned."""
     recordings = find_recordings(roots)
     short: dict[str, tuple[str, ...]] = {}
     for part, marks in (("test", NGSIM_TEST), ("validation", NGSIM_VALIDATION)):
         short[part] = tuple(r.name for r in recordings if any(mark in r.name for mark in marks))
     split = Split(kept_test=short["test"], kept_validation=short["validation"])
-    test: dict[str, list[SeedScene]] = {}
+    chosen: dict[str, list[SeedScene]] = {}
     every: dict[str, list[SeedScene]] = {}
     for recording in recordings:
         loaded = load_recording(recording)
-        for part in ("train", "validation", "test"):
+        for part in PARTS:
             scenes = part_scenes(loaded, part, split=split, every_s=EVERY_S)
             every.setdefault(loaded.road.name, []).extend(scenes)
-            if part == "test":
-                test.setdefault(recording.site, []).extend(scenes)
+            if part in taken:
+                chosen.setdefault(recording.site, []).extend(scenes)
     seen = {name: seen_part(scenes) for name, scenes in every.items() if scenes}
     return [
         Site(name=name, scenes=tuple(scenes[k] for k in thinned(len(scenes), most)), seen=seen)
-        for name, scenes in test.items()
+        for name, scenes in chosen.items()
         if scenes
     ]
 
@@ -233,21 +236,26 @@ def synthetic(site: Site, most: int) -> tuple[Values, int]:
     return values_of_all(site, made), fewer
 
 
-def draw(file: Path, site: Site, made: Sequence[SeedScene]) -> None:
-    """Draw twenty recorded scenes beside twenty generated ones; colours are speeds."""
+def draw(file: Path, sides: Mapping[str, Sequence[SeedScene]], seen: Mapping[str, shapely.Geometry]) -> None:
+    """Draw twenty scenes of one kind beside twenty of another; colours are speeds.
+
+    Args:
+        sides: scenes by the title of their half.
+        seen: what is drawn of each map, by its name.
+    """
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection, PolyCollection
 
     figure, axes = plt.subplots(4, 11, figsize=(16, 4.4), width_ratios=[1] * 5 + [0.1] + [1] * 5)
     figure.subplots_adjust(left=0.0, right=0.93, bottom=0.0, top=0.94, wspace=0.02, hspace=0.02)
-    for side, (scenes, first) in enumerate(((site.scenes, 0), (made, 6))):
-        axes[0, first + 2].set_title(("recorded", "generated")[side])
+    for first, (title, scenes) in zip((0, 6), sides.items(), strict=True):
+        axes[0, first + 2].set_title(title)
         for k, scene in enumerate(scenes[j] for j in thinned(len(scenes), 20)):
-            axis, seen = axes[k // 5, first + k % 5], site.seen[scene.road.name]  # type: ignore[union-attr]
+            axis, region = axes[k // 5, first + k % 5], seen[scene.road.name]  # type: ignore[union-attr]
             lanes = [lane.centreline for lane in scene.road.vehicle_lanes.values()]  # type: ignore[union-attr]
             axis.add_collection(LineCollection(lanes, colors="0.85", linewidths=0.6))
             now = scene.now
-            inside = shapely.contains_xy(seen, now.x, now.y)
+            inside = shapely.contains_xy(region, now.x, now.y)
             forward = np.stack([np.cos(now.heading), np.sin(now.heading)], 1) * scene.length[:, None] / 2
             left = np.stack([-np.sin(now.heading), np.cos(now.heading)], 1) * scene.width[:, None] / 2
             centre = np.stack([now.x, now.y], 1)
@@ -258,7 +266,7 @@ def draw(file: Path, site: Site, made: Sequence[SeedScene]) -> None:
             boxes.set_clim(0.0, 20.0)
             boxes.set(edgecolor="face", linewidth=2.0)  # larger than life, to be seen
             axis.add_collection(boxes)
-            x0, y0, x1, y1 = seen.bounds
+            x0, y0, x1, y1 = region.bounds
             axis.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal")
     for axis in axes.flat:
         axis.set_axis_off()
@@ -273,54 +281,72 @@ def main() -> None:
     parser.add_argument("roots", nargs="+", type=Path)
     parser.add_argument("--scenes", type=Path, default=SHIPPED, help="scene model")
     parser.add_argument("--sites", nargs="*", help="only these, by the beginning of their names")
-    parser.add_argument("--synthetic", type=int, default=15, help="scenes of SUMO at each site; 0: none")
+    parser.add_argument(
+        "--left-out", action="store_true", help="all parts count, at sites that the model was not fitted to"
+    )
+    parser.add_argument("--synthetic", type=int, default=20, help="scenes of SUMO at each site; 0: none")
     parser.add_argument("--most", type=int, default=20, help="recorded scenes of each site")
+    parser.add_argument("--each", type=int, default=4, help="draws of all scenes, over which is averaged")
     parser.add_argument("--speed", type=float, help="mean speed of the traffic, m/s; default: drawn")
     parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     model = load_scenes(given.scenes)
-    sides: dict[str, list[tuple[Values, Values]]] = {"generated": [], "synthetic": []}
+    sides: dict[tuple[str, int], list[tuple[Values, Values]]] = {}
     ratios: list[dict[str, float]] = []
     print(f"| site | scenes | {' | '.join((*VALUES, 'MMD'))} |\n|---|---|{'---|' * (len(VALUES) + 1)}")
-    for site in sites_of(given.roots, given.most):
+    for site in sites_of(given.roots, given.most, PARTS if given.left_out else ("test",)):
         if given.sites and not any(site.name.startswith(name) for name in given.sites):
             continue
         recorded = values_of_all(site, site.scenes)
-        scenes = [
-            generated_scene(
-                scene.road,
-                model,
-                vehicles=seen_vehicles(site, scene),
-                speed=given.speed,
-                number=k,
-                cells=site.cells(scene.road),
-            )
-            for k, scene in enumerate(site.scenes)
-            if scene.road is not None
+        draws = [
+            [
+                generated_scene(
+                    scene.road,
+                    model,
+                    vehicles=seen_vehicles(site, scene),
+                    speed=given.speed,
+                    seed=seed,
+                    number=k,
+                    cells=site.cells(scene.road),
+                )
+                for k, scene in enumerate(site.scenes)
+                if scene.road is not None
+            ]
+            for seed in range(given.each)
         ]
-        if given.picture is not None and len(scenes) >= 20:
-            draw(given.picture, site, scenes)
+        if given.picture is not None and len(draws[0]) >= 20:
+            draw(given.picture, {"recorded": site.scenes, "generated": draws[0]}, site.seen)
             given.picture = None
-        made = {"generated": values_of_all(site, scenes)}
+        made = {"generated": [values_of_all(site, scenes) for scenes in draws]}
         fewer = 0
         if given.synthetic:
-            made["synthetic"], fewer = synthetic(site, given.synthetic)
-        found: dict[str, Any] = {name: distances(recorded, values) for name, values in made.items() if values}
-        for name, values in made.items():
-            sides[name].append((recorded, values))
+            every, fewer = synthetic(site, given.synthetic)
+            made["synthetic"] = [every] if every else []
+        found: dict[str, dict[str, float]] = {}
+        for name, kinds in made.items():
+            each = [distances(recorded, values) for values in kinds]
+            if each:
+                found[name] = {key: float(np.mean([d[key] for d in each])) for key in each[0]}
+            for number, values in enumerate(kinds):
+                sides.setdefault((name, number), []).append((recorded, values))
+        half = len(recorded) // 2
+        if half:
+            found["halves"] = distances(recorded[:half], recorded[half:])
         cells = [" / ".join(f"{d[name]:.2f}" for d in found.values()) for name in (*VALUES, "MMD")]
         note = f" ({fewer} with fewer vehicles)" if fewer else ""
         print(f"| {site.name} | {len(recorded)}{note} | {' | '.join(cells)} |", flush=True)
-        if len(found) == 2:
+        if "synthetic" in found:
             pairs = found["generated"], found["synthetic"]
             ratios.append({name: pairs[0][name] / max(pairs[1][name], 1e-3) for name in pairs[0]})
     if ratios:
         medians = [f"{np.median([r[name] for r in ratios]):.2f}" for name in ratios[0]]
         print(f"| median ratio | | {' | '.join(medians)} |")
-    for name, pairs in sides.items():
-        if pairs and sum(len(p[0]) for p in pairs) > 10 * BLOCK:
-            print(f"AUC of {name} against recorded: {area_under_curve(pairs):.2f}")
+    for name in dict.fromkeys(name for name, _ in sides):
+        draws_of = [pairs for (of, _), pairs in sides.items() if of == name]
+        if sum(len(recorded) for recorded, _ in draws_of[0]) > 10 * BLOCK:
+            curve = np.mean([area_under_curve(pairs) for pairs in draws_of])
+            print(f"AUC of {name} against recorded: {curve:.2f}")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
@@ -212,6 +213,19 @@ def reach(axes: Axes, vehicles: Sequence[Vehicle], time: float, acceleration: fl
         axes.plot(*centre, ".", color=RED if index else BLUE, markersize=3)
 
 
+def generated() -> None:
+    """Twenty generated scenes of an example map beside twenty of SUMO's demand; needs the extra ``train``."""
+    sys.path.insert(0, str(IMAGES.parents[1] / "benchmarks"))
+    from generated_scenes import draw
+
+    path = scex.example_path("urban_intersection")
+    sides = {
+        title: [scex.synthetic_seed(path, vehicles=12, like=like, seed=k) for k in range(20)]
+        for title, like in (("generate", "recorded"), ("SUMO's demand", "sumo"))
+    }
+    draw(IMAGES / "generated.png", sides, {path.stem: shapely.box(930.0, 930.0, 1070.0, 1070.0)})
+
+
 def metrics() -> None:
     """Each metric on a small scene, with the value that the package computes."""
     figure = Figure(figsize=(9, 6.6), layout="constrained")
@@ -274,7 +288,7 @@ def handover() -> None:
 
 
 PICTURES: dict[str, Callable[[], None]] = {
-    made.__name__: made for made in (report, scene_graph, attention, converter, metrics, handover)
+    made.__name__: made for made in (report, scene_graph, attention, converter, generated, metrics, handover)
 }
 
 

@@ -15,7 +15,7 @@ from typer import Option
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.commands.console import progress_bar, warn
-from scex_sumo.commands.options import MapPath, Origin, Overwrite, Seed
+from scex_sumo.commands.options import MapPath, Origin, Overwrite, Seed, Speed
 
 if TYPE_CHECKING:
     from scex_sumo.base.progress import Progress
@@ -35,10 +35,7 @@ def generate_command(
     vehicles: Annotated[
         int | None, Option(metavar="N", help="Vehicles of a scene; default: drawn as recorded.")
     ] = None,
-    speed: Annotated[
-        float | None,
-        Option(metavar="V", help="Mean speed of the traffic, m/s; default: of similar recorded scenes."),
-    ] = None,
+    speed: Speed = None,
     count: Annotated[int, Option(help="Number of scenes.")] = 20,
     scenes: Annotated[
         Path | None, Option(metavar="FILE", help="Scene model of 'train scenes'; default: the shipped one.")

@@ -69,6 +69,13 @@ Like = Annotated[
     str | None,
     typer.Option("--as", metavar="sumo|recorded", help="Of --synthetic: what its scenes look like."),
 ]
+Speed = Annotated[
+    float | None,
+    typer.Option(
+        metavar="V",
+        help="Of scenes as recorded: mean speed of the traffic, m/s; default: drawn for road and density.",
+    ),
+]
 Models = Annotated[
     str | None,
     typer.Option(

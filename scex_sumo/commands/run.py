@@ -31,6 +31,7 @@ from scex_sumo.commands.options import (
     ResultPath,
     RunPreset,
     Seed,
+    Speed,
     State,
     Synthetic,
     Thresholds,
@@ -61,6 +62,7 @@ def run_command(
     time: Time = None,
     synthetic: Synthetic = None,
     like: Like = None,
+    speed: Speed = None,
     origin: Origin = None,
     children: Annotated[
         str | None,
@@ -175,6 +177,7 @@ def run_command(
             time=time,
             synthetic=synthetic,
             like=like,
+            speed=speed,
             origin=origin,
             seed=seed,
             cache=cache,

@@ -29,6 +29,7 @@ def seed_scene(
     cache: bool = True,
     force: bool = False,
     like: str | None = None,
+    speed: float | None = None,
 ) -> SeedScene:
     """Read or populate the seed scene; its notes go to standard error.
 
@@ -47,6 +48,8 @@ def seed_scene(
     zero = parse_origin(origin) if origin is not None else None
     if like is not None and synthetic is None:
         raise UsageError("--as: needs --synthetic N")
+    if speed is not None and synthetic is None:
+        raise UsageError("--speed: needs --synthetic N --as recorded")
     if synthetic is None:
         simulated = tracks is None and dataset_of(map_path).simulated
         shown = progress_bar(f"simulating {map_path.name}") if simulated else nullcontext()
@@ -71,6 +74,7 @@ def seed_scene(
                 map_path,
                 vehicles=synthetic,
                 like=like or "sumo",
+                speed=speed,
                 seed=seed,
                 origin=zero,
                 cache=cache,

@@ -209,9 +209,9 @@ def centreline(
         before.insert(0, min((_turn(road, i, at), i) for i in options)[1])
         missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
-    at = sum(length[i] for i in before) + s
-    points, owner = join_owned(*_pieces(known, sequence, at))
-    return _cut(points, owner, at - behind_m, behind_m + ahead_m)
+    here = sum(length[i] for i in before) + s
+    points, owner = join_owned(*_pieces(known, sequence, here))
+    return _cut(points, owner, here - behind_m, behind_m + ahead_m)
 
 
 def _pieces(

@@ -16,6 +16,7 @@ from scex_sumo.scenarios.scene_context import (
     NO_VEHICLES,
     LaneCells,
     Placed,
+    demands,
     lane_cells,
     needed_deceleration,
     place_features,
@@ -26,7 +27,7 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 MAX_VEHICLES, MAX_SPEED_MPS = 500, 70.0
 CANDIDATES, PARTS = 512, 8  # places that are compared, and parts of the chosen one's surroundings
-TRIES, AT_ONCE = 6, 12
+TRIES, AT_ONCE = 10, 12
 SWEEPS = 1  # in which each vehicle is drawn anew, given all others
 CLEAR_M = 0.1
 FASTER = 1.1  # than it shall be, a scene may be
@@ -75,20 +76,17 @@ def generated_scene(
     if speed is None:
         speed = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], rng)
     pace = max(speed, MIN_PACE_MPS)
-    scene = NO_VEHICLES
-    for k in range(count):
-        one = _drawn(table, ends, model, scene, count, pace, rng)
-        if one is None:
+    scene, motion = NO_VEHICLES, _motion(table, NO_VEHICLES)
+    for k in range(count * (1 + SWEEPS)):
+        others, moving = (scene, motion) if k < count else (scene[1:], motion[1:])
+        one = _drawn(table, ends, model, others, moving, count, pace, rng)
+        if one is None and k < count:
             raise SimulationError(
                 f"{road.name}: no room for vehicle {k + 1} of {count} "
                 f"on {ends[-1] / 1000:.2f} km of lanes; ask for fewer"
             )
-        scene = scene.joined_with(one)
-    for _ in range(SWEEPS):
-        for _ in range(count):
-            others = scene[1:]
-            one = _drawn(table, ends, model, others, count, pace, rng)
-            scene = others.joined_with(scene[:1] if one is None else one)
+        one = scene[:1] if one is None else one
+        scene, motion = others.joined_with(one), States.concatenate([moving, _motion(table, one)], 0)
     # Slower by one factor, vehicles are at the same places later: so none comes closer to another.
     slower = min(1.0, FASTER * pace / scene.pace)
     scene = replace(scene, speed=scene.speed * slower, acceleration=scene.acceleration * slower**2)
@@ -120,11 +118,12 @@ def _drawn(
     ends: FloatArray,
     model: SceneModel,
     others: Placed,
+    motion: States,
     count: int,
     pace: float,
     rng: np.random.Generator,
 ) -> Placed | None:
-    """Draw one vehicle given the others; None if no free place is found."""
+    """Draw one vehicle given the others and their `_motion`; None if no free place is found."""
     number = min(CANDIDATES, len(table.cell_lane))
     step_m = ends[-1] / number
 
@@ -136,8 +135,8 @@ def _drawn(
 
     ways = (np.arange(number) + rng.random()) * step_m
     scores = model.place_scores(at(ways)[2])
-    for _ in range(TRIES):
-        chosen = np.argsort(-(scores + rng.gumbel(size=number)), kind="stable")[:AT_ONCE]
+    for k in range(TRIES):  # the later, the less a place's score counts
+        chosen = np.argsort(-(scores / (1 + k / 2) + rng.gumbel(size=number)), kind="stable")[:AT_ONCE]
         near = ways[chosen][:, None] + step_m * ((np.arange(PARTS) + rng.random()) / PARTS - 0.5)
         near = np.clip(near, 0.0, ends[-1] - 1e-6)
         finer = model.place_scores(at(near.ravel())[2]).reshape(near.shape)
@@ -156,29 +155,35 @@ def _drawn(
             width=values["width"],
             kind=values["kind"].astype(np.int64),
         )
-        good = np.flatnonzero(_free(table, tries, others, model.meta["bounds"]))
-        if len(good):
-            return tries[good[:1]]
+        bounds = model.meta["bounds"]
+        usual = [value <= bounds[name] for name, value in demands(table, tries).items()]
+        tries = tries[np.all(usual, axis=0)]
+        tries = tries[_free(table, tries, others, motion, bounds["deceleration"])]
+        if len(tries.lane):
+            return tries[:1]
     return None
 
 
-def _free(table: LaneCells, tries: Placed, others: Placed, bounds: dict[str, float]) -> BoolArray:
-    """Return (n,) whether each of the tried vehicles may join the others."""
-    if not len(others.lane):
-        return np.full(len(tries.lane), True)
-    n, count = len(tries.lane), len(others.lane)
+def _motion(table: LaneCells, vehicles: Placed) -> States:
+    """Return (n, 7) states of vehicles: as they came, and at constant speed from now on."""
+    past = states_of(table, vehicles, CHECKED_S[CHECKED_S <= 0])
+    steady = replace(vehicles, acceleration=np.zeros_like(vehicles.speed))
+    return States.concatenate([past, states_of(table, steady, CHECKED_S[CHECKED_S > 0])], 1)
 
-    def driven(vehicles: Placed) -> States:
-        past = states_of(table, vehicles, CHECKED_S[CHECKED_S <= 0])
-        steady = Placed(**{**vars(vehicles), "acceleration": np.zeros_like(vehicles.speed)})
-        return States.concatenate([past, states_of(table, steady, CHECKED_S[CHECKED_S > 0])], 1)
 
-    one, two = driven(tries), driven(others)
-    pair = np.repeat(np.arange(n), count), np.tile(np.arange(count), n)
+def _free(table: LaneCells, tries: Placed, others: Placed, motion: States, most_mps2: float) -> BoolArray:
+    """Return (n,) whether each of the tried vehicles keeps off the others, and none must brake hard."""
+    free = np.asarray((needed_deceleration(table, tries, others) <= most_mps2).all(axis=1))
+    own = _motion(table, tries)
+    one, two = np.nonzero(np.broadcast_to(free[:, None], (len(free), len(others.lane))))
+    way = own.speed.max(axis=1)[one] + motion.speed.max(axis=1)[two]
+    far = np.hypot(own.x[one, 2] - motion.x[two, 2], own.y[one, 2] - motion.y[two, 2])
+    near = far < 2.0 * way + (tries.length[one] + others.length[two]) + CLEAR_M
+    one, two = one[near], two[near]
     boxes = (
         Rectangles.of(states[k], v.length[k, None], v.width[k, None])
-        for states, v, k in ((one, tries, pair[0]), (two, others, pair[1]))
+        for states, v, k in ((own, tries, one), (motion, others, two))
     )
-    apart = rectangle_distance(*boxes).min(axis=1).reshape(n, count)
-    hardest = needed_deceleration(table, tries, others)
-    return np.asarray(((apart > CLEAR_M) & (hardest <= bounds["deceleration"])).all(axis=1))
+    touch = (rectangle_distance(*boxes) <= CLEAR_M).any(axis=1)
+    free[one[touch]] = False
+    return free

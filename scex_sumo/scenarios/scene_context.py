@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -23,10 +23,13 @@ USUAL_LENGTH_M = 4.5
 NEAR_M = (15.0, 40.0)
 TURN_M = (20.0, 60.0)  # ahead, over which a lane's turn is a feature
 FLOW_STEPS = 60
+CURVE_MPS2, BRAKE_MPS2 = 2.5, 1.5  # usual in curves, and towards and after them
+CURVES_M = np.arange(-40.0, 41.0, 10.0)  # around a place, at which curves count
 MIN_PACE_MPS = 1.0
+STANDING_MPS = 0.5
 
 ROAD_COLUMNS: Final = (
-    *("limit", "width", "bend", "turn_20", "turn_60", "turned_20", "lanes", "from_right", "from_left"),
+    *("free", "width", "bend", "turn_20", "turn_60", "turned_20", "lanes", "from_right", "from_left"),
     *("entry", "exit", "meeting_ahead", "meeting_behind", "stop_ahead", "light_ahead", "stop_behind"),
     *("flow_in", "flow_out", "conflicts"),
 )
@@ -203,7 +206,7 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
         return _log_least(_ways(relations, to, at, lane, s).T)
 
     columns = [
-        index.speed_limit[lane] / 10.0,
+        _free_speed(paths, lane, s, index.speed_limit[lane]) / 10.0,
         np.array([other.width_m for other in lanes])[lane],
         10.0 * np.abs(wrap(turned[4] - turned[3])),
         *(wrap(t - heading) for t in turned[:3]),
@@ -221,6 +224,16 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
         np.array([min(len(other.conflicts), 8) for other in lanes])[lane],
     ]
     return np.column_stack(columns).astype(np.float64)
+
+
+def _free_speed(paths: Paths, lane: IntArray, s: FloatArray, limit: FloatArray) -> FloatArray:
+    """Return speeds (n,) m/s without other traffic: the limit, less in curves, before and after them."""
+    squares = limit**2
+    for away in CURVES_M:
+        turned = wrap(_poses(paths, lane, s + away + 5.0)[2] - _poses(paths, lane, s + away - 5.0)[2])
+        curve = CURVE_MPS2 * 10.0 / np.maximum(np.abs(turned), 1e-3)
+        squares = np.minimum(squares, curve + 2.0 * BRAKE_MPS2 * abs(away))
+    return np.sqrt(squares)
 
 
 def _beside(table: list[int]) -> IntArray:
@@ -294,10 +307,29 @@ def place_features(
     ]
     if not count:
         far = np.log1p(FAR_M)
-        empty = [far, 1.0, 0, 0, far, 1.0, 40.0, 1.0, 40.0, 1.0, far, far, 1.0, 0, 0, 1.0, 0, 0, 1.0, 1.0, 0]
-        return np.hstack([fixed, np.tile([*empty, *whole, 60.0, 1.0], (n, 1))])
+        empty = [
+            far,
+            1.0,
+            0,
+            0,
+            far,
+            1.0,
+            *(np.log(41.0), 1.0) * 2,
+            far,
+            far,
+            1.0,
+            0,
+            0,
+            1.0,
+            0,
+            0,
+            1.0,
+            1.0,
+            0,
+        ]
+        return np.hstack([fixed, np.tile([*empty, *whole, np.log(61.0), 1.0], (n, 1))])
     ratio = others.speed / pace
-    standing = (others.speed < 0.5).astype(np.float64)
+    standing = (others.speed < STANDING_MPS).astype(np.float64)
     half = (others.length + USUAL_LENGTH_M) / 2
     rows = np.arange(n)
 
@@ -326,7 +358,8 @@ def place_features(
     for sign in (1, -1):
         best, way, there = nearest(np.where(side == sign, np.abs(beside), np.inf))
         there &= way < 40.0
-        columns += [np.where(there, beside[rows, best], 40.0), np.where(there, ratio[best], 1.0)]
+        lead_m = np.where(there, beside[rows, best], 40.0)
+        columns += [np.sign(lead_m) * np.log1p(np.abs(lead_m)), np.where(there, ratio[best], 1.0)]
     own = r.meeting[pair][..., 0] - s[:, None, None]
     other = r.meeting[pair][..., 1] - others.s[:, None]
     soon = np.where((own > -5) & (other > -5), np.maximum(own, 0) + np.maximum(other, 0), np.inf)
@@ -353,7 +386,7 @@ def place_features(
     front, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
     best, way, there = nearest(np.where((front > 0) & (aside < 1.5), front, np.inf))
     there &= way < 60.0
-    columns += [np.where(there, way, 60.0), np.where(there, ratio[best], 1.0)]
+    columns += [np.log1p(np.where(there, way, 60.0)), np.where(there, ratio[best], 1.0)]
     return np.hstack([fixed, np.column_stack(columns)])
 
 
@@ -368,6 +401,28 @@ def needed_deceleration(table: LaneCells, one: Placed, two: Placed) -> FloatArra
         gap = np.where(way > 0, np.maximum(way - half, 0.1), np.inf)
         needed = np.maximum(needed, np.maximum(closes, 0.0) ** 2 / (2 * gap))
     return needed
+
+
+def demands(table: LaneCells, vehicles: Placed) -> dict[str, FloatArray]:
+    """Return what (n,) vehicles do that few recorded ones exceed, by name.
+
+    ``lateral`` acceleration at the lane's curvature from 1 s before to 0.5 s after, m/s²; ``over_limit``, the
+    speed over the limit; ``off_lane``, how far the body is beyond the lane's edge where no lane is beside it,
+    m; ``on_crossing``, 1 for a vehicle that stands where another lane crosses or merges.
+    """
+    steady = replace(vehicles, acceleration=np.zeros_like(vehicles.speed))
+    heading = states_of(table, steady, np.arange(-2.0, 2.0) / 2).heading
+    fixed = table.fixed[table.cells_at(vehicles.lane, vehicles.s)]
+    width, right, left = (fixed[:, ROAD_COLUMNS.index(c)] for c in ("width", "from_right", "from_left"))
+    beside = np.where(vehicles.offset > 0, left, right) > 0
+    way = table.relations.meeting[vehicles.lane, ..., 0] - vehicles.s[:, None, None]
+    over = (np.abs(way) < vehicles.length[:, None, None] / 2).any(axis=(1, 2))
+    return {
+        "lateral": 2 * np.abs(wrap(np.diff(heading))).max(axis=1) * vehicles.speed,
+        "over_limit": vehicles.speed / table.limit[vehicles.lane],
+        "off_lane": np.where(beside, 0.0, np.abs(vehicles.offset) + (vehicles.width - width) / 2),
+        "on_crossing": (over & (vehicles.speed < STANDING_MPS)).astype(np.float64),
+    }
 
 
 def states_of(table: LaneCells, vehicles: Placed, steps: FloatArray) -> States:

@@ -17,17 +17,18 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.version import __version__
-from scex_sumo.scenarios.scene_context import COLUMNS, SCENE_COLUMNS
+from scex_sumo.scenarios.scene_context import COLUMNS, ROAD_COLUMNS, SCENE_COLUMNS
 
-FORMAT: Final = "scex-sumo scenes 1"
+FORMAT: Final = "scex-sumo scenes 2"
 ABOUT: Final = "scex_sumo"
 DRAWN: Final = ("length", "speed", "acceleration", "offset", "turn")
 """Quantities of a vehicle in the order of their draws, each given those before; speed over the mean one."""
 MOTION: Final = np.flatnonzero(
-    [name in (*SCENE_COLUMNS, "bend", "stop_ahead", "light_ahead") for name in COLUMNS]
+    [name in (*SCENE_COLUMNS, "free", "bend", "stop_ahead", "light_ahead") for name in COLUMNS]
 )
 """Features of a motion; with all of the road, motions at a new place are those of one recorded site."""
-LIKE_DENSITY, LIKE_ROAD = 0.2, 0.15  # widths of what counts as similar: of a logarithm, and in spreads
+LIKE_DENSITY, LIKE_ROAD, LIKE_PACE = 0.2, 0.15, 0.33  # widths of what is similar; of roads in spreads
+OVER_FREE = 1.3  # times the speed without other traffic, the mean speed may be
 KINDS: Final = ("car", "truck", "bus", "motorcycle")
 SHIPPED: Final = Path(__file__).parent / "data" / "scenes.safetensors"
 AGAIN: Final = "train again with: scex-sumo train scenes"
@@ -42,7 +43,8 @@ class SceneModel:
             ``bins.speed`` (K, 2) the lowest and highest values of its bins; ``width`` (K, Q) quantiles in m
             and ``kind`` (K, 4) shares of `KINDS` for each bin of the length; ``density`` (Q,) quantiles of
             vehicles per km of lane; ``scenes`` (S, 2 + R) logarithms of density and mean speed, and mean
-            road features, of recorded scenes; ``mean`` and ``spread`` (F,) of the features.
+            road features, of recorded scenes; ``slopes`` (2,) of `usual_pace`; ``mean`` and ``spread`` (F,)
+            of the features.
         meta: training command, data, bounds of what counts as about to collide.
     """
 
@@ -92,21 +94,51 @@ class SceneModel:
         return np.asarray(np.clip(2 * (values - low) / max(high - low, 1e-6) - 1, -3, 3), np.float32)
 
     def pace(self, road: FloatArray, density: float, rng: np.random.Generator) -> float:
-        """Draw the mean speed, m/s, of a recorded scene with similar roads and density.
+        """Draw the mean speed, m/s: that of a recorded scene with similar roads and density.
+
+        It is scaled by what `usual_pace` says of both scenes. It is at most 1.3 times the speed without
+        other traffic, and above that at most the highest recorded one.
 
         Args:
             road: (R,) mean `ROAD_COLUMNS` of the lanes.
             density: vehicles per km of lane.
         """
-        scenes = self.tensors["scenes"].astype(np.float64)
-        roads = (((scenes[:, 2:] - road) / self.tensors["spread"][: len(road)]) ** 2).mean(axis=1)
-        away = ((scenes[:, 0] - np.log(density)) / LIKE_DENSITY) ** 2 + roads / LIKE_ROAD**2
-        return float(np.exp(scenes[_choose(-away[None] / 2, rng)[0], 1]))
+        scenes, slopes = (self.tensors[name].astype(np.float64) for name in ("scenes", "slopes"))
+        dense = np.clip(np.log(density), scenes[:, 0].min(), scenes[:, 0].max())
+        usual = usual_pace(np.vstack([scenes, [dense, 0.0, *road]]), slopes)
+        scale = usual[-1] - usual[:-1]
+        spread = self.tensors["spread"][1 : len(road)]  # without the free speed, which scales
+        roads = (((scenes[:, 3:] - road[1:]) / spread) ** 2).mean(axis=1)
+        away = ((scenes[:, 0] - dense) / LIKE_DENSITY) ** 2
+        away += roads / LIKE_ROAD**2 + (scale / LIKE_PACE) ** 2
+        chosen = _choose(-away[None] / 2, rng)[0]
+        free, fastest = float(10.0 * road[0]), float(np.exp(scenes[:, 1].max()))
+        pace = float(np.exp(scenes[chosen, 1] + scale[chosen]))
+        return min(pace, OVER_FREE * free, max(free, fastest))
 
     def count(self, total_m: float, rng: np.random.Generator) -> int:
-        """Draw the number of vehicles on a length of lanes; at least 1."""
+        """Draw the number of vehicles on a length of lanes; at least 2, as recorded scenes have."""
         density = np.quantile(self.tensors["density"], rng.random())
-        return max(1, round(density * total_m / 1000.0))
+        return max(2, round(density * total_m / 1000.0))
+
+
+def usual_pace(scenes: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return the logarithm of the mean speed (S,) that road and density let expect, up to a constant.
+
+    It is the speed without other traffic, less for roads with many conflicts and for dense traffic.
+
+    Args:
+        scenes: (S, 2 + R) as in `SceneModel`.
+        slopes: (2,) of `pace_terms`.
+    """
+    free = scenes[:, 2 + ROAD_COLUMNS.index("free")]
+    return np.asarray(np.log(np.maximum(free, 0.1)) + pace_terms(scenes) @ slopes)
+
+
+def pace_terms(scenes: FloatArray) -> FloatArray:
+    """Return (S, 2) logarithms of conflicts per lane, and densities in vehicles per metre of lane."""
+    conflicts = scenes[:, 2 + ROAD_COLUMNS.index("conflicts")]
+    return np.column_stack([np.log1p(conflicts), np.exp(scenes[:, 0]) / 1000.0])
 
 
 def _choose(logits: FloatArray, rng: np.random.Generator) -> IntArray:
@@ -142,7 +174,7 @@ def load_scenes(path: Path = SHIPPED) -> SceneModel:
     ):
         held = about.get("format", "other tensors") if isinstance(about, dict) else "other tensors"
         raise InputError(f"{path}: holds {held!r} of another version, needs {FORMAT!r}; {AGAIN}")
-    needed = {"place.0.weight", "mean", "spread", "width", "kind", "density", "scenes"}
+    needed = {"place.0.weight", "mean", "spread", "width", "kind", "density", "scenes", "slopes"}
     needed |= {f"bins.{name}" for name in DRAWN}
     wrong = sorted(needed - tensors.keys()) or [k for k, v in tensors.items() if not np.isfinite(v).all()]
     if wrong:

@@ -80,6 +80,7 @@ def synthetic_seed(
     *,
     vehicles: int,
     like: str = "sumo",
+    speed: float | None = None,
     seed: int = 0,
     origin: tuple[float, float] | None = None,
     cache: bool = True,
@@ -91,6 +92,7 @@ def synthetic_seed(
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
         like: ``sumo`` places vehicles by random demand and car-following, ``recorded`` by the shipped scene
             model; such a scene has no future.
+        speed: mean speed of a scene as recorded, m/s; None draws it for road and density.
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
@@ -100,7 +102,7 @@ def synthetic_seed(
     Raises:
         MapError: the map cannot be read.
         SimulationError: the map cannot hold so many vehicles, or is not populated within 10 s.
-        UsageError: ``like`` is unknown.
+        UsageError: ``like`` is unknown, or a speed is given to SUMO.
 
     Example:
         >>> scex.synthetic_seed(scex.example_path("roundabout"), vehicles=3).vehicles
@@ -112,6 +114,8 @@ def synthetic_seed(
 
     if like not in ("sumo", "recorded"):
         raise UsageError(f"--as {like}: unknown; known: sumo, recorded")
+    if speed is not None and like == "sumo":
+        raise UsageError("--speed: SUMO draws its own; give --as recorded")
     map_path = Path(map_path)
     road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
     if like == "recorded":
@@ -119,7 +123,7 @@ def synthetic_seed(
         from scex_sumo.scenarios.scene_model import load_scenes
 
         warn_notes(road.notes)
-        return generated_scene(road, load_scenes(), vehicles=vehicles, seed=seed)
+        return generated_scene(road, load_scenes(), vehicles=vehicles, speed=speed, seed=seed)
     name = f"{road.name}_synthetic{vehicles}_s{seed}"
 
     def populated() -> SeedScene:

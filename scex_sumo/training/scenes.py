@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,19 +15,19 @@ from torch import Tensor, nn
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.moment import Split
+from scex_sumo.converters.datasets.moment import Part, Split
 from scex_sumo.converters.datasets.recordings import Recording, load_recording
 from scex_sumo.scenarios.scene_context import (
     COLUMNS,
-    ROAD_COLUMNS,
     LaneCells,
     Placed,
+    demands,
     lane_cells,
     needed_deceleration,
     place_features,
     placed_on_lanes,
 )
-from scex_sumo.scenarios.scene_model import DRAWN, KINDS, MOTION, SceneModel
+from scex_sumo.scenarios.scene_model import DRAWN, KINDS, MOTION, SceneModel, pace_terms, usual_pace
 from scex_sumo.scene import SeedScene
 from scex_sumo.training.data.dataset import part_scenes
 
@@ -39,7 +40,8 @@ KEPT = 500  # scenes whose mean speeds the model keeps
 MARGIN_M = 5.0  # around what a recording sees
 BATCH, EPOCHS, PATIENCE = 128, 12, 4
 WIDTHS = np.linspace(0.0, 1.0, 9)
-DECELERATION = 0.995  # share of recorded vehicles that need less to keep off their leaders
+RIDGE = 0.3  # of the slopes of `usual_pace`, because sites are few
+USUAL = 0.995  # share of recorded vehicles within each bound of generated ones
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,23 +61,20 @@ def seen_part(scenes: Sequence[SeedScene]) -> shapely.Geometry:
     return shapely.MultiPoint(np.vstack(points)).convex_hull.buffer(MARGIN_M)
 
 
-def _seen_cells(scenes: Sequence[SeedScene]) -> tuple[IntArray, float]:
-    """Return the cells of the map that recordings see, and their length, m."""
+def seen_cells(scenes: Sequence[SeedScene]) -> IntArray:
+    """Return the cells of the map that recordings see."""
+    assert scenes[0].road is not None
+    x, y, _ = lane_cells(scenes[0].road).cell_pose
+    return np.flatnonzero(shapely.contains_xy(seen_part(scenes), x, y))
+
+
+def scene_samples(
+    scenes: Sequence[SeedScene], inside: IntArray, site: int, rng: np.random.Generator
+) -> SceneSamples | None:
+    """Return samples of scenes on one map, whose cells ``inside`` are seen."""
     assert scenes[0].road is not None
     table = lane_cells(scenes[0].road)
-    x, y, _ = table.poses(table.cell_lane, table.cell_s[:, None])
-    inside = np.flatnonzero(shapely.contains_xy(seen_part(scenes), x[:, 0], y[:, 0]))
-    return inside, float(table.cell_m[inside].sum())
-
-
-def scene_samples(scenes: Sequence[SeedScene], site: int, rng: np.random.Generator) -> SceneSamples | None:
-    """Return samples of scenes on one map."""
-    if not scenes:
-        return None
-    road = scenes[0].road
-    assert road is not None
-    table = lane_cells(road)
-    inside, total_m = _seen_cells(scenes)
+    total_m = float(table.cell_m[inside].sum())
     made: list[tuple[Any, ...]] = []
     for scene in scenes:
         for _ in range(SUBSETS):
@@ -111,18 +110,34 @@ def _subset(
     return places, np.column_stack(values), targets.width, targets.kind
 
 
-def known_scenes(scenes: Sequence[SeedScene], wholes: Sequence[Placed]) -> FloatArray:
+def known_scenes(table: LaneCells, inside: IntArray, wholes: Sequence[Placed]) -> FloatArray:
     """Return (S, 2 + R) logarithms of density and mean speed, and mean road features, of scenes on one map.
 
     Args:
-        wholes: (S,) their vehicles on lanes; scenes without any are left out.
+        inside: cells that the recording sees.
+        wholes: (S,) vehicles on lanes; scenes without any are left out.
     """
-    assert scenes[0].road is not None
-    table, (inside, total_m) = lane_cells(scenes[0].road), _seen_cells(scenes)
+    total_m = table.cell_m[inside].sum()
     road = table.cell_m[inside] @ table.fixed[inside] / total_m
     pairs = [(len(w.lane), w.pace) for w in wholes if len(w.lane)]
     count, pace = np.array(pairs).reshape(-1, 2).T
     return np.column_stack([np.log(1000 * count / total_m), np.log(pace), np.tile(road, (len(count), 1))])
+
+
+def pace_slopes(known: Sequence[FloatArray]) -> FloatArray:
+    """Return the slopes (2,) of `usual_pace` by ridge regression; all sites have the same weight.
+
+    Args:
+        known: (S, 2 + R) of `known_scenes` for each site.
+    """
+    scenes = np.concatenate(known)
+    weight = np.concatenate([np.full(len(k), 1.0 / max(len(k), 1)) for k in known])
+    ratio = scenes[:, 1] - usual_pace(scenes, np.zeros(2))
+    x = pace_terms(scenes)
+    x, y = (v - np.average(v, axis=0, weights=weight) for v in (x, ratio))
+    square = x.T @ (weight[:, None] * x)
+    penalty = np.diag(RIDGE * np.diag(square) / len(known) + 1e-9)
+    return np.asarray(np.linalg.solve(square + penalty, x.T @ (weight * y)))
 
 
 def joined(parts: Sequence[SceneSamples | None]) -> SceneSamples:
@@ -159,7 +174,7 @@ def bin_numbers(values: FloatArray, bins: FloatArray) -> IntArray:
 def fit(
     train: SceneSamples,
     validation: SceneSamples,
-    known: FloatArray,
+    known: Sequence[FloatArray],
     *,
     seed: int = 0,
     epochs: int = EPOCHS,
@@ -168,15 +183,17 @@ def fit(
     """Fit the networks; return tensors of a `SceneModel` and the validation loss.
 
     Args:
-        known: (S, 2 + R) of `known_scenes`.
+        known: (S, 2 + R) of `known_scenes` for each site.
         report: called with the epoch, its loss and the validation loss.
     """
     torch.manual_seed(seed)
     flat = train.places[:, 0]
     every = train.places[:, ::8].reshape(-1, flat.shape[1])
     tensors: dict[str, FloatArray] = {"mean": every.mean(axis=0), "spread": every.std(axis=0) + 1e-3}
-    tensors["density"] = np.quantile(np.exp(known[:, 0]), np.linspace(0, 1, 33))
-    tensors["scenes"] = known[:: max(len(known) // KEPT, 1)]
+    scenes = np.concatenate(known)
+    tensors["density"] = np.quantile(np.exp(scenes[:, 0]), np.linspace(0, 1, 33))
+    tensors["scenes"] = scenes[:: max(len(scenes) // KEPT, 1)]
+    tensors["slopes"] = pace_slopes(known)
     for k, name in enumerate(DRAWN):
         tensors[f"bins.{name}"] = bins_of(train.values[:, k])
     by_length = bin_numbers(train.values[:, 0], tensors["bins.length"])
@@ -273,28 +290,40 @@ def train_scenes(
     """
     rng = np.random.default_rng(seed)
     sites = sorted({recording.site for recording in recordings})
-    parts: dict[str, list[SceneSamples | None]] = {"train": [], "validation": []}
-    known, hardest, count = [np.empty((0, 2 + len(ROAD_COLUMNS)))], [np.empty(0)], 0
+    parts: dict[Part, list[SceneSamples | None]] = {"train": [], "validation": []}
+    known: dict[str, list[FloatArray]] = {}
+    needs: dict[str, list[FloatArray]] = {}
+    of_maps: dict[Path, dict[tuple[str, Part], list[SeedScene]]] = {}
     for recording in recordings:
         loaded = load_recording(recording)
-        for part, samples in parts.items():
-            scenes = part_scenes(loaded, part, split=split, every_s=every_s)  # type: ignore[arg-type]
-            samples.append(scene_samples(scenes, sites.index(recording.site), rng))
-            if part == "train" and scenes:
-                wholes = [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes]
-                known.append(known_scenes(scenes, wholes))
-                table = lane_cells(loaded.road)
-                hardest += [needed_deceleration(table, w, w).max(axis=1, initial=0.0) for w in wholes]
-                count += len(scenes)
+        for part in parts:
+            if scenes := part_scenes(loaded, part, split=split, every_s=every_s):
+                of_map = of_maps.setdefault(recording.map_path, {})
+                of_map.setdefault((recording.site, part), []).extend(scenes)
+    for of_map in of_maps.values():
+        inside = seen_cells([scene for scenes in of_map.values() for scene in scenes])
+        for (site, part), scenes in of_map.items():
+            parts[part].append(scene_samples(scenes, inside, sites.index(site), rng))
+            if part != "train":
+                continue
+            assert scenes[0].road is not None
+            table = lane_cells(scenes[0].road)
+            wholes = [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes]
+            known.setdefault(site, []).append(known_scenes(table, inside, wholes))
+            for whole in wholes:
+                hardest = needed_deceleration(table, whole, whole).max(axis=1, initial=0.0)
+                for name, value in {"deceleration": hardest, **demands(table, whole)}.items():
+                    needs.setdefault(name, []).append(value)
     if not any(parts["train"]) or not any(parts["validation"]):
         raise TrackError("train scenes: needs scenes for training and for validation; give more recordings")
     tensors, loss = fit(
         joined(parts["train"]),
         joined(parts["validation"]),
-        np.concatenate(known),
+        [np.concatenate(some) for some in known.values()],
         seed=seed,
         epochs=epochs,
         report=report,
     )
-    bounds = {"deceleration": float(np.quantile(np.concatenate(hardest), DECELERATION))}
+    bounds = {name: float(np.quantile(np.concatenate(some), USUAL)) for name, some in needs.items()}
+    count = sum(len(scenes) for m in of_maps.values() for (_, part), scenes in m.items() if part == "train")
     return tensors, {"sites": sites, "scenes": count, "validation_loss": round(loss, 3), "bounds": bounds}

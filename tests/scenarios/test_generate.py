@@ -16,11 +16,19 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.generate import generated_scene
-from scex_sumo.scenarios.scene_context import NO_VEHICLES, Placed, lane_cells, placed_on_lanes, states_of
+from scex_sumo.scenarios.scene_context import (
+    NO_VEHICLES,
+    ROAD_COLUMNS,
+    Placed,
+    demands,
+    lane_cells,
+    placed_on_lanes,
+    states_of,
+)
 from scex_sumo.scenarios.scene_model import FORMAT, KINDS, SHIPPED, SceneModel, load_scenes, save_scenes
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S
-from tests.converters.maps import straight, write_map
+from tests.converters.maps import Lanelet, straight, write_map
 
 MODEL = load_scenes()
 
@@ -73,10 +81,56 @@ def test_the_mean_speed_is_the_one_given_or_that_of_similar_scenes(road: Road) -
     for speed in (4.0, 16.0):
         scenes = [generated_scene(road, MODEL, vehicles=6, speed=speed, number=k) for k in range(4)]
         assert np.mean([scene.now.speed.mean() for scene in scenes]) == pytest.approx(speed, rel=0.5)
-    table = {"scenes": np.array([[2.0, np.log(5.0), 1.0], [2.0, np.log(20.0), 9.0], [4.0, np.log(2.0), 1.0]])}
-    model = SceneModel(tensors={**table, "spread": np.ones(2)}, meta={})
-    paces = [model.pace(np.array([1.0]), np.exp(2.0), np.random.default_rng(k)) for k in range(9)]
-    assert paces == pytest.approx([5.0] * 9)  # like the first in both
+
+
+def known(density: float, speed: float, **road: float) -> list[float]:
+    """Return a row of the known scenes of a model."""
+    columns = {"free": 1.4, **road}
+    return [np.log(density), np.log(speed), *(columns.get(name, 0.0) for name in ROAD_COLUMNS)]
+
+
+def drawn_pace(scenes: list[list[float]], density: float, **road: float) -> float:
+    """Return the mean speed that a model of these scenes draws; -1 and -10 are its slopes."""
+    tensors = {"scenes": np.array(scenes), "slopes": np.array([-1.0, -10.0]), "spread": np.ones(99)}
+    model = SceneModel(tensors=tensors, meta={})
+    (pace,) = {
+        round(model.pace(np.array(known(1.0, 1.0, **road)[2:]), density, np.random.default_rng(k)), 6)
+        for k in range(9)
+    }
+    return pace
+
+
+def test_an_unknown_mean_speed_is_that_of_a_similar_scene_scaled_by_the_road() -> None:
+    sparse, other_road, dense = known(7.0, 5.0), known(7.0, 9.0, width=9.0), known(50.0, 2.0)
+    every = [sparse, other_road, dense]
+    assert drawn_pace(every, 7.0) == pytest.approx(5.0)
+    assert drawn_pace(every, 50.0) == pytest.approx(2.0)
+    assert drawn_pace([sparse], 7.0, free=2.8) == pytest.approx(10.0)
+    assert drawn_pace([sparse], 7.0, conflicts=1.0) == pytest.approx(2.5)
+    assert drawn_pace([sparse, known(27.0, 5.0, conflicts=9.0)], 17.0) == pytest.approx(5.0 * np.exp(-0.1))
+    assert drawn_pace([known(7.0, 20.0)], 7.0, free=0.7) == pytest.approx(1.3 * 7.0)  # not 10 m/s
+    assert drawn_pace([known(7.0, 20.0)], 7.0, free=3.0) == pytest.approx(30.0)
+
+
+def left_turn() -> Lanelet:
+    """Return 60 m straight, a quarter of a circle of 10 m radius, and 60 m straight."""
+    angle = np.linspace(0, np.pi / 2, 12)
+    bounds = [
+        [(0, -side), *np.stack([60 + r * np.sin(angle), 10 - r * np.cos(angle)], 1).tolist(), (60 + r, 70)]
+        for side, r in ((-1.75, 8.25), (1.75, 11.75))
+    ]
+    return Lanelet(1, left=bounds[0], right=bounds[1])
+
+
+def test_curves_slow_down_before_and_after_them(tmp_path: Path) -> None:
+    road = read_road(write_map(tmp_path / "turn.osm", [left_turn()]))
+    table = lane_cells(road)
+    free = 10 * table.fixed[:, ROAD_COLUMNS.index("free")]
+    limit = table.limit[0]
+    assert free[table.cell_s < 5.0] == pytest.approx(limit)
+    in_curve = np.abs(table.cell_s - 68.0) < 2.0
+    assert free[in_curve] == pytest.approx(np.sqrt(2.5 * 10.0), rel=0.1)
+    assert (np.diff(free[(table.cell_s > 25) & (table.cell_s < 60)]) < 0.3).all()
 
 
 @pytest.mark.parametrize(
@@ -135,12 +189,56 @@ def test_recorded_vehicles_keep_their_poses_on_lanes() -> None:
     assert np.abs(np.cos(states.heading[:, 0] - now.heading) - 1).max() < 1e-3  # a curve within that
 
 
+def placed(count: int, **values: float | list[float]) -> Placed:
+    """Return vehicles with these values; the others are 0."""
+    columns = {
+        f.name: np.zeros(count, getattr(NO_VEHICLES, f.name).dtype) + np.asarray(values.get(f.name, 0))
+        for f in dataclasses.fields(Placed)
+    }
+    return Placed(**{k: v.astype(getattr(NO_VEHICLES, k).dtype) for k, v in columns.items()})
+
+
+def test_demands_of_a_vehicle_on_its_lane(tmp_path: Path) -> None:
+    crossing = Lanelet(2, left=[(98.25, -50), (98.25, 50)], right=[(101.75, -50), (101.75, 50)])
+    table = lane_cells(read_road(write_map(tmp_path / "x.osm", [straight(1, 0, 200), crossing])))
+    middle = 100.0
+    vehicles = placed(
+        4,
+        s=[middle, middle, middle - 10, middle],
+        speed=[0.0, 7.0, 0.0, 2 * table.limit[0]],
+        offset=[0.0, 0.0, 1.5, 0.0],
+        length=5.0,
+        width=2.0,
+    )
+    found = demands(table, vehicles)
+    assert found["on_crossing"].tolist() == [1, 0, 0, 0]
+    assert found["over_limit"][3] == pytest.approx(2.0)
+    assert found["off_lane"] == pytest.approx([-0.75, -0.75, 0.75, -0.75])  # a lane is 3.5 m wide
+    assert found["lateral"] == pytest.approx(np.zeros(4), abs=1e-6)
+
+
+def test_lateral_acceleration_is_that_of_the_curve(tmp_path: Path) -> None:
+    table = lane_cells(read_road(write_map(tmp_path / "turn.osm", [left_turn()])))
+    found = demands(table, placed(2, s=[30.0, 68.0], speed=5.0, length=5.0, width=2.0))
+    assert found["lateral"] == pytest.approx([0.0, 2.5], abs=0.3)  # 5² / 10 m
+
+
+@pytest.mark.parametrize("name", ["urban_intersection", "roundabout", "motorway_merge"])
+def test_no_vehicle_demands_more_than_nearly_all_recorded_ones(name: str) -> None:
+    road = read_road(example_path(name))
+    for number in range(3):
+        scene = generated_scene(road, MODEL, vehicles=15, number=number)
+        on_lanes, _ = placed_on_lanes(scene, KINDS, np.random.default_rng(0))
+        assert (on_lanes.speed / lane_cells(road).limit[on_lanes.lane]).max() < 1.7
+        found = demands(lane_cells(road), on_lanes)
+        assert np.quantile(found["lateral"], 0.9) <= MODEL.meta["bounds"]["lateral"]  # lanes may be others
+        assert scene.now.speed.mean() < 1.5 * lane_cells(road).limit.max()
+
+
 def test_the_last_second_follows_from_speed_and_acceleration(tmp_path: Path) -> None:
     table = lane_cells(read_road(write_map(tmp_path / "road.osm", [straight(1, 0, 300)])))
-    columns = {f.name: np.zeros(3, getattr(NO_VEHICLES, f.name).dtype) for f in dataclasses.fields(Placed)}
-    columns |= {"s": np.full(3, 100.0), "speed": np.array([10.0, 1.0, 0.0])}
-    columns |= {"acceleration": np.array([-2.0, 2.0, 0.0])}
-    states = states_of(table, Placed(**columns), np.array([-1.0, 0.0]))
+    vehicles = placed(3, s=100.0, speed=[10.0, 1.0, 0.0], acceleration=[-2.0, 2.0, 0.0])
+    states = states_of(table, vehicles, np.array([-1.0, 0.0]))
     assert states.speed[:, 0] == pytest.approx([12.0, 0.0, 0.0])
     # 11 m at 11 m/s on average; from rest half a second ago 0.25 m; none.
     assert np.hypot(np.diff(states.x), np.diff(states.y))[:, 0] == pytest.approx([11.0, 0.25, 0.0], abs=1e-6)

@@ -10,10 +10,18 @@ import pytest
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.road import Road
 from scex_sumo.scenarios.generate import generated_scene
-from scex_sumo.scenarios.scene_context import lane_cells, placed_on_lanes
-from scex_sumo.scenarios.scene_model import KINDS, SceneModel
+from scex_sumo.scenarios.scene_context import ROAD_COLUMNS, demands, lane_cells, placed_on_lanes
+from scex_sumo.scenarios.scene_model import KINDS, SceneModel, usual_pace
 from scex_sumo.scene import SeedScene
-from scex_sumo.training.scenes import bin_numbers, bins_of, fit, known_scenes, scene_samples
+from scex_sumo.training.scenes import (
+    bin_numbers,
+    bins_of,
+    fit,
+    known_scenes,
+    pace_slopes,
+    scene_samples,
+    seen_cells,
+)
 from tests.converters.maps import straight, write_map
 from tests.seeds import straight_seed
 
@@ -33,6 +41,20 @@ def test_a_frequent_value_has_a_bin_of_its_own_and_the_rest_equal_shares() -> No
     assert share == pytest.approx(0.05, abs=0.01)
 
 
+def test_slopes_of_the_mean_speed_are_those_of_the_recorded_sites() -> None:
+    rng, sites = np.random.default_rng(0), []
+    for conflicts, free, scenes in ((0.0, 14.0, 50), (1.0, 14.0, 5), (3.0, 10.0, 20), (6.0, 20.0, 9)):
+        road = np.zeros(len(ROAD_COLUMNS))
+        road[ROAD_COLUMNS.index("free")], road[ROAD_COLUMNS.index("conflicts")] = free / 10, conflicts
+        density = rng.uniform(2.0, 40.0, scenes)
+        speed = free * (1 + conflicts) ** -0.8 * np.exp(-30.0 * density / 1000.0)
+        sites.append(np.column_stack([np.log(density), np.log(speed), np.tile(road, (scenes, 1))]))
+    slopes = pace_slopes(sites)
+    assert slopes == pytest.approx([-0.8, -30.0], rel=0.15)  # ridge: nearer to 0
+    left = np.concatenate(sites)[:, 1] - usual_pace(np.concatenate(sites), slopes)
+    assert left.std() < 0.1
+
+
 def platoon(road: Road, rng: np.random.Generator) -> SeedScene:
     """Three vehicles at one random speed, 1 s apart, on the left lane of two."""
     import dataclasses
@@ -50,11 +72,16 @@ def test_the_fit_learns_lane_speed_and_gap(tmp_path: Path) -> None:
     road = read_road(write_map(tmp_path / "road.osm", [straight(1, 0, 200), straight(2, 0, 200, y=3.5)]))
     rng = np.random.default_rng(0)
     scenes = [[platoon(road, rng) for _ in range(count)] for count in (100, 20)]
-    parts = [scene_samples(some, 0, rng) for some in scenes]
-    known = known_scenes(scenes[0], [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes[0]])
+    inside = seen_cells(scenes[0])
+    parts = [scene_samples(some, inside, 0, rng) for some in scenes]
+    wholes = [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes[0]]
+    known = [known_scenes(lane_cells(road), inside, wholes)]
     assert parts[0] is not None and parts[1] is not None
     tensors, _ = fit(parts[0], parts[1], known, epochs=6)
-    model = SceneModel(tensors=tensors, meta={"bounds": {"deceleration": 3.0}})
+    model = SceneModel(
+        tensors=tensors,
+        meta={"bounds": {"deceleration": 3.0, **dict.fromkeys(demands(lane_cells(road), wholes[0]), 9.0)}},
+    )
     speeds, left = [], []
     for k in range(8):
         placed, _ = placed_on_lanes(generated_scene(road, model, vehicles=3, number=k), KINDS, rng)
