@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 import scex_sumo
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
@@ -38,13 +38,12 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.statistics.density import wilson
 from scex_sumo.statistics.importance import Outcomes, sample_rare
-from scex_sumo.statistics.tilting import UNIFORM_EDGES, Variables, normal_classes
 from scex_sumo.world.plain import PlainWorld
 
 CHECKED = (("Peach-3_2", 0.25), ("Peach-2_1", 0.25), ("Lanker-2_16", 0.5))
 """Recordings of NGSIM, and shares of their time."""
 DRIVERS = "likely"
-EXTRA = (100, 1000)
+EXTRA = (50, 1000)
 SEED, STEPS, REPLAN = 4711, 30, 5
 VEHICLES_AT_ONCE = 6000
 
@@ -141,20 +140,15 @@ def row(scene: SeedScene, p: float, extra: int, repeats: int) -> tuple[str, ...]
     )
 
 
-def analytic(repeats: int) -> None:
-    """Print the same of two vehicles whose least gap is normal: P = Φ(-level)."""
-    prior, score = normal_classes()
-    kinds = 4
-    variables = Variables(
-        words=(("", ""),) * kinds,
-        prior=np.tile(prior, (kinds, 1)),
-        score=np.tile(score, (kinds, 1)),
-        classes=lambda draw, k: np.searchsorted(UNIFORM_EDGES, uniforms(draw, 1, k)[:, 0], side="right"),
-    )
+class NormalGap:
+    """Futures of two vehicles with four normal numbers each, whose least gap is normal."""
 
-    def simulate(draw: FloatArray) -> Outcomes:
+    def __init__(self, level: float) -> None:
+        self._level = level
+
+    def run(self, draw: FloatArray) -> Outcomes:
         one, other = (ndtri(uniforms(draw[:, v], 1, v)[:, 0]) for v in (0, 1))
-        gap, none = level - (one - other) / np.sqrt(2), np.zeros(len(draw), dtype=np.int64)
+        gap, none = self._level - (one - other) / np.sqrt(2), np.zeros(len(draw), dtype=np.int64)
         return Outcomes(
             futures=len(draw),
             future=np.arange(len(draw)),
@@ -164,21 +158,30 @@ def analytic(repeats: int) -> None:
             collided=gap <= 0,
         )
 
+    def first_plans(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
+        numbers = [ndtri(uniforms(draw[:, k], 1, salt)) for k in range(len(vehicles)) for salt in range(4)]
+        return np.concatenate(numbers, axis=1).reshape(len(draw), len(vehicles), 4)
+
+    def features(self, pair: tuple[int, int], plans: FloatArray) -> FloatArray:
+        return plans.reshape(len(plans), -1)
+
+
+def analytic(repeats: int) -> None:
+    """Print the same of two vehicles whose least gap is normal: P = Φ(-level)."""
     print("|P|extra futures|mean / P|spread|intervals that hold P|upper limit / P|")
     print("|---" * 6 + "|")
     for level in (2.0, 2.5, 3.1, 3.7):
         for extra in EXTRA:
             p, found = float(ndtr(-level)), []
             for seed in range(repeats):
-                plain = np.random.default_rng([seed, 0]).random((117, 2))
+                plain, futures = np.random.default_rng([seed, 0]).random((117, 2)), NormalGap(level)
                 sampled = sample_rare(
-                    variables,
-                    simulate,
+                    futures,
                     plain,
-                    simulate(plain),
+                    futures.run(plain),
                     extra,
                     tiltable=np.ones(2, dtype=np.bool_),
-                    generator=lambda stage, seed=seed: np.random.default_rng([seed, stage + 1]),
+                    rng=np.random.default_rng([seed, 1]),
                 )
                 found.append(sampled.probability())
             values = np.array([one.value for one in found])

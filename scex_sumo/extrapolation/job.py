@@ -42,6 +42,7 @@ class Job:
     Attributes:
         assignment: (C, V) index into ``models``, for all children.
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
+        on_paths: measure TTC, PET and DRAC of encounters, too.
         compared: compare a checked world with SUMO's.
         route_draw: (C, V) as of `SceneHistory`, for all children; None: by seed and child.
     """
@@ -55,6 +56,7 @@ class Job:
     gui: bool = False
     counted: BoolArray | None = None
     compared: bool = True
+    on_paths: bool = True
     route_draw: FloatArray | None = None
 
     @property
@@ -171,6 +173,7 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
         preset=settings.rule,
         counted=job.counted,
         vehicles=settings.region.vehicles(job.scene),
+        on_paths=job.on_paths,
     )
     values, hits = outcome.values, outcome.collisions
     ids = job.scene.track_ids

@@ -62,6 +62,7 @@ def measure_outcome(
     counted: BoolArray | None = None,
     limit_m2: float = CONTACT_M2,
     vehicles: Collection[int] | None = None,
+    on_paths: bool = True,
 ) -> Outcome:
     """Measure a batch of children by the metrics, or by the paper's six.
 
@@ -70,6 +71,7 @@ def measure_outcome(
         counted: (T, V) steps in which a vehicle counts; None: all.
         limit_m2: overlap above which vehicles have collided; `OVERLAP_M2` for boxes as recorded.
         vehicles: only pairs with one of these (indices) count; None: all.
+        on_paths: encounters have TTC, PET and DRAC, too.
     """
     present = None if counted is None else counted[None].repeat(len(rollout.children), axis=0)
     tracks, planned = _evaluated(scene, rollout, present)
@@ -77,7 +79,7 @@ def measure_outcome(
     met: list[Encounters] = []
 
     def meet(start: int, scenes: Scenes) -> None:
-        met.append(_of_pairs(encounters_of(scenes, hits, start), vehicles))
+        met.append(_of_pairs(encounters_of(scenes, hits, start, on_paths=on_paths), vehicles))
 
     values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles, also=meet)
     severity = severity_of(tracks, hits, scene.types, scene.road)

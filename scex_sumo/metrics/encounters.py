@@ -62,16 +62,25 @@ class Encounters(Rows):
         return np.asarray(self.kind != NO_COLLISION)
 
 
-def encounters_of(scenes: Scenes, collisions: Collisions, start: int) -> Encounters:
-    """Find the encounters of a batch of scenes; ``start`` is the number of its first child."""
+def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_paths: bool = True) -> Encounters:
+    """Find the encounters of a batch of scenes; ``start`` is the number of its first child.
+
+    Without ``on_paths``, only gaps and collisions make an encounter.
+    """
     scenes = scenes.under(preset_named("path"))
     children, steps = scenes.shape
     inside = (collisions.child >= start) & (collisions.child < start + children)
     hits = collisions.take(np.flatnonzero(inside))
     first, second = scenes.pairs
     size = len(first) * children
-    gap, gap_step, least_pet, cross = scenes.of_pairs(_approaches).reshape(size, 4).T
-    ttc, ttc_step, drac, towards = _on_paths(scenes)
+    if on_paths:
+        gap, gap_step, least_pet, cross = scenes.of_pairs(_approaches).reshape(size, 4).T
+        ttc, ttc_step, drac, towards = _on_paths(scenes)
+    else:
+        gap, steps_of_gaps = _least_gaps(scenes)
+        gap_step, cross, drac = steps_of_gaps.astype(np.float64), np.zeros(size), np.zeros(size)
+        least_pet, ttc = np.full((2, size), np.inf)
+        ttc_step, towards = np.full(size, -1), np.zeros(size, dtype=np.int64)
     kind = np.full(size, NO_COLLISION)
     impact, x, y, speed = np.zeros((4, size))
     low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)

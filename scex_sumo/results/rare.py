@@ -8,11 +8,33 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import pyarrow as pa
+
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.statistics.density import Interval
 
 RARE: Final = "rare.json"
+FUTURES: Final = Path("rare", "futures.parquet")
+"""Futures with a collision, the heaviest first."""
+
+STATES: Final = ("x", "y", "heading", "speed")
+FUTURES_SCHEMA: Final = pa.schema(
+    [
+        ("future", pa.int64()),
+        ("weight", pa.float64()),
+        ("tilted", pa.list_(pa.int64())),
+        ("draw", pa.list_(pa.float64())),
+        ("time_s", pa.float64()),
+        ("track_id", pa.int64()),
+        ("other_id", pa.int64()),
+        ("injuries", pa.float64()),
+        *((name, pa.list_(pa.float64())) for name in STATES),
+    ]
+)
+"""``time_s`` and the tracks are those of the first collision; ``injuries`` the expected severe ones of all.
+States are those after each step, vehicle by vehicle."""
+
 _PLAIN_NUMBER = 1e-3  # smaller shares are written as 7e-5
 
 
@@ -46,14 +68,14 @@ class Rare(Interval):
     Attributes:
         hits: futures with a collision among these.
         tilted: futures with tilted draws among these.
-        pilot: further futures, which only improved the tilt.
+        expected_mais3: expected severe injuries (MAIS 3+) in a future.
         weights: sum of all weights; 1 within `weights_error`.
         pairs: that collide, the most probable first.
     """
 
     hits: int
     tilted: int
-    pilot: int
+    expected_mais3: float
     weights: float
     weights_error: float
     pairs: tuple[RarePair, ...] = ()
@@ -93,8 +115,9 @@ class Rare(Interval):
     def words(self) -> str:
         """Return the interval, the most probable pair, and where the estimate comes from."""
         limits = f"95 %: {probability_words(self.low)} – {probability_words(self.high)}" if self.hits else ""
+        hurt = f"{probability_words(self.expected_mais3)} severe injuries a future" if self.hits else ""
         futures = f"importance sampling, {self.hits} collisions in {self.count} futures"
-        return "; ".join(part for part in (limits, self.mostly(), futures) if part)
+        return "; ".join(part for part in (limits, self.mostly(), hurt, futures) if part)
 
 
 def probability_words(value: float) -> str:

@@ -1,30 +1,34 @@
-"""Importance sampling of rare events: near futures by cross-entropy, and an interval of few weighted hits."""
+"""Importance sampling of rare events: futures chosen by a forest, and an interval of few weighted hits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
-from scipy.special import gammaincinv, ndtri
+from scipy.special import gammaincinv
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, mean_ranks
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE, Interval
-from scex_sumo.statistics.tilting import Proposal, Variables, weights
+from scex_sumo.statistics.forest import Forest
 
 
-def weighted_interval(hits: FloatArray, largest: float, number: int) -> Interval:
+def weighted_interval(
+    hits: FloatArray, largest: float, number: int, *, variance: float | None = None
+) -> Interval:
     """Return Σ hits with a 95 % gamma interval; without hits the upper limit is that of one side.
 
     Args:
         hits: (k,) weights of the futures with the event.
         largest: weight that the next hit may have at most.
         number: of futures.
+        variance: of the sum; None: Σ hits², that of independent futures.
 
     Source: Fay, Feuer 1997, for sums of Poisson counts with weights.
     """
-    tail, value, variance = (1 - CONFIDENCE) / 2, float(hits.sum()), float((hits**2).sum())
+    tail, value = (1 - CONFIDENCE) / 2, float(hits.sum())
+    variance = float((hits**2).sum()) if variance is None else variance
     if not len(hits):
         return Interval(value=0.0, low=0.0, high=min(1.0, -largest * np.log(1 - CONFIDENCE)), count=number)
     low = variance / value * gammaincinv(value**2 / variance, tail)
@@ -104,18 +108,60 @@ class Outcomes:
 FAR_M: Final = 10.0
 """Gap of a pair that does not meet, m."""
 
-Simulate = Callable[[FloatArray], Outcomes]
-"""Runs futures whose vehicles have numbers (N, V)."""
+
+class Futures(Protocol):
+    """Futures that can be run, and what is known of them before.
+
+    The vehicles' numbers (N, V) in [0, 1) are independent; all random variables of a vehicle follow from its
+    number.
+    """
+
+    def run(self, draw: FloatArray) -> Outcomes:
+        """Run futures with numbers (N, V)."""
+
+    def first_plans(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
+        """Return the first plans (N, W, ...) of W vehicles, which depend on their numbers (N, W) alone."""
+
+    def features(self, pair: tuple[int, int], plans: FloatArray) -> FloatArray:
+        """Return features (N, K) of the first plans (N, 2, ...) of a pair."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proposal:
+    """Distribution of futures in which the numbers of a pair are chosen by a forest.
+
+    Attributes:
+        pair: that shall collide.
+        count: of futures that were drawn.
+        floor: of the score, which is at most ``cap``.
+        mean: of the score over all numbers.
+    """
+
+    pair: tuple[int, int]
+    count: int
+    forest: Forest
+    floor: float
+    cap: float
+    mean: float
+
+    def ratios(self, features: FloatArray, *, fitted: int) -> FloatArray:
+        """Return the likelihood ratio (n,), proposal over prior, of futures with features (n, K).
+
+        Args:
+            fitted: number of the first futures that the forest was fitted to, as of `Forest.predict`.
+        """
+        score = self.forest.predict(features, fitted=fitted, power=_POWER) + self.floor
+        return np.asarray(np.minimum(score, self.cap) / self.mean)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled:
-    """Futures that estimate a rare event, without tilt or with it.
+    """Futures that estimate a rare event, drawn plainly or chosen.
 
     Attributes:
         draw: (N, V).
         weight: (N,) by the balance heuristic.
-        proposal: (N,) index into ``proposals``; -1 without tilt.
+        proposal: (N,) index into ``proposals``; -1 for plain futures.
     """
 
     draw: FloatArray
@@ -123,7 +169,6 @@ class Sampled:
     weight: FloatArray
     proposal: IntArray
     proposals: tuple[Proposal, ...]
-    pilot: int
 
     def probability(self, pair: tuple[int, int] | None = None) -> Interval:
         """Return the probability that a pair, or any, collides, with a 95 % interval.
@@ -134,80 +179,219 @@ class Sampled:
         hit = self.outcomes.hits() if pair is None else self.outcomes.of(pair)[1]
         hits = self.weight[hit]
         many = len(hits) >= SURE_HITS and hits.sum() ** 2 >= SURE_EFFECTIVE * (hits**2).sum()
-        return weighted_interval(hits, float((hits if many else self.weight).max()), len(hit))
+        largest = float((hits if many else self.weight).max())
+        return weighted_interval(hits, largest, len(hit), variance=self._variance(hit))
 
+    def _variance(self, hit: BoolArray) -> float:
+        """Return the variance of the sum of weights, clustered by either number of the pairs.
 
-MIN_PILOT: Final = 400
-"""Futures from which on a third only improves the proposals."""
+        Chosen futures share numbers, as many pairs are made of few numbers of each vehicle.
+
+        Source: Cameron, Gelbach, Miller 2011.
+        """
+        result, rows = 0.0, np.flatnonzero(hit)
+        for side in (0, 1):
+            shared = rows + 2.0  # of no other future; drawn numbers are below 1
+            for k, future in enumerate(rows.tolist()):
+                if (proposal := self.proposal[future]) >= 0:
+                    vehicle = self.proposals[proposal].pair[side]
+                    shared[k] = self.draw[future, vehicle]
+            _, group = np.unique(shared, return_inverse=True)
+            result += float((np.bincount(group, self.weight[rows]) ** 2).sum())
+        return result - float((self.weight[rows] ** 2).sum())
+
 
 PLAIN_SHARE: Final = 0.2
-"""Least share of futures without tilt: it bounds the weights."""
+"""Least share of plain futures: it bounds the weights."""
 
-MIN_HITS: Final = 6
 SURE_HITS: Final = 20
 SURE_EFFECTIVE: Final = 10.0
 """Hits, and their effective number (Σw)² / Σw², from which their weights bound that of the next hit."""
 
-_MAX_SDS, _LIKELY_SDS = 5.0, 3.0
-_MAX_MEAN = 1.8
-_AWAY_MEAN = 0.75  # of the score of an inattentive driver: about half of them look away
-_CLOSEST = 0.15
-_VARIANTS = ((1.0, None, 0.4), (0.5, None, 0.3), (0.7, 0, 0.15), (0.7, 1, 0.15))
-"""Scale of the means of a pair, the inattentive driver, and the share of the futures."""
+ROUND: Final = 150
+"""Futures of a round; there are up to `MAX_ROUNDS`."""
+MAX_ROUNDS: Final = 5
+MIN_PAIRS: Final = 2
 
-_NOISE = 2.5  # standard errors below which a mean is not believed
-_MIN_SHARE = 0.05
+_NUMBERS = (200, 4000)  # limits of how many of each vehicle are tried: four times the extra futures
+_CANDIDATES = 300  # pairs of these numbers for each future that is run, up to
+_MOST = 1 << 15
+_TAIL = 12  # futures in which a pair is closest
+_ELITE = 0.03  # share of the futures, beyond `_TAIL`, that are close
+_POWER = 2.0  # of the predicted closeness
+_FLOOR = 1e-3  # of the largest score
+_MIN_SHARE = 0.1
 
 
 def sample_rare(
-    variables: Variables,
-    simulate: Simulate,
+    futures: Futures,
     plain: FloatArray,
     outcomes: Outcomes,
     extra: int,
     *,
     tiltable: BoolArray,
-    generator: Callable[[int], np.random.Generator],
+    rng: np.random.Generator,
 ) -> Sampled:
     """Run futures near collisions beside the plain ones.
 
-    The proposals follow from plain futures that do not collide and from pilot futures, which do not count in
-    the estimate. So they do not depend on the hits that count, and the estimate has no bias.
+    In each round, a forest per pair predicts from the first plans how close a pair comes. Many pairs of
+    numbers are drawn, and those that come close are run more often. All futures count. Weights of futures
+    that a forest was fitted to come from the trees without them, so that the estimate has no bias.
 
     Args:
-        plain: (N, V) numbers of futures without tilt, with their outcomes.
+        plain: (N, V) numbers of futures that were drawn plainly, with their outcomes.
         extra: number of futures to run.
-        tiltable: (V,) whether a vehicle's model has these variables.
-        generator: random numbers of each round.
+        tiltable: (V,) whether a vehicle draws anything.
+
+    Source: multifidelity importance sampling, Peherstorfer et al. 2016.
     """
-    count, vehicles = plain.shape
-    rounds = 2 if extra >= MIN_PILOT else 0
-    pilots = [extra // 6] * rounds
-    proposals = _first_proposals(variables, plain, outcomes, tiltable, 4 if extra < MIN_PILOT else 8)
-    seen: list[tuple[FloatArray, Outcomes, IntArray]] = []
-    for number, size in enumerate(pilots):
-        if not proposals:
-            break
-        draw, which = _drawn(variables, proposals, size, vehicles, generator(number))
-        seen.append((draw, simulate(draw), which))
-        proposals = _better_proposals(variables, proposals, seen, outcomes, tiltable)
-    left = extra - sum(len(draw) for draw, _, _ in seen)
-    safe = min(left, max(0, int(np.ceil(PLAIN_SHARE * (count + left))) - count)) if proposals else left
-    rng = generator(rounds)
-    more = rng.random((safe, vehicles))
-    draw, which = _drawn(variables, proposals, left - safe, vehicles, rng)
-    draw, which = np.concatenate([more, draw]), np.concatenate([np.full(safe, -1), which])
-    counts = np.bincount(which[which >= 0], minlength=len(proposals)).tolist()
-    found = simulate(draw)
-    draw = np.concatenate([plain, draw])
-    return Sampled(
-        draw=draw,
-        outcomes=joined([outcomes, found]),
-        weight=weights(variables, count + safe, proposals, counts, draw),
-        proposal=np.concatenate([np.full(count, -1), which]),
-        proposals=tuple(proposals),
-        pilot=extra - left,
-    )
+    rounds = min(1 + extra // ROUND, MAX_ROUNDS)
+    tried = rng.random((int(np.clip(4 * extra, *_NUMBERS)), plain.shape[1]))
+    search = _Search(futures, plain, outcomes, tiltable, tried)
+    for size in np.diff(extra * np.arange(rounds + 1) // rounds).tolist():
+        search.run(size, rng)
+    return search.sampled()
+
+
+class _Drawn:
+    """Numbers (N, V) of vehicles, and what they plan at first."""
+
+    def __init__(self, futures: Futures, draw: FloatArray) -> None:
+        self._futures, self.draw = futures, draw
+        self._plans: dict[int, FloatArray] = {}
+
+    def extend(self, draw: FloatArray) -> None:
+        """Append numbers (n, V)."""
+        known, start = np.array(sorted(self._plans), dtype=np.int64), len(self.draw)
+        self.draw = np.concatenate([self.draw, draw])
+        if len(known):
+            more = self._futures.first_plans(known, draw[:, known])
+            for k, vehicle in enumerate(known.tolist()):
+                self._plans[vehicle] = np.concatenate([self._plans[vehicle][:start], more[:, k]])
+
+    def know(self, vehicles: IntArray) -> None:
+        """Find the first plans of vehicles."""
+        new = np.setdiff1d(vehicles, sorted(self._plans))
+        if len(new):
+            plans = self._futures.first_plans(new, self.draw[:, new])
+            self._plans |= {vehicle: plans[:, k] for k, vehicle in enumerate(new.tolist())}
+
+    def features(self, pair: tuple[int, int], one: IntArray | slice, other: IntArray | slice) -> FloatArray:
+        """Return the features (n, K) of a pair with numbers in rows (n,) of either vehicle."""
+        plans = [self._plans[vehicle][rows] for vehicle, rows in zip(pair, (one, other), strict=True)]
+        return self._futures.features(pair, np.stack(plans, axis=1))
+
+
+class _Search:
+    """Futures so far, and the proposals that they were drawn from."""
+
+    def __init__(
+        self, futures: Futures, plain: FloatArray, outcomes: Outcomes, tiltable: BoolArray, tried: FloatArray
+    ) -> None:
+        self._futures, self._tiltable = futures, tiltable
+        self._drawn, self._tried = _Drawn(futures, plain), _Drawn(futures, tried)
+        self._outcomes = outcomes
+        self._which = np.full(len(plain), -1)
+        self._tilted = np.zeros(len(plain))  # density of all proposals over that of plain futures
+        self._proposals: list[Proposal] = []
+        self._most = MIN_PAIRS + len(tried) // 500
+
+    def run(self, size: int, rng: np.random.Generator) -> None:
+        """Run another ``size`` futures."""
+        pairs, share = self._closest()
+        draw, which = rng.random((size, len(self._tiltable))), np.full(size, -1)
+        before = len(self._which)
+        safe = int(np.ceil(PLAIN_SHARE * (before + size))) - int((self._which < 0).sum())
+        first = int(np.clip(safe, 0, size))
+        ends = first + np.rint(np.cumsum(share) * (size - first)).astype(np.int64)
+        for known in (self._drawn, self._tried):
+            known.know(np.unique(np.array(pairs, dtype=np.int64)))
+        for pair, end in zip(pairs, ends.tolist(), strict=True):
+            if first < end:
+                proposal, numbers = self._proposal(pair, end - first, rng)
+                draw[first:end, list(pair)] = numbers
+                which[first:end] = len(self._proposals)
+                self._proposals.append(proposal)
+                features = self._drawn.features(pair, slice(None), slice(None))
+                self._tilted += proposal.count * proposal.ratios(features, fitted=before)
+                first = end
+        self._outcomes = joined([self._outcomes, self._futures.run(draw)])
+        self._drawn.extend(draw)
+        self._which = np.concatenate([self._which, which])
+        self._tilted = np.concatenate([self._tilted, np.zeros(size)])
+        new = slice(before, None)
+        for proposal in self._proposals:
+            features = self._drawn.features(proposal.pair, new, new)
+            self._tilted[new] += proposal.count * proposal.ratios(features, fitted=0)
+
+    def weights(self) -> FloatArray:
+        """Return the weight (N,) of each future by the balance heuristic (Veach, Guibas 1995)."""
+        return np.asarray(1.0 / ((self._which < 0).sum() + self._tilted))
+
+    def sampled(self) -> Sampled:
+        """Return all futures with their weights."""
+        return Sampled(
+            draw=self._drawn.draw,
+            outcomes=self._outcomes,
+            weight=self.weights(),
+            proposal=self._which,
+            proposals=tuple(self._proposals),
+        )
+
+    def _closest(self) -> tuple[list[tuple[int, int]], FloatArray]:
+        """Return the pairs that are most likely to collide, and their shares of the next futures.
+
+        The gaps below a small one are exponential, as far as futures show them.
+        """
+        found: list[tuple[float, tuple[int, int]]] = []
+        weight = self.weights()
+        for pair in self._outcomes.pairs():
+            gap = self._outcomes.of(pair)[0]
+            order = np.argsort(gap, kind="stable")[: _TAIL + 1]
+            far, w = gap[order[-1]], weight[order[:-1]]
+            below = float(w @ (far - gap[order[:-1]]) / w.sum())
+            if below > 0 and self._tiltable[list(pair)].any():
+                found.append((float(np.sqrt(w.sum() * np.exp(-far / below))), pair))
+        found.sort(key=lambda one: (-one[0], one[1]))
+        some = [one for one in found[: self._most] if one[0] > _MIN_SHARE * found[0][0]]
+        share = np.array([value for value, _ in some])
+        return [pair for _, pair in some], share / max(share.sum(), 1e-300)
+
+    def _proposal(
+        self, pair: tuple[int, int], count: int, rng: np.random.Generator
+    ) -> tuple[Proposal, FloatArray]:
+        """Return a proposal, and the numbers (count, 2) that it draws."""
+        closeness = _closeness(self._outcomes.of(pair)[0])
+        forest = Forest(self._drawn.features(pair, slice(None), slice(None)), closeness, rng)
+        numbers = len(self._tried.draw)
+        number = np.arange(min(_CANDIDATES * count, _MOST))
+        one = number % numbers
+        other = rng.permutation(numbers)[(one + number // numbers) % numbers]
+        # The mean of powers: fewer trees then have the same expectation.
+        predicted = forest.predict(self._tried.features(pair, one, other), fitted=0, power=_POWER)
+        floor = _FLOOR * float(predicted.max())
+        score = predicted + floor
+        # Systematic sampling draws no candidate twice if none has more than its share.
+        cap = float(np.sort(score)[-count])
+        score = np.minimum(score, cap)
+        ends = np.cumsum(score)
+        at = np.searchsorted(ends, (rng.random() + np.arange(count)) * ends[-1] / count, side="right")
+        at = np.minimum(at, len(score) - 1)
+        made = Proposal(pair=pair, count=count, forest=forest, floor=floor, cap=cap, mean=float(score.mean()))
+        draw = [self._tried.draw[rows[at], vehicle] for vehicle, rows in zip(pair, (one, other), strict=True)]
+        return made, np.stack(draw, axis=1)
+
+
+def _closeness(gap: FloatArray) -> FloatArray:
+    """Return exp(-gap / scale) (n,) from 0 to 1, which is effectively 1 in an elite of the futures."""
+    wanted = _TAIL + _ELITE * len(gap)
+    low, high = 1e-3, 10 * FAR_M
+    for _ in range(30):
+        scale = np.sqrt(low * high)
+        value = np.exp(-(gap - gap.min()) / scale)
+        few = value.sum() ** 2 < wanted * (value**2).sum()
+        low, high = (scale, high) if few else (low, scale)
+    return np.asarray(np.exp(-(gap - gap.min()) / scale))
 
 
 def joined(parts: Sequence[Outcomes]) -> Outcomes:
@@ -219,129 +403,3 @@ def joined(parts: Sequence[Outcomes]) -> Outcomes:
         future=np.concatenate([part.future + start for part, start in zip(parts, starts, strict=False)]),
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
     )
-
-
-def _drawn(
-    variables: Variables,
-    proposals: Sequence[Proposal],
-    count: int,
-    vehicles: int,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, IntArray]:
-    """Return futures (count, V) of proposals in turn, and the proposal (count,) of each."""
-    plain = rng.random((count, vehicles))
-    if not len(proposals):
-        return plain, np.full(count, -1)
-    shares = np.array([proposal.share for proposal in proposals])
-    ends = np.rint(np.cumsum(shares) / shares.sum() * count).astype(np.int64)
-    which = np.searchsorted(ends, np.arange(count), side="right")
-    parts = [
-        proposal.draw(variables, plain[which == number], rng) for number, proposal in enumerate(proposals)
-    ]
-    return np.concatenate(parts), which
-
-
-def _first_proposals(
-    variables: Variables, draw: FloatArray, outcomes: Outcomes, tiltable: BoolArray, most: int
-) -> list[Proposal]:
-    """Return proposals for the pairs that are closest to a collision in plain futures.
-
-    If the least gap and the scores were jointly normal, futures with the gap 0 would have these means.
-    """
-    misses = ~outcomes.hits()
-    close: list[tuple[float, tuple[int, int], FloatArray]] = []
-    if misses.sum() < 3:
-        return []
-    for pair in outcomes.pairs():
-        gap = outcomes.of(pair)[0][misses]
-        spread = gap.std()
-        sds = gap.mean() / spread if spread > 0 else np.inf
-        if sds < _MAX_SDS and tiltable[list(pair)].any():
-            close.append((sds, pair, gap))
-    close.sort(key=lambda one: one[:2])
-    result: list[Proposal] = []
-    for sds, pair, gap in close[:most]:
-        means = np.zeros((2, len(variables.prior)))
-        for side, vehicle in enumerate(pair):
-            if tiltable[vehicle]:
-                score = variables.scores(draw[misses, vehicle])
-                together = -_correlation(score, ndtri((mean_ranks(gap) - 0.5) / len(gap)))
-                means[side] = _LIKELY_SDS * _shrunk(together, 1 / np.sqrt(len(gap)))
-        share = np.exp(close[0][0] - sds)
-        if share > _MIN_SHARE:
-            result += _of_pair(variables, pair, means, tiltable, share)
-    return result
-
-
-def _of_pair(
-    variables: Variables, pair: tuple[int, int], means: FloatArray, tiltable: BoolArray, share: float
-) -> list[Proposal]:
-    """Return proposals with the means (2, K) of a pair: whole, halved, and with either driver inattentive."""
-    result = []
-    group = np.array(variables.inattentive, dtype=np.int64)
-    for scale, away, part in _VARIANTS:
-        if away is not None and not (tiltable[pair[away]] and len(group)):
-            continue
-        mean = scale * np.clip(means, -_MAX_MEAN, _MAX_MEAN)
-        if away is not None:
-            best = group[np.argmax(mean[away, group])]
-            mean[away, group] = 0.0
-            mean[away, best] = _AWAY_MEAN
-        ratio = np.stack([variables.tilted(one) for one in mean])
-        result.append(Proposal(vehicles=pair, ratio=ratio, pair=pair, share=part * share))
-    return result
-
-
-def _better_proposals(
-    variables: Variables,
-    proposals: Sequence[Proposal],
-    seen: Sequence[tuple[FloatArray, Outcomes, IntArray]],
-    plain: Outcomes,
-    tiltable: BoolArray,
-) -> list[Proposal]:
-    """Return proposals by cross-entropy over pilot futures: over hits, or over the closest futures."""
-    draw = np.concatenate([part[0] for part in seen])
-    outcomes = joined([part[1] for part in seen])
-    which = np.concatenate([part[2] for part in seen])
-    pairs = list(dict.fromkeys([*(p.pair for p in proposals), *outcomes.pairs(collided=True)]))
-    weight = weights(
-        variables, plain.futures, proposals, np.bincount(which, minlength=len(proposals)).tolist(), draw
-    )
-    before = {p.pair: sum(q.share for q in proposals if q.pair == p.pair) for p in proposals}
-    spread = {pair: float(np.sqrt((weight[outcomes.of(pair)[1]] ** 2).sum())) for pair in pairs}
-    some = sum(spread.values())
-    result: list[Proposal] = []
-    for pair in pairs:
-        if not tiltable[list(pair)].any():
-            continue
-        gap, hit = outcomes.of(pair)
-        share = before.get(pair, 0.0) / sum(before.values())
-        if some:
-            share = 0.3 * share + 0.7 * spread[pair] / some
-        if hit.sum() >= MIN_HITS:
-            elite, w = np.flatnonzero(hit), weight[hit]
-        else:
-            own = np.flatnonzero([proposals[k].pair == pair for k in which])
-            if not len(own):
-                continue
-            elite = own[np.argsort(gap[own], kind="stable")[: max(MIN_HITS, int(_CLOSEST * len(own)))]]
-            w = np.ones(len(elite))
-        error = np.sqrt((w**2).sum()) / w.sum()
-        means = np.zeros((2, len(variables.prior)))
-        for side, vehicle in enumerate(pair):
-            if tiltable[vehicle]:
-                means[side] = _shrunk(w @ variables.scores(draw[elite, vehicle]) / w.sum(), error)
-        result += _of_pair(variables, pair, means, tiltable, share)
-    return result
-
-
-def _shrunk(mean: FloatArray, error: float) -> FloatArray:
-    """Return means (K,) drawn towards 0 by their standard error."""
-    return np.asarray(mean * np.clip(1 - (_NOISE * error / np.maximum(np.abs(mean), 1e-9)) ** 2, 0.0, 1.0))
-
-
-def _correlation(score: FloatArray, value: FloatArray) -> FloatArray:
-    centred, off = score - score.mean(axis=0), value - value.mean()
-    scale = score.std(axis=0) * value.std()
-    together = (centred * off[:, None]).mean(axis=0)
-    return np.asarray(np.where(scale > 0, together / np.where(scale > 0, scale, 1.0), 0.0))

@@ -14,8 +14,9 @@ from scex_sumo.base.colors import Rgb, model_colors
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic, writing
 from scex_sumo.metrics.registry import metric_of, side_of
+from scex_sumo.results.rare import FUTURES, STATES, probability_words
 from scex_sumo.results.run import Run, open_run
-from scex_sumo.scene import LOGGED_HISTORY, STEP_S
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.replay import ReadNet, write_view
 from scex_sumo.world.gui_drawings import ChildView
 
@@ -107,6 +108,30 @@ def write_encounter(run: Run, first: int, second: int) -> Path:
     return _write(run, [_event_view(run, row["child"], [first, second], step, title)])
 
 
+def write_rare(run: Run, number: int) -> Path:
+    """Write the ``number``-th future with a rare collision, from 1, and return the file to open.
+
+    Those of the human-like reference, if the run has none of its own.
+    """
+    human = run if run.rare is not None or run.reference is None else run.reference
+    rows = human.table(str(FUTURES)).to_pylist() if human.rare is not None else []
+    if not 1 <= number <= len(rows):
+        there = f"give 1 to {len(rows)}" if rows else "no rare collision was found; try run --rare 1000"
+        raise UsageError(f"--rare {number}: {there}")
+    row, past = rows[number - 1], human.states(0)[:, :LOGGED_HISTORY]
+    future = States(**{name: np.reshape(row[name], (past.shape[0], -1)) for name in STATES})
+    tracks = [row["track_id"], row["other_id"]]
+    view = _event_view(
+        human,
+        row["future"],
+        tracks,
+        int(np.ceil(row["time_s"] / STEP_S)),
+        f"collides in {probability_words(row['weight'])}",
+        states=States.concatenate([past, future], axis=1),
+    )
+    return _write(human, [view])
+
+
 def write_grid(run: Run, count: int, column: str | None = None) -> Path:
     """Write children side by side, and return the file to open.
 
@@ -153,22 +178,26 @@ def _value_text(column: str, value: float) -> str:
     return f"{metric.words}{mean} {value:.3g} {metric.column_unit or ''}".rstrip()
 
 
-def _child_view(run: Run, number: int, *, title: str = "", **event: Any) -> ChildView:
+def _child_view(
+    run: Run, number: int, *, title: str = "", states: States | None = None, **event: Any
+) -> ChildView:
     return ChildView(
         number=number,
-        states=run.states(number),
-        models=run.models_of(number),
+        states=run.states(number) if states is None else states,
+        models=run.models_of(number if states is None else 0),
         title=title,
         past=LOGGED_HISTORY,
         **event,
     )
 
 
-def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: str) -> ChildView:
+def _event_view(
+    run: Run, number: int, tracks: Sequence[int], step: int, what: str, states: States | None = None
+) -> ChildView:
     ids = list(run.info["seed_scene"]["track_ids"])
     title = f"{what} · {_named(tracks)} after {step * STEP_S:.1f} s"
     event = [ids.index(track) for track in tracks]
-    return _child_view(run, number, title=title, event=event, stop=LOGGED_HISTORY - 1 + step)
+    return _child_view(run, number, title=title, states=states, event=event, stop=LOGGED_HISTORY - 1 + step)
 
 
 def colors_of(run: Run) -> dict[str, Rgb]:

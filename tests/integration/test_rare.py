@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,6 +14,9 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.extrapolation.extra import rare as rare_futures
+from scex_sumo.extrapolation.job import Job, run_in_memory
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.reports.encounter_rows import with_rare
 from scex_sumo.results.rare import Rare, RarePair, probability_words
@@ -29,6 +34,16 @@ def run_of(out: Path, **options: Any) -> Run:
     return scex_sumo.extrapolate(queues(2, 2, gap_m=2.5), out=out, **given | options)
 
 
+def job_of(run: Run) -> Job:
+    """Return a job of one child of the run."""
+    settings = RunSettings(
+        models="likely_driver", children=1, world="plain", metrics=["gap"], assign={1: "emergency_brake"}
+    )
+    scene, models = queues(2, 2, gap_m=2.5), ModelSet.of(settings)
+    assigned = models.draw(scene.track_ids, children=1, seed=0, design=settings.design)
+    return Job(scene, run.net, settings, models, assigned, run.folder)
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run_of(tmp_path_factory.mktemp("rare") / "out")
@@ -36,7 +51,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 def test_tilted_futures_stand_beside_the_plain_ones(run: Run, tmp_path: Path) -> None:
     assert run.rare is not None
-    assert run.rare.count == 60 + RARE and run.rare.tilted > 0 and run.rare.pilot == 0
+    assert run.rare.count == 60 + RARE and run.rare.tilted > 0
     assert abs(run.rare.weights - 1) < 5 * run.rare.weights_error
     assert run.rare.low <= run.rare.value <= run.rare.high
     without = run_of(tmp_path / "without", rare=0)
@@ -53,6 +68,28 @@ def test_a_future_with_a_collision_can_be_driven_again_from_its_draws(run: Run) 
     assert sum(row["weight"] for row in rows) == pytest.approx(run.rare.value)
     assert all(len(row["draw"]) == 4 for row in rows)
     assert {tuple(row["tilted"]) for row in rows if row["tilted"]} == {(1, 2)}
+    weights = [row["weight"] for row in rows]
+    assert weights == sorted(weights, reverse=True)
+    assert run.rare.expected_mais3 == pytest.approx(sum(row["weight"] * row["injuries"] for row in rows))
+    assert 0 < run.rare.expected_mais3 < run.rare.value
+    job = job_of(run)
+    for row in rows[:: max(1, len(rows) // 3)]:
+        part = run_in_memory(replace(job, route_draw=np.array([row["draw"]])), [0])
+        for name in ("x", "y", "heading", "speed"):
+            driven = getattr(part.states, name)[0].T.ravel()
+            assert driven == pytest.approx(row[name], abs=1e-9), name
+
+
+def test_a_rare_future_can_be_seen(run: Run) -> None:
+    rows = run.table("rare/futures.parquet").to_pylist()
+    file = Path(scex("view", run.folder, "--rare", len(rows), "--write-only").stdout.strip())
+    assert file.name == f"child_{rows[-1]['future']:04d}.sumocfg" and file.is_file()
+    view = ElementTree.parse(file.with_suffix(".view.xml")).getroot()
+    stop = float(view.find("breakpoint").get("time"))  # type: ignore[union-attr, arg-type]
+    assert 0 <= stop - 1.0 - rows[-1]["time_s"] < 0.1 + 1e-6
+    for number in (0, len(rows) + 1):
+        assert f"give 1 to {len(rows)}" in refused("view", run.folder, "--rare", number, status=2)
+    assert "exclude" in refused("view", run.folder, "--rare", 1, "--child", 1, status=2)
 
 
 def test_pairs_share_the_probability(run: Run) -> None:
@@ -147,6 +184,14 @@ def test_probabilities_in_words() -> None:
     share = {"value": 7e-5, "low": 3e-5, "high": 1.5e-4}
     pair = RarePair(track_id=7, other_id=8, share=0.9, hits=4, causes=("8 inattentive",), **share)
     other = RarePair(track_id=1, other_id=2, share=0.1, hits=1, **share)
-    made = {"count": 700, "hits": 5, "tilted": 500, "pilot": 0, "weights": 1.0, "weights_error": 0.1, **share}
+    made = {
+        "count": 700,
+        "hits": 5,
+        "tilted": 500,
+        "expected_mais3": 2e-6,
+        "weights": 1.0,
+        "weights_error": 0.1,
+        **share,
+    }
     found = Rare(pairs=(pair, other), **made)
     assert f"{found.percent}, {found.mostly()}" == "7e-5 (3e-5 – 1.5e-4), mostly 7 and 8, 8 inattentive"

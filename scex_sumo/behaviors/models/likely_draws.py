@@ -1,15 +1,16 @@
-"""Random variables of a likely driver as classes, for importance sampling: see docs/rare.md."""
+"""Random variables of a likely driver in words, for the causes of rare collisions: see docs/rare.md."""
 
 from __future__ import annotations
+
+from typing import Final
 
 import numpy as np
 from scipy.special import ndtri
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.models.attention import EVERY_S, GLANCE_S, GLANCE_SPREAD, MANNER, looks_away
 from scex_sumo.behaviors.models.likely_driver import DRIVER, PATH, START, STARTS, LikelyProfile
 from scex_sumo.behaviors.models.population import uniforms
-from scex_sumo.statistics.tilting import UNIFORM_EDGES, Variables, normal_classes
 
 _SPEED, _NOTHING = ("slows down", "speeds up"), ("", "")
 _UNIFORM = (
@@ -40,32 +41,24 @@ AWAY_S = (-0.4, 0.2, 0.8, 1.4)
 _GRID = 4000
 
 
-def likely_variables(profile: LikelyProfile) -> Variables:
-    """Return the random variables of likely drivers, with whether they look away at one of `AWAY_S`."""
-    prior, score = normal_classes()
-    away = np.array([share_away(time, profile.inattention) for time in AWAY_S])
-    share = np.zeros((len(away), len(prior)))
-    share[:, 0], share[:, 1] = 1 - away, away
-    away_score = np.zeros_like(share)
-    some = away > 0
-    away_score[some, 0] = -np.sqrt(away[some] / (1 - away[some]))
-    away_score[some, 1] = np.sqrt((1 - away[some]) / away[some])
+WORDS: Final = (*(words for _, _, words in _UNIFORM), *[("", "inattentive")] * len(AWAY_S))
+"""What low and high scores mean, for each variable."""
 
-    def classes(draw: FloatArray, variable: int) -> IntArray:
-        if variable < len(_UNIFORM):
-            salt, column, _ = _UNIFORM[variable]
-            number = uniforms(draw, 1, salt, first=column)[:, 0]
-            return np.searchsorted(UNIFORM_EDGES, number, side="right").astype(np.int64)
-        time = np.full((len(draw), 1), AWAY_S[variable - len(_UNIFORM)])
-        return looks_away(draw, time, profile.inattention)[:, 0].astype(np.int64)
+INATTENTIVE: Final = slice(len(_UNIFORM), None)
+"""Variables whose high scores mean a driver that looks away at one of `AWAY_S`."""
 
-    count = len(_UNIFORM)
-    return Variables(
-        words=(*(words for _, _, words in _UNIFORM), *[("", "inattentive")] * len(AWAY_S)),
-        prior=np.concatenate([np.broadcast_to(prior, (count, len(prior))), share]),
-        score=np.concatenate([np.broadcast_to(score, (count, len(score))), away_score]),
-        classes=classes,
-        inattentive=tuple(range(count, count + len(AWAY_S))),
+
+def likely_scores(draw: FloatArray, profile: LikelyProfile) -> FloatArray:
+    """Return the random variables (n, K) of likely drivers with numbers (n,), with mean 0 and variance 1.
+
+    A variable is 0 if it is constant.
+    """
+    drawn = [ndtri(uniforms(draw, 1, salt, first=column)) for salt, column, _ in _UNIFORM]
+    away = looks_away(draw, np.tile(AWAY_S, (len(draw), 1)), profile.inattention)
+    share = np.array([share_away(time, profile.inattention) for time in AWAY_S])
+    spread = np.sqrt(share * (1 - share))
+    return np.concatenate(
+        [*drawn, np.where(spread > 0, away - share, 0.0) / np.maximum(spread, 1e-9)], axis=1
     )
 
 

@@ -1,34 +1,39 @@
-"""Rare collisions of a run: extra futures with tilted draws of its drivers, beside the drawn ones."""
+"""Rare collisions of a run: extra futures near them, chosen by what drivers plan at the seed moment."""
 
 from __future__ import annotations
 
 import shutil
-from typing import Final
+from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.models.likely_draws import likely_variables
+from scex_sumo.behaviors.models.likely_draws import INATTENTIVE, WORDS, likely_scores
 from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
 from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.assignments import RARE_STREAM, child_generator, route_draws
 from scex_sumo.extrapolation.extra.futures import ExtraFutures
-from scex_sumo.extrapolation.job import Job
+from scex_sumo.extrapolation.job import VEHICLES_AT_ONCE, Job
 from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.results.rare import Rare, RarePair
+from scex_sumo.geometry.rectangles import Rectangles, separation
+from scex_sumo.results.parts import Parts
+from scex_sumo.results.rare import FUTURES, FUTURES_SCHEMA, STATES, Rare, RarePair
+from scex_sumo.scene import VehicleIndex
 from scex_sumo.statistics.importance import Outcomes, Sampled, joined, sample_rare
-from scex_sumo.statistics.tilting import Variables
 
 FREQUENT: Final = 10
 """Drawn futures with a collision from which on it is not rare, and no more futures are run."""
 
-FOLDER: Final = "rare"
-"""Folder of the extra futures, in that of the run."""
-
+_LOOKS = np.arange(2, PLAN_STEPS, 3)  # steps of a first plan
+_SHOWN = [1, 3, 6, 9]  # of these: after 0.6, 1.2, 2.1 and 3 s
 _CAUSE = 0.5  # mean score of the futures with a collision from which on it is named
 _SURE = 3.5  # standard errors
 
@@ -54,28 +59,27 @@ def find_rare(job: Job, drawn: pa.Table, workers: Workers, extra: int) -> Rare |
     outcomes = _outcomes(drawn, 0, len(job.assignment))
     if outcomes.hits().sum() >= FREQUENT:
         return None
-    variables, futures = likely_variables(profile), _Futures(job, workers, extra)
+    futures = _Futures(job, workers, extra)
     found = sample_rare(
-        variables,
-        futures.run,
+        futures,
         route_draws(range(len(job.assignment)), job.scene.vehicles, seed=job.settings.seed),
         outcomes,
         extra,
         tiltable=job.assignment[0] == 0,
-        generator=lambda number: child_generator(job.settings.seed, number, RARE_STREAM),
+        rng=child_generator(job.settings.seed, 0, RARE_STREAM),
     )
-    futures.keep(found)
-    return _described(found, variables, job)
+    return _described(found, profile, job, futures.keep(found))
 
 
 class _Futures:
-    """Extra futures whose vehicles have tilted numbers."""
+    """Extra futures whose vehicles have chosen numbers."""
 
     def __init__(self, job: Job, workers: Workers, extra: int) -> None:
-        self.path = job.folder / FOLDER
+        self.path = job.folder / FUTURES.parent
         # Another number of futures has other ones.
-        self._extra = ExtraFutures(job, self.path / str(extra), workers)
+        self._extra = ExtraFutures(replace(job, on_paths=False), self.path / str(extra), workers)
         self._draw = np.zeros((len(job.assignment), job.scene.vehicles))
+        self._job = job
 
     def run(self, draw: FloatArray) -> Outcomes:
         """Run futures whose vehicles have numbers (N, V)."""
@@ -83,23 +87,87 @@ class _Futures:
         assignment = np.broadcast_to(self._extra.job.assignment[:1], self._draw.shape)
         return joined([_outcomes(rows, *ends) for *ends, rows in self._extra.run(assignment, self._draw)])
 
-    def keep(self, found: Sampled) -> None:
-        """Write weight, proposal and draws of each future with a collision, and drop all others."""
-        hit = np.flatnonzero(found.outcomes.hits())
-        pairs = [proposal.pair for proposal in found.proposals]
-        ids = self._extra.job.scene.track_ids
-        of = [found.proposal[future] for future in hit.tolist()]
-        columns = {
-            "future": pa.array(hit),
-            "weight": pa.array(found.weight[hit]),
-            "tilted": pa.array(
-                [None if k < 0 else ids[list(pairs[k])].tolist() for k in of], pa.list_(pa.int64())
-            ),
-            "draw": pa.array(found.draw[hit].tolist(), pa.list_(pa.float64())),
-        }
-        parquet.write_table(pa.table(columns), (self.path / "futures.parquet").absolute())
+    def first_plans(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
+        """Return the centres and headings (N, W, T, 3) of first plans of vehicles with numbers (N, W)."""
+        size = max(1, VEHICLES_AT_ONCE // self._job.scene.vehicles)
+        parts = [self._planned(vehicles, draw[at : at + size]) for at in range(0, len(draw), size)]
+        return np.concatenate(parts)
+
+    def _planned(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
+        job, count = self._job, len(draw)
+        whole = np.full((count, job.scene.vehicles), 0.5)
+        whole[:, vehicles] = draw
+        history = history_at(job.scene, job.scene.history.repeat(count), np.arange(count), whole, step=0)
+        child, column = (index.ravel() for index in np.indices(draw.shape))
+        model = job.assignment[0][vehicles][column]
+        groups = [
+            VehicleIndex(child=child[model == k], vehicle=vehicles[column[model == k]])
+            for k in range(len(job.models.built))
+        ]
+        rng = [child_generator(job.settings.seed, 0)] * count
+        result = np.empty((*draw.shape, len(_LOOKS), 3))
+        for k, made in plans_of(job.models.built, groups, history, job.road, rng):
+            poses = np.stack([made.x, made.y, made.heading], axis=-1)[:, _LOOKS]
+            result[child[model == k], column[model == k]] = poses
+        return result
+
+    def features(self, pair: tuple[int, int], plans: FloatArray) -> FloatArray:
+        """Return the least gap of first plans (N, 2, T, 3) up to some times, and their poses then."""
+        scene, (one, other) = self._job.scene, np.moveaxis(plans, (1, 3), (0, 1))
+        outlines = [
+            Rectangles(
+                x=x, y=y, heading=heading, half_length=scene.length[v] / 2, half_width=scene.width[v] / 2
+            )
+            for v, (x, y, heading) in zip(pair, (one, other), strict=True)
+        ]
+        gap = np.minimum.accumulate(separation(*outlines), axis=1)[:, _SHOWN]
+        now = scene.history[:, -1]
+        own = [
+            part[:, _SHOWN]
+            for v, (x, y, _) in zip(pair, (one, other), strict=True)
+            for part in _turned(x - now.x[v], y - now.y[v], now.heading[v])
+        ]
+        return np.concatenate([gap, *own], axis=1)
+
+    def keep(self, found: Sampled) -> float:
+        """Write each future with a collision, the heaviest first, and drop all others.
+
+        Returns:
+            Expected severe injuries.
+        """
+        hit, ids = np.flatnonzero(found.outcomes.hits()), self._job.scene.track_ids
+        order = hit[np.argsort(-found.weight[hit], kind="stable")].tolist()
+        rows = [self._hit(future) for future in order]
+        for row, future in zip(rows, order, strict=True):
+            k = found.proposal[future]
+            row |= {
+                "future": future,
+                "weight": float(found.weight[future]),
+                "tilted": None if k < 0 else ids[list(found.proposals[k].pair)].tolist(),
+                "draw": found.draw[future].tolist(),
+            }
+        parquet.write_table(
+            pa.Table.from_pylist(rows, schema=FUTURES_SCHEMA), (self._job.folder / FUTURES).absolute()
+        )
         for old in self.path.glob("[0-9]*"):
             shutil.rmtree(old, ignore_errors=True)
+        return float(sum(row["weight"] * row["injuries"] for row in rows))
+
+    def _hit(self, future: int) -> dict[str, Any]:
+        """Return the first collision of a future, its injuries, and its states."""
+        folder = self._job.folder if future < len(self._job.assignment) else self._extra.job.folder
+        part = Parts(folder).read(future, future + 1, plans=False)
+        assert part.collisions is not None
+        hits, states = part.collisions.to_pylist(), part.states[0].swapaxes(0, 1)
+        row = {name: hits[0][name] for name in ("time_s", "track_id", "other_id")}
+        row["injuries"] = sum(hit[name] or 0.0 for hit in hits for name in ("p_mais3", "p_mais3_other"))
+        return row | {name: getattr(states, name).ravel().tolist() for name in STATES}
+
+
+def _turned(x: FloatArray, y: FloatArray, heading: float) -> tuple[FloatArray, FloatArray]:
+    """Return ways along and across a heading."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    return cos * x + sin * y, cos * y - sin * x
 
 
 def _outcomes(rows: pa.Table, first: int, stop: int) -> Outcomes:
@@ -116,7 +184,7 @@ def _outcomes(rows: pa.Table, first: int, stop: int) -> Outcomes:
     )
 
 
-def _described(found: Sampled, variables: Variables, job: Job) -> Rare:
+def _described(found: Sampled, profile: LikelyProfile, job: Job, injuries: float) -> Rare:
     track_ids, likely = job.scene.track_ids.tolist(), job.assignment[0] == 0
     share, hits = found.probability(), found.outcomes.hits()
     pairs = []
@@ -127,7 +195,7 @@ def _described(found: Sampled, variables: Variables, job: Job) -> Rare:
             f"{track_ids[vehicle]} {cause}"
             for vehicle in sorted(pair, key=lambda vehicle: track_ids[vehicle])
             if likely[vehicle]
-            for cause in _causes(variables, found.draw[hit, vehicle], found.weight[hit])
+            for cause in _causes(likely_scores(found.draw[hit, vehicle], profile), found.weight[hit])
         ]
         pairs.append(
             RarePair(
@@ -146,22 +214,21 @@ def _described(found: Sampled, variables: Variables, job: Job) -> Rare:
         **vars(share),
         hits=int(hits.sum()),
         tilted=int((found.proposal >= 0).sum()),
-        pilot=found.pilot,
+        expected_mais3=injuries,
         weights=float(found.weight.sum()),
         weights_error=float(found.weight.std() * np.sqrt(len(found.weight))),
         pairs=tuple(pairs),
     )
 
 
-def _causes(variables: Variables, draw: FloatArray, weight: FloatArray) -> list[str]:
-    """Return in words what a driver draws much more often in futures (n,) with weights than in all."""
-    mean = weight @ variables.scores(draw) / weight.sum()
+def _causes(scores: FloatArray, weight: FloatArray) -> list[str]:
+    """Return in words what a driver draws much more often in futures with scores (n, K) than in all."""
+    mean = weight @ scores / weight.sum()
     error = np.sqrt((weight**2).sum()) / weight.sum()
     sure = np.where(np.abs(mean) > max(_CAUSE, _SURE * error), mean, 0.0)
-    away = list(variables.inattentive)
-    causes = ["inattentive"] if away and sure[away].max() > 0 else []
-    sure[away] = 0.0
+    causes = ["inattentive"] if sure[INATTENTIVE].max() > 0 else []
+    sure[INATTENTIVE] = 0.0
     k = int(np.argmax(np.abs(sure)))
-    if sure[k] and (words := variables.words[k][int(sure[k] > 0)]):
+    if sure[k] and (words := WORDS[k][int(sure[k] > 0)]):
         causes.append(words)
     return causes
