@@ -180,7 +180,7 @@ def analytic(repeats: int) -> None:
                     plain,
                     futures.run(plain),
                     extra,
-                    tiltable=np.ones(2, dtype=np.bool_),
+                    draws_any=np.ones(2, dtype=np.bool_),
                     rng=np.random.default_rng([seed, 1]),
                 )
                 found.append(sampled.probability())

@@ -23,7 +23,7 @@ FUTURES_SCHEMA: Final = pa.schema(
     [
         ("future", pa.int64()),
         ("weight", pa.float64()),
-        ("tilted", pa.list_(pa.int64())),
+        ("chosen", pa.list_(pa.int64())),
         ("draw", pa.list_(pa.float64())),
         ("time_s", pa.float64()),
         ("track_id", pa.int64()),
@@ -67,14 +67,14 @@ class Rare(Interval):
 
     Attributes:
         hits: futures with a collision among these.
-        tilted: futures with tilted draws among these.
+        chosen: futures among these that were chosen as likely to collide.
         expected_mais3: expected severe injuries (MAIS 3+) in a future.
         weights: sum of all weights; 1 within `weights_error`.
         pairs: that collide, the most probable first.
     """
 
     hits: int
-    tilted: int
+    chosen: int
     expected_mais3: float
     weights: float
     weights_error: float
@@ -108,7 +108,7 @@ class Rare(Interval):
     def mostly(self) -> str:
         """Return the most probable pair in words, or how many futures looked for one in vain."""
         if not self.pairs:
-            return f"none in {self.tilted} futures tilted towards one" if self.tilted else ""
+            return f"none in {self.chosen} futures chosen as likely to collide" if self.chosen else ""
         first = self.pairs[0]
         return f"mostly {first.words()}" if len(self.pairs) > 1 else first.words()
 

@@ -229,7 +229,7 @@ def sample_rare(
     outcomes: Outcomes,
     extra: int,
     *,
-    tiltable: BoolArray,
+    draws_any: BoolArray,
     rng: np.random.Generator,
 ) -> Sampled:
     """Run futures near collisions beside the plain ones.
@@ -241,13 +241,13 @@ def sample_rare(
     Args:
         plain: (N, V) numbers of futures that were drawn plainly, with their outcomes.
         extra: number of futures to run.
-        tiltable: (V,) whether a vehicle draws anything.
+        draws_any: (V,) whether a vehicle draws anything.
 
     Source: multifidelity importance sampling, Peherstorfer et al. 2016.
     """
     rounds = min(1 + extra // ROUND, MAX_ROUNDS)
     tried = rng.random((int(np.clip(4 * extra, *_NUMBERS)), plain.shape[1]))
-    search = _Search(futures, plain, outcomes, tiltable, tried)
+    search = _Search(futures, plain, outcomes, draws_any, tried)
     for size in np.diff(extra * np.arange(rounds + 1) // rounds).tolist():
         search.run(size, rng)
     return search.sampled()
@@ -286,20 +286,20 @@ class _Search:
     """Futures so far, and the proposals that they were drawn from."""
 
     def __init__(
-        self, futures: Futures, plain: FloatArray, outcomes: Outcomes, tiltable: BoolArray, tried: FloatArray
+        self, futures: Futures, plain: FloatArray, outcomes: Outcomes, draws_any: BoolArray, tried: FloatArray
     ) -> None:
-        self._futures, self._tiltable = futures, tiltable
+        self._futures, self._draws_any = futures, draws_any
         self._drawn, self._tried = _Drawn(futures, plain), _Drawn(futures, tried)
         self._outcomes = outcomes
         self._which = np.full(len(plain), -1)
-        self._tilted = np.zeros(len(plain))  # density of all proposals over that of plain futures
+        self._chosen = np.zeros(len(plain))  # density of all proposals over that of plain futures
         self._proposals: list[Proposal] = []
         self._most = MIN_PAIRS + len(tried) // 500
 
     def run(self, size: int, rng: np.random.Generator) -> None:
         """Run another ``size`` futures."""
         pairs, share = self._closest()
-        draw, which = rng.random((size, len(self._tiltable))), np.full(size, -1)
+        draw, which = rng.random((size, len(self._draws_any))), np.full(size, -1)
         before = len(self._which)
         safe = int(np.ceil(PLAIN_SHARE * (before + size))) - int((self._which < 0).sum())
         first = int(np.clip(safe, 0, size))
@@ -313,20 +313,20 @@ class _Search:
                 which[first:end] = len(self._proposals)
                 self._proposals.append(proposal)
                 features = self._drawn.features(pair, slice(None), slice(None))
-                self._tilted += proposal.count * proposal.ratios(features, fitted=before)
+                self._chosen += proposal.count * proposal.ratios(features, fitted=before)
                 first = end
         self._outcomes = joined([self._outcomes, self._futures.run(draw)])
         self._drawn.extend(draw)
         self._which = np.concatenate([self._which, which])
-        self._tilted = np.concatenate([self._tilted, np.zeros(size)])
+        self._chosen = np.concatenate([self._chosen, np.zeros(size)])
         new = slice(before, None)
         for proposal in self._proposals:
             features = self._drawn.features(proposal.pair, new, new)
-            self._tilted[new] += proposal.count * proposal.ratios(features, fitted=0)
+            self._chosen[new] += proposal.count * proposal.ratios(features, fitted=0)
 
     def weights(self) -> FloatArray:
         """Return the weight (N,) of each future by the balance heuristic (Veach, Guibas 1995)."""
-        return np.asarray(1.0 / ((self._which < 0).sum() + self._tilted))
+        return np.asarray(1.0 / ((self._which < 0).sum() + self._chosen))
 
     def sampled(self) -> Sampled:
         """Return all futures with their weights."""
@@ -350,7 +350,7 @@ class _Search:
             order = np.argsort(gap, kind="stable")[: _TAIL + 1]
             far, w = gap[order[-1]], weight[order[:-1]]
             below = float(w @ (far - gap[order[:-1]]) / w.sum())
-            if below > 0 and self._tiltable[list(pair)].any():
+            if below > 0 and self._draws_any[list(pair)].any():
                 found.append((float(np.sqrt(w.sum() * np.exp(-far / below))), pair))
         found.sort(key=lambda one: (-one[0], one[1]))
         some = [one for one in found[: self._most] if one[0] > _MIN_SHARE * found[0][0]]

@@ -49,9 +49,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run_of(tmp_path_factory.mktemp("rare") / "out")
 
 
-def test_tilted_futures_stand_beside_the_plain_ones(run: Run, tmp_path: Path) -> None:
+def test_chosen_futures_stand_beside_the_plain_ones(run: Run, tmp_path: Path) -> None:
     assert run.rare is not None
-    assert run.rare.count == 60 + RARE and run.rare.tilted > 0
+    assert run.rare.count == 60 + RARE and run.rare.chosen > 0
     assert abs(run.rare.weights - 1) < 5 * run.rare.weights_error
     assert run.rare.low <= run.rare.value <= run.rare.high
     without = run_of(tmp_path / "without", rare=0)
@@ -67,7 +67,7 @@ def test_a_future_with_a_collision_can_be_driven_again_from_its_draws(run: Run) 
     assert len(rows) == run.rare.hits
     assert sum(row["weight"] for row in rows) == pytest.approx(run.rare.value)
     assert all(len(row["draw"]) == 4 for row in rows)
-    assert {tuple(row["tilted"]) for row in rows if row["tilted"]} == {(1, 2)}
+    assert {tuple(row["chosen"]) for row in rows if row["chosen"]} == {(1, 2)}
     weights = [row["weight"] for row in rows]
     assert weights == sorted(weights, reverse=True)
     assert run.rare.expected_mais3 == pytest.approx(sum(row["weight"] * row["injuries"] for row in rows))
@@ -187,7 +187,7 @@ def test_probabilities_in_words() -> None:
     made = {
         "count": 700,
         "hits": 5,
-        "tilted": 500,
+        "chosen": 500,
         "expected_mais3": 2e-6,
         "weights": 1.0,
         "weights_error": 0.1,

@@ -64,7 +64,7 @@ def sampled(gap: Gap, extra: int, seed: int) -> Sampled:
         draw,
         futures.run(draw),
         extra,
-        tiltable=np.ones(VEHICLES, dtype=np.bool_),
+        draws_any=np.ones(VEHICLES, dtype=np.bool_),
         rng=np.random.default_rng([seed, 1]),
     )
 

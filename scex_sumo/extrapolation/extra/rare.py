@@ -65,7 +65,7 @@ def find_rare(job: Job, drawn: pa.Table, workers: Workers, extra: int) -> Rare |
         route_draws(range(len(job.assignment)), job.scene.vehicles, seed=job.settings.seed),
         outcomes,
         extra,
-        tiltable=job.assignment[0] == 0,
+        draws_any=job.assignment[0] == 0,
         rng=child_generator(job.settings.seed, 0, RARE_STREAM),
     )
     return _described(found, profile, job, futures.keep(found))
@@ -143,7 +143,7 @@ class _Futures:
             row |= {
                 "future": future,
                 "weight": float(found.weight[future]),
-                "tilted": None if k < 0 else ids[list(found.proposals[k].pair)].tolist(),
+                "chosen": None if k < 0 else ids[list(found.proposals[k].pair)].tolist(),
                 "draw": found.draw[future].tolist(),
             }
         parquet.write_table(
@@ -213,7 +213,7 @@ def _described(found: Sampled, profile: LikelyProfile, job: Job, injuries: float
     return Rare(
         **vars(share),
         hits=int(hits.sum()),
-        tilted=int((found.proposal >= 0).sum()),
+        chosen=int((found.proposal >= 0).sum()),
         expected_mais3=injuries,
         weights=float(found.weight.sum()),
         weights_error=float(found.weight.std() * np.sqrt(len(found.weight))),
