@@ -37,8 +37,9 @@ from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
 IMAGES = Path(__file__).resolve().parent / "images"
-# Of the example roundabout: a moment, two vehicles, the place where their ways meet (m), and how near counts.
-CROSSING_S, CROSSING, PLACE, NEAR_M = 9.1, (10, 11), (1022.5, 997.7), 3.0
+# Of the example roundabout: a moment, two vehicles, and the place where their ways meet, m.
+CROSSING_S, CROSSING, PLACE = 9.1, (10, 11), (1022.5, 997.7)
+NEAR_M, WAITS_M = 3.0, 5.0  # a vehicle that comes so near passes, or waits
 BLUE, RED, GREY = "#1f5fa8", "#b5342b", "#777777"
 
 
@@ -294,10 +295,10 @@ def going_first() -> None:
         )
         pair = [scene.track_ids.tolist().index(track) for track in CROSSING]
         ways = np.array([[(v.x, v.y) for v in (run.states(c)[k] for k in pair)] for c in range(run.children)])
-        near = np.hypot(*(np.moveaxis(ways, 2, 0) - np.reshape(PLACE, (2, 1, 1, 1)))) < NEAR_M
+        least = np.hypot(*(np.moveaxis(ways, 2, 0) - np.reshape(PLACE, (2, 1, 1, 1)))).min(axis=-1)
         hit = set(run.collisions["child"].to_pylist())
-        comes = [c for c in range(run.children) if c not in hit and near[c].any()]
-        first = [next(c for c in comes if near[c, k].any() and not near[c, 1 - k].any()) for k in (0, 1)]
+        meet = [c for c in range(run.children) if c not in hit and least[c].max() < WAITS_M]
+        first = [next(c for c in meet if least[c, k] < NEAR_M < least[c, 1 - k]) for k in (0, 1)]
         request = Request(run=run, children=tuple(first), encounter=CROSSING)
         films = [Film(request, child, (400, 400)) for child in first]
         shots = [
