@@ -86,14 +86,13 @@ def collisions(scene: SeedScene, first: int, count: int) -> int:
 
 def plain(scene: SeedScene, part: str, count: int, kept: Path | None) -> tuple[int, int]:
     """Number of plain futures with a collision, and of all."""
-    key = part
     known = json.loads(kept.read_text()) if kept is not None and kept.is_file() else {}
-    hits, done = known.get(key, (0, 0))
+    hits, done = known.get(part, (0, 0))
     while done < count:
         size = min(VEHICLES_AT_ONCE // scene.vehicles, count - done)
         hits, done = hits + collisions(scene, done, size), done + size
         if kept is not None:
-            kept.write_text(json.dumps(known | {key: (hits, done)}))
+            kept.write_text(json.dumps(known | {part: (hits, done)}))
     return hits, done
 
 

@@ -227,24 +227,34 @@ def _pieces(
             piece, owner, i = rest, sequence[i], i + 1
             rest = known[sequence[i]].centreline
         else:
-            # Where the lane ends sooner, the change goes on beside the lanes that follow the neighbour.
             begin = min(max(ends - CHANGE_LENGTH_M, start - passed, 0.0), ends)
-            owner, i = sequence[i], i + 1
-            other = known[sequence[i]].centreline
-            while i + 1 < len(sequence) and sequence[i + 1] in known[sequence[i]].successors:
-                if length_of(other) - nearest(other, *rest[-1]) > begin + CHANGE_LENGTH_M - ends:
-                    break
-                i += 1
-                other = np.vstack([other, known[sequence[i]].centreline])
-            else:
-                if i + 1 == len(sequence):  # the road goes straight on
-                    last = np.diff(without_repeats(other)[-2:], axis=0)
-                    other = np.vstack([other, other[-1:] + CHANGE_LENGTH_M * last / np.hypot(*last[0])])
-            piece, rest = blend_over(_beside(rest, other, begin + CHANGE_LENGTH_M), other, CHANGE_LENGTH_M)
+            done = begin + CHANGE_LENGTH_M
+            other, count = _neighbour(known, sequence[i + 1 :], rest[-1], done - ends)
+            piece, rest = blend_over(_beside(rest, other, done), other, CHANGE_LENGTH_M)
+            owner, i = sequence[i], i + count
         passed += length_of(piece)
         pieces.append(piece)
         owners.append(owner)
     return [*pieces, rest], [*owners, sequence[-1]]
+
+
+def _neighbour(
+    known: dict[int, Lane], lanes: tuple[int, ...], end: FloatArray, more_m: float
+) -> tuple[FloatArray, int]:
+    """Return the line of lanes beside a lane, to a length past that lane's end, and how many they are.
+
+    At the end of the road it goes straight on.
+    """
+    line, count = known[lanes[0]].centreline, 1
+    while length_of(line) - nearest(line, *end) <= more_m:
+        if count == len(lanes):
+            last = np.diff(without_repeats(line)[-2:], axis=0)
+            return np.vstack([line, line[-1:] + CHANGE_LENGTH_M * last / np.hypot(*last[0])]), count
+        if lanes[count] not in known[lanes[count - 1]].successors:
+            break
+        line = np.vstack([line, known[lanes[count]].centreline])
+        count += 1
+    return line, count
 
 
 def _beside(line: FloatArray, other: FloatArray, length_m: float) -> FloatArray:

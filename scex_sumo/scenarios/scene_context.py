@@ -307,26 +307,8 @@ def place_features(
     ]
     if not count:
         far = np.log1p(FAR_M)
-        empty = [
-            far,
-            1.0,
-            0,
-            0,
-            far,
-            1.0,
-            *(np.log(41.0), 1.0) * 2,
-            far,
-            far,
-            1.0,
-            0,
-            0,
-            1.0,
-            0,
-            0,
-            1.0,
-            1.0,
-            0,
-        ]
+        empty = [far, 1.0, 0, 0, far, 1.0, *(np.log(41.0), 1.0) * 2]
+        empty += [far, far, 1.0, 0, 0, 1.0, 0, 0, 1.0, 1.0, 0]
         return np.hstack([fixed, np.tile([*empty, *whole, np.log(61.0), 1.0], (n, 1))])
     ratio = others.speed / pace
     standing = (others.speed < STANDING_MPS).astype(np.float64)

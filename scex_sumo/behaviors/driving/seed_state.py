@@ -1,7 +1,7 @@
 """Seed state: heading and speed of each vehicle at the seed moment, estimated from the last second alone.
 
 Recorded headings and speeds jitter: a driver that starts 8° off its course hits its neighbour. Drivers plan
-from these estimates; tracks keep the recorded poses.
+from these estimates, which follow the course where positions are clean; tracks keep the recorded poses.
 """
 
 from __future__ import annotations
@@ -24,16 +24,14 @@ STANDING_MPS = 0.5
 STEADY_RAD = np.deg2rad(2.0)  # scatter of headings at which their change counts by half
 STEERING_RAD = np.deg2rad(1.0)  # error of a straight line through the headings of a second, without noise
 OUTLIER_RAD = np.deg2rad(3.0)  # from that line
+PEDAL_MPS, OUTLIER_MPS = 0.3, 2.0  # the last two for speeds
 NEAR_M = 0.15  # distance of two boxes
 BOX_RAD = np.deg2rad(2.0)  # error of the heading of a box
 DRIFT_MPS, DRIFT_PER_S = 0.07, 16.0  # error of the speed across: constant, and over the scatter of positions
 LARGEST_TURN_RAD = np.deg2rad(30.0)  # vehicles at a larger angle to their course roll back
-PEDAL_MPS = 0.3  # the same of speeds
-OUTLIER_MPS = 2.0
 _TIME = STEP_S * np.arange(-HISTORY_STEPS, 1)
-# (11, 3) polynomials up to the second degree, orthonormal over the last second.
-_POWERS = np.vander(_TIME, 3, increasing=True)
-_BASIS = np.linalg.qr(_POWERS)[0]
+_POWERS = np.vander(_TIME, 3, increasing=True)  # (11, 3) up to the second degree
+_BASIS = np.linalg.qr(_POWERS)[0]  # the same, orthonormal over the last second
 
 
 @owner_cache
@@ -84,8 +82,8 @@ def _to_course(heading: FloatArray, scene: SeedScene) -> FloatArray:
     The course is that of polynomials of the second degree through the positions of the last second. It
     counts the more, the less positions scatter and the faster the vehicle is.
     """
-    past = scene.history
-    (_, vx, ax), (_, vy, ay) = (np.linalg.pinv(_POWERS) @ z.T for z in (past.x, past.y))
+    past, fit = scene.history, np.linalg.pinv(_POWERS)
+    (_, vx, ax), (_, vy, ay) = fit @ past.x.T, fit @ past.y.T
     speed = np.maximum(np.hypot(vx, vy), STANDING_MPS)
     slip = np.arctan(REAR_AXLE_SHARE * scene.length * 2 * (vx * ay - vy * ax) / speed**3)
     scatter = np.hypot(_scatter(past.x), _scatter(past.y))

@@ -155,6 +155,7 @@ class LastSecond:
     """Motion of each vehicle in the last second, (V,)."""
 
     speed: FloatArray  # now, m/s
+    slope: FloatArray  # acceleration of a straight line through the speeds, m/s²
     acceleration: FloatArray  # m/s², reduced by its scatter
     scatter: FloatArray  # of accelerations of single steps, m/s²
     lag: FloatArray  # present speed of a straight line minus the present speed, m/s
@@ -175,6 +176,7 @@ def last_second(scene: SeedScene) -> LastSecond:
     line = speed.mean(axis=1) + slope * time[-1]
     return LastSecond(
         speed=now,
+        slope=slope,
         # A large one is sooner an error of noisy tracks, and ends sooner on clean ones.
         acceleration=change / np.hypot(1.0, change * np.hypot(scatter, LASTING_MPS2) / LARGE_MPS2**2),
         scatter=scatter,
@@ -186,12 +188,11 @@ def last_second(scene: SeedScene) -> LastSecond:
 @owner_cache
 def acceleration_around(scene: SeedScene) -> FloatArray:
     """Return (V,) weighted mean accelerations of the other vehicles around that move the same way, m/s²."""
-    speed, now = scene.history.speed, scene.now
-    time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
+    now = scene.now
     moves = (now.speed > STANDING_MPS) & (np.cos(now.heading - now.heading[:, None]) > SAME_WAY)
     weight = moves * np.exp(-np.hypot(now.x - now.x[:, None], now.y - now.y[:, None]) / AROUND_M)
     np.fill_diagonal(weight, 0.0)
-    return np.asarray(weight @ (speed @ time / (time @ time)) / (weight.sum(axis=1) + DOUBT_AROUND))
+    return np.asarray(weight @ last_second(scene).slope / (weight.sum(axis=1) + DOUBT_AROUND))
 
 
 @owner_cache

@@ -229,13 +229,13 @@ def _samples(
 ) -> TrainingSamples | None:
     """Make samples of scenes; ``noisy`` ones are seen as if they were measured, in all copies."""
     rng = np.random.default_rng([options.seed, zlib.crc32(name.encode())])
+    exact = 0 if noisy else 1  # the first one, which is as recorded
     made = []
     for scene in scenes:
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(options.copies)]
         whole = [scene.history, *put_off]
-        seen = whole[: not noisy] + [
-            measured(states, options.perturbation, rng) for states in whole[not noisy :]
-        ]
+        seen = [measured(states, options.perturbation, rng) for states in whole[exact:]]
+        seen = [*whole[:exact], *seen]
         samples = scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0))
         made += [samples] if samples is not None else []
         for _ in range(options.stops):
