@@ -36,6 +36,10 @@ class Ahead:
     speed: FloatArray  # (k,) component along the path, m/s
     cos: FloatArray  # (k,) cosine of its heading against the path's
 
+    def part(self, keep: BoolArray) -> Ahead:
+        """Return those to keep (k,)."""
+        return Ahead(**{name: values[keep] for name, values in vars(self).items()})
+
     def leaders(self, n: int) -> Leaders:
         """Return the one with the smallest gap for each of the n drivers."""
         result = Leaders(gap=np.full(n, np.inf), speed=np.zeros(n), index=np.full(n, -1))

@@ -31,6 +31,7 @@ SAFE_S, SAFE_STOP_S, SAFE_STEP_S = 1.5, 3.0, 0.25  # of others that go the same 
 SAFE_M = 0.3  # margin between two boxes
 KEPT_SHARE = 0.8  # of a smaller present margin
 CONTACT_M = 0.1
+LEAST_WAY_M = 0.5
 CROSSING_M = 0.5  # the crossing is where the offset is this near to the smallest one
 
 
@@ -138,6 +139,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     cos, sin = np.cos(one.heading[k, first]), np.sin(one.heading[k, first])
     ahead = cos * (x - one.x)[k, first] + sin * (y - one.y)[k, first] > 0
     k = np.flatnonzero(touches.any(axis=1) & ahead & (distance[:, 0] > 0))
+    k = k[~_gives_way(view, i[k], j[k], first[k], *(_rows(box, k) for box in boxes))]
     first, i, j, child = first[k], i[k], j[k], child[k]
     along = np.cos(heading[k, first] - one.heading[k, first])
     line = np.maximum(around.others.states.speed[child, j] * along, 0.0)
@@ -154,6 +156,28 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
         firm=none == 0,
         safe=none != 0,
     )
+
+
+def _rows(boxes: Rectangles, k: IntArray) -> Rectangles:
+    return Rectangles(**{name: values[k] for name, values in vars(boxes).items()})
+
+
+def _gives_way(
+    view: _View, i: IntArray, j: IntArray, first: IntArray, one: Rectangles, other: Rectangles
+) -> BoolArray:
+    """Return (P,) whether others j stop before they touch the plans of vehicles i: they need less braking.
+
+    Args:
+        first: (P,) step at which the boxes (P, T) touch.
+    """
+    others, k = view.around.others, np.arange(len(i))
+    speed = np.maximum(others.states.speed[view.who.child[i], j], 0.0)
+    needs = view.paths.start_speed[i] ** 2 / np.maximum(view.paths.arc[i, first], LEAST_WAY_M)
+    other_needs = speed**2 / np.maximum(speed * STEP_S * first, LEAST_WAY_M)
+    along = np.cos(other.heading[k, first] - one.heading[k, first]) >= SAME_WAY
+    now = Rectangles(**{name: values[:, :1] for name, values in vars(other).items()})
+    in_way = (rectangle_distance(one, now) <= CONTACT_M).any(axis=1)
+    return ~others.obstacle[j] & ~along & ~in_way & (other_needs < needs)
 
 
 def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
@@ -308,7 +332,7 @@ def _yields(
     """Return (P,) whether the vehicle gives way.
 
     It does to one inside the corridor and not behind. Else the only one that can stop gives way; if both or
-    neither can, the later one at the crossing, and close cases by number.
+    neither can, the later one at the crossing (or see `GuardProfile.braking_margin`), and close cases by number.
 
     Args:
         gives_way: (P,) whether the other ever gives way.
@@ -319,6 +343,11 @@ def _yields(
     # So they never both go, although each sees the other's way a little differently.
     margin = profile.order_margin
     later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
+    if profile.braking_margin:
+        needs = v**2 / np.maximum(meeting.entry, LEAST_WAY_M) / 2
+        other_needs = v_other / np.maximum(meeting.enter, STEP_S) / 2
+        less = needs < other_needs + np.where(other_first, 1, -1) * profile.braking_margin
+        later = np.where((meeting.speed == 0) & gives_way, less, later)
     yields = np.where(meeting.stops == other_stops, later, meeting.stops)
     result: BoolArray = np.where(meeting.enter == 0, meeting.lead < 0, yields)
     return result

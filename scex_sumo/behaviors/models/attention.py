@@ -62,6 +62,7 @@ PROFILE = GuardProfile(
     time_margin=0.3,
     touching=1e-3,
     contact_time=2.4,
+    braking_margin=0.3,
 )
 
 
@@ -137,6 +138,10 @@ def _bounds(
     """Return the highest speed after a step of each vehicle with a stop line, m/s; see `Bounds`."""
     t = step * STEP_S
     needed = needed_braking(holds, t, s + STOP_GAP_M, v, ENTRY_GAP_M)
+    # It is enough to arrive after one that crosses has left.
+    k = np.flatnonzero((holds.speed == 0) & np.isfinite(holds.until))
+    left, way = np.maximum(holds.until[k] - t, STEP_S), holds.position[k] - s[k] - STOP_GAP_M
+    needed[k] = np.minimum(needed[k], 2 * np.maximum(v[k] - np.maximum(way, 0.0) / left, 0.0) / left)
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
     most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
     merges = (holds.enter > t) & (holds.speed > 0) & (v - holds.speed < MERGING_MPS)
