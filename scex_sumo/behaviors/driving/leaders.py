@@ -14,6 +14,7 @@ from scex_sumo.scene import SceneHistory, States, VehicleIndex
 
 LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 4 m² off
 MAX_PAIRS = 60_000  # at a time: bounds the memory, fits the processor's cache
+MIN_ACROSS_MPS = 1e-3
 CORRIDOR_MARGIN_M = 0.3  # of the driver's corridor, beyond its width on each side
 
 
@@ -35,6 +36,7 @@ class Ahead:
     gap: FloatArray  # (k,) bumper to bumper along the path, m
     speed: FloatArray  # (k,) component along the path, m/s
     cos: FloatArray  # (k,) cosine of its heading against the path's
+    leaves: FloatArray  # (k,) s until it has left the driver's corridor with constant velocity
 
     def part(self, keep: BoolArray) -> Ahead:
         """Return those to keep (k,)."""
@@ -157,7 +159,12 @@ def _ahead_of(
     counts = np.where(
         (gap > 0) & ~oncoming, (np.abs(offset) <= clearance[j]) | inside, inside & (ahead > 0)
     )  # fmt: skip
-    return Ahead(driver=i[counts], other=j[counts], gap=gap[counts], speed=speed[counts], cos=cos[counts])
+    # Bodies have to pass each other by half of both widths, on the side where it is going.
+    across = others.states.speed[who.child[i], j] * sin
+    to_go = np.abs(offset) - body + width[i] / 2 - np.sign(across) * offset
+    leaves = np.maximum(to_go, 0.0) / np.maximum(np.abs(across), MIN_ACROSS_MPS)
+    found = Ahead(driver=i, other=j, gap=gap, speed=speed, cos=cos, leaves=leaves)
+    return found.part(counts)
 
 
 def _first_guess(

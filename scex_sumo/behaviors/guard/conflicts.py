@@ -32,6 +32,7 @@ SAFE_M = 0.3  # margin between two boxes
 KEPT_SHARE = 0.8  # of a smaller present margin
 CONTACT_M = 0.1
 LEAST_WAY_M = 0.5
+GIVES_WAY = 0.25  # one that needs less than this share of the other's braking stops first
 CROSSING_M = 0.5  # the crossing is where the offset is this near to the smallest one
 
 
@@ -165,7 +166,7 @@ def _rows(boxes: Rectangles, k: IntArray) -> Rectangles:
 def _gives_way(
     view: _View, i: IntArray, j: IntArray, first: IntArray, one: Rectangles, other: Rectangles
 ) -> BoolArray:
-    """Return (P,) whether others j stop before they touch the plans of vehicles i: they need less braking.
+    """Return (P,) whether others j stop before they touch the plans of vehicles i, as that is easy for them.
 
     Args:
         first: (P,) step at which the boxes (P, T) touch.
@@ -177,7 +178,7 @@ def _gives_way(
     along = np.cos(other.heading[k, first] - one.heading[k, first]) >= SAME_WAY
     now = Rectangles(**{name: values[:, :1] for name, values in vars(other).items()})
     in_way = (rectangle_distance(one, now) <= CONTACT_M).any(axis=1)
-    return ~others.obstacle[j] & ~along & ~in_way & (other_needs < needs)
+    return ~others.obstacle[j] & ~along & ~in_way & (other_needs < GIVES_WAY * needs)
 
 
 def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
@@ -332,7 +333,7 @@ def _yields(
     """Return (P,) whether the vehicle gives way.
 
     It does to one inside the corridor and not behind. Else the only one that can stop gives way; if both or
-    neither can, the later one at the crossing (or see `GuardProfile.braking_margin`), and close cases by number.
+    neither can, the later one at the crossing, and close cases by number; see `GuardProfile.braking_margin`.
 
     Args:
         gives_way: (P,) whether the other ever gives way.

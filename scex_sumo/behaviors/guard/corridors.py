@@ -286,8 +286,8 @@ class GuardProfile:
         touching: pairs nearer than this in the seed scene are ignored, m, e.g. trailers.
         order_margin: of a crossing; closer cases go by number, m.
         contact_time: for which planned boxes must not touch expected ones, s.
-        braking_margin: if above 0, the one that needs less braking gives way at a crossing, not the later one;
-            smaller differences go by number, m/s².
+        braking_margin: if above 0, of two at a crossing the one that needs less braking gives way, not the
+            later one; smaller differences go by number, m/s².
     """
 
     comfort_deceleration: float = 4.5

@@ -9,7 +9,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.beside import box_distances
-from scex_sumo.behaviors.driving.leaders import Leaders, everyone, find_ahead
+from scex_sumo.behaviors.driving.leaders import Leaders, find_ahead
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import bend_at, foot_points
@@ -47,7 +47,8 @@ EXTRA_BRAKING_MPS2 = 0.8  # limit beyond the necessary braking for a leader; set
 MIN_ROOM_M = 0.1
 AROUND_M = 30.0  # vehicles around count by exp(-distance / AROUND_M), and together less than 1
 DOUBT_AROUND = 0.5  # weight of no acceleration among theirs
-ALONG = 0.5  # cosine of a leader's heading against the path, at least
+ALONG = 0.5  # cosine of the heading against the path; below it, a vehicle crosses
+CLEAR_S = 1.0  # by which it has to leave earlier
 SAME_WAY = 0.8  # cosine of the difference of headings
 
 
@@ -108,7 +109,7 @@ def leaders_of(
 ) -> Leaders:
     """Find leaders of vehicles beside their paths; see `find_ahead`.
 
-    What moves across the path is no leader, but a conflict (see `respond`).
+    One that crosses and has left before the driver arrives is no leader.
     """
     ahead = find_ahead(
         history,
@@ -122,8 +123,9 @@ def leaders_of(
         aside=aside,
         margin=MARGIN_M,
     )
-    stands = everyone(history).states.speed[who.child[ahead.driver], ahead.other] < STANDING_MPS
-    return ahead.part(stands | (ahead.cos >= ALONG)).leaders(len(who))
+    speed = history.now.speed[who.child, who.vehicle][ahead.driver]
+    arrives = np.maximum(ahead.gap, 0.0) / np.maximum(speed, STANDING_MPS)
+    return ahead.part((ahead.cos >= ALONG) | (ahead.leaves + CLEAR_S > arrives)).leaders(len(who))
 
 
 def demanded_acceleration(
