@@ -58,7 +58,9 @@ STEPS, REPLAN = 30, 5
 HARD_MPS2, OVER_STEPS = 3.0, 5
 STANDING_MPS, STARTED_M = 0.5, 1.0
 SETTINGS = RunSettings(children=1, preset="both")
-SITES = ("MONA-East", "MONA-Merge", "MONA-West", "k729", "k733", "Lanker", "Peach")
+DATASETS = ("mona", "taf_bw", "ngsim", "av2", "scenarionet")
+UNSEEN = ("av2", "nuscenes")  # nothing of them is fitted to: test parts
+SITES = ("MONA-East", "MONA-Merge", "MONA-West", "k729", "k733", "Lanker", "Peach", *UNSEEN)
 COLUMNS = ("vehicles", "brier", "cv", "base", "cover", "least", "P(coll)", "error", "along", "starts", "n",
            "bias", "stands", "brake", "rec", "realism")  # fmt: skip
 
@@ -93,17 +95,18 @@ def site_of(name: str) -> str:
 def cases(data: Path, part: Part, most: int) -> Iterator[Case]:
     """The seed scenes of each site, evenly thinned, at most some per site."""
     chosen: dict[str, list[tuple[object, float]]] = {}
-    for recording in find_recordings([data / name for name in ("mona", "taf_bw", "ngsim")]):
-        ngsim = "USA_" in recording.name
-        if ngsim and any(file in recording.name for file in NGSIM_TEST) != (part == "test"):
+    for recording in find_recordings([data / name for name in DATASETS if (data / name).exists()]):
+        unseen, ngsim = site_of(recording.name) in UNSEEN, "USA_" in recording.name
+        test = unseen or any(file in recording.name for file in NGSIM_TEST)
+        if (unseen or ngsim) and test != (part == "test"):
             continue
         loaded = load_recording(recording)
         moments = recording_moments(loaded, every_s=STEP_S)
-        moments = [
-            m
-            for m in (moments if ngsim else split_moments(moments, Split())[part])
-            if m.complete and m.vehicles > 1
-        ]
+        if unseen:
+            moments = [m for m in moments if m.time_s <= moments[-1].time_s - STEPS * STEP_S]
+        elif not ngsim:
+            moments = split_moments(moments, Split())[part]
+        moments = [m for m in moments if m.complete and m.vehicles > 1]
         if moments:
             chosen.setdefault(site_of(recording.name), []).extend((loaded, m.time_s) for m in moments[5::10])
     for site in SITES:

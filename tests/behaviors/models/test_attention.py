@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
 from scex_sumo.behaviors.guard.conflicts import StopLines
 from scex_sumo.behaviors.models import likely_driver
 from scex_sumo.behaviors.models.attention import Attention, _bounds, kept_clear, looks_away, respond
+from scex_sumo.behaviors.models.likely_observations import leaders_of
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.scene import Plan, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
@@ -184,3 +185,59 @@ def test_drivers_make_room_gently_for_a_vehicle_about_as_fast_that_merges() -> N
     braking = (v - bound) / 0.1
     assert braking[0] == pytest.approx(3.0)
     assert braking[1] > 5.0
+
+
+CROSS = roads.road(
+    roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]), roads.lane(2, [(150.0, -150.0), (150.0, 150.0)])
+)
+
+
+def responses(*vehicles: roads.Vehicle) -> Plan:
+    """Responses of all vehicles to each other at present, if they meant to go straight on."""
+    scene = roads.scene_of(*vehicles)
+    n = scene.vehicles
+    who = VehicleIndex(child=np.zeros(n, dtype=int), vehicle=np.arange(n))
+    now, time = scene.now[:, None], 0.1 * np.arange(1, 31)
+    steady = Plan(
+        x=now.x + now.speed * np.cos(now.heading) * time,
+        y=now.y + now.speed * np.sin(now.heading) * time,
+        heading=np.repeat(now.heading, 30, axis=1),
+        speed=np.repeat(now.speed, 30, axis=1),
+    )
+    aware = Attention(aware=np.ones((n, 30), dtype=bool), onset=np.full(n, 0.8))
+    return respond(steady, roads.present(scene), CROSS, who, aware)
+
+
+def test_a_vehicle_that_creeps_towards_a_crossing_gives_way_to_a_fast_one() -> None:
+    # The creeping one would enter the other's way in a second, and be there first.
+    made = responses((120.0, 0.0, 0.0, 15.0), (150.0, -4.1, np.pi / 2, 1.0))
+    assert (made.speed[0] == 15.0).all()
+    assert made.speed[1].min() < 0.3
+
+
+def test_nobody_brakes_for_a_crossing_vehicle_that_leaves_in_time() -> None:
+    until = np.array([1.5, np.inf])
+    lines = StopLines(
+        row=np.arange(2),
+        position=np.full(2, 29.0),
+        speed=np.zeros(2),
+        deceleration=np.zeros(2),
+        stop_time=np.full(2, np.inf),
+        enter=np.zeros(2),
+        until=until,
+        firm=np.ones(2, dtype=bool),
+        safe=np.zeros(2, dtype=bool),
+    )
+    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 12.8), attention=aware)
+    assert bound[0] == np.inf and bound[1] < 12.6
+
+
+@pytest.mark.parametrize(("speed", "follows"), [(6.0, False), (0.6, True)])
+def test_a_crossing_vehicle_is_a_leader_only_as_long_as_it_is_in_the_way(speed: float, follows: bool) -> None:
+    scene = roads.scene_of((110.0, 0.0, 0.0, 12.0), (150.0, 0.0, np.pi / 2, speed))
+    history = roads.present(scene)
+    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    paths, row = chosen_paths(history, CROSS, who, "straight")
+    leaders = leaders_of(history, who, paths, row, np.full(1, BEHIND_M), np.zeros(1))
+    assert (leaders.index[0] == 1) == follows
