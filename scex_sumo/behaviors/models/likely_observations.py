@@ -49,6 +49,8 @@ AROUND_M = 30.0  # vehicles around count by exp(-distance / AROUND_M), and toget
 DOUBT_AROUND = 0.5  # weight of no acceleration among theirs
 ALONG = 0.5  # cosine of the heading against the path; below it, a vehicle crosses
 CLEAR_S = 1.0  # by which it has to leave earlier
+TURN_MPS2, TURN_M, NEAR_TURN_M = 3.0, 50.0, 2.0  # lateral acceleration in turns; range of the way to them
+MAX_MISSING_MPS2 = 2.0  # more missing braking excludes a path no further
 SAME_WAY = 0.8  # cosine of the difference of headings
 
 
@@ -345,17 +347,25 @@ def _second_opening(
 
 
 def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
-    """Return (P, 4) speed above that of the curves, m/s, offset, m, heading error, rad, 1 if not straight."""
+    """Return (P, 3) missing braking for the path's curves, m/s², offset, m, and heading error, rad.
+
+    A vehicle that is about to turn slows down: braking is missing as far as the curves within `TURN_M` need
+    more than it shows.
+    """
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-    row = np.arange(len(vehicle))
-    now = scene.now[vehicle]
+    row, shown = np.arange(len(vehicle)), last_second(scene)
+    now, speed = scene.now[vehicle], shown.speed[vehicle]
     s, offset, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
-    calm = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
-    at = row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
-    excess = np.maximum(now.speed - calm[at], 0.0)
-    across = np.abs(wrap(now.heading - heading))
-    other = row != paths.first[vehicle] + paths.straight[vehicle]
-    return np.column_stack([excess, np.abs(offset), across, other.astype(np.float64)])
+    ahead = DS_M * np.arange(paths.samples) - s[:, None]
+    excess = speed[:, None] ** 2 - TURN_MPS2 / np.maximum(paths.curve_curvature, 1e-6)
+    needed = np.where(np.abs(ahead - TURN_M / 2) < TURN_M / 2, excess, 0.0) / (
+        2 * np.maximum(ahead, NEAR_TURN_M)
+    )
+    needed = np.maximum(needed.max(axis=1), 0.0)
+    missing = np.where(needed > 0, needed + np.clip(shown.acceleration[vehicle], -3.0, 2.0), 0.0)
+    return np.column_stack(
+        [np.clip(missing, 0.0, MAX_MISSING_MPS2), np.abs(offset), np.abs(wrap(now.heading - heading))]
+    )
 
 
 @owner_cache
