@@ -145,7 +145,7 @@ def stops_of(samples: Samples, weight: FloatArray) -> FloatArray:
 
 
 def choices_of(scenes: Iterable[SeedScene]) -> Iterator[tuple[FloatArray, FloatArray, int]]:
-    """Log shares (k,), features (k, 3) and which path was taken, where vehicles show which."""
+    """Log shares (k,), features (k, 4) and which path was taken, where vehicles show which."""
     for recorded in scenes:
         assert recorded.road is not None
         scene = estimated_scene(recorded, recorded.road)
@@ -172,7 +172,7 @@ def choices_of(scenes: Iterable[SeedScene]) -> Iterator[tuple[FloatArray, FloatA
 
 
 def paths_of(scenes: Sequence[SeedScene]) -> FloatArray:
-    """(3,) weights with the greatest likelihood of the paths taken."""
+    """(4,) weights with the greatest likelihood of the paths taken."""
     found = list(choices_of(scenes))
     print(f"paths: {len(found)} choices")
 
@@ -184,9 +184,9 @@ def paths_of(scenes: Sequence[SeedScene]) -> FloatArray:
             total -= float(np.log(score[taken].sum() / score.sum() + 1e-9))
         return total
 
-    result = minimize(cost, np.array([0.5, 0.5, 2.0]), method="L-BFGS-B", bounds=[(0.0, 20.0)] * 3)
+    result = minimize(cost, np.array([0.5, 0.5, 0.5, 2.0]), method="L-BFGS-B", bounds=[(0.0, 20.0)] * 4)
     n = max(len(found), 1)
     print(
-        f"  log loss {cost(np.zeros(3)) / n:.3f} by shares, {result.fun / n:.3f} fitted: {result.x.round(2)}"
+        f"  log loss {cost(np.zeros(4)) / n:.3f} by shares, {result.fun / n:.3f} fitted: {result.x.round(2)}"
     )
     return np.asarray(result.x)

@@ -347,10 +347,10 @@ def _second_opening(
 
 
 def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
-    """Return (P, 3) missing braking for the path's curves, m/s², offset, m, and heading error, rad.
+    """Return (P, 4) features: missing braking, m/s², excessive speed, m/s, offset, m, heading error, rad.
 
     A vehicle that is about to turn slows down: braking is missing as far as the curves within `TURN_M` need
-    more than it shows.
+    more than it shows. A speed is excessive if even hard braking and sharp curves do not bring it down.
     """
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown = np.arange(len(vehicle)), last_second(scene)
@@ -363,8 +363,15 @@ def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
     )
     needed = np.maximum(needed.max(axis=1), 0.0)
     missing = np.where(needed > 0, needed + np.clip(shown.acceleration[vehicle], -3.0, 2.0), 0.0)
+    calm = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
+    at = row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
     return np.column_stack(
-        [np.clip(missing, 0.0, MAX_MISSING_MPS2), np.abs(offset), np.abs(wrap(now.heading - heading))]
+        [
+            np.clip(missing, 0.0, MAX_MISSING_MPS2),
+            np.maximum(now.speed - calm[at], 0.0),
+            np.abs(offset),
+            np.abs(wrap(now.heading - heading)),
+        ]
     )
 
 

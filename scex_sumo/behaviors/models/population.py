@@ -53,7 +53,7 @@ class Population:
         FloatArray  # (3,) weights of the lane's distance, offset and lateral speed for the offset in 3 s
     )
     change_m: float  # scale of the deviation, m
-    path: FloatArray  # (3,) weights of `path_features`
+    path: FloatArray  # (4,) weights of `path_features`
 
     def speed_class(self, speed: FloatArray) -> IntArray:
         """(n,) class of each speed."""
