@@ -62,6 +62,7 @@ PROFILE = GuardProfile(
     time_margin=0.3,
     touching=1e-3,
     contact_time=2.4,
+    steady_braking=False,
 )
 
 
