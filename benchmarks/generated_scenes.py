@@ -1,14 +1,14 @@
 """How far generated scenes are from recorded ones of the test parts, and those of `--synthetic`.
 
 python benchmarks/generated_scenes.py DATA/mona DATA/taf_bw DATA/ngsim
-python benchmarks/generated_scenes.py DATA/mona --scenes LEFT_OUT.safetensors --sites NAME --left-out
+python benchmarks/generated_scenes.py DATA/mona DATA/taf_bw DATA/ngsim --left-out FOLDER --each 1
 
 A scene has as many vehicles as a recorded one, in the region that the recording sees. SUMO populates the
 whole map as densely; its scenes are cut to that region. Distances are Wasserstein's of the values of all
 vehicles (conflicts: of all scenes), and the maximum mean discrepancy of scenes, those of generated ones on
-average over `--each` draws; the third number of a cell is that of the two halves of the recorded scenes, by
+average over `--each` draws; the last number of a cell is that of the two halves of the recorded scenes, by
 time. A classifier tells generated scenes from recorded ones; recorded seconds that follow each other are in
-one fold.
+one fold. `--left-out` trains a model without each site, which it keeps in the folder, and measures that site.
 """
 
 from __future__ import annotations
@@ -35,14 +35,16 @@ from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scenarios.generate import generated_scene
 from scex_sumo.scenarios.scene_context import Placed, lane_cells, placed_on_lanes, states_of
-from scex_sumo.scenarios.scene_model import KINDS, SHIPPED, load_scenes
+from scex_sumo.scenarios.scene_model import KINDS, SHIPPED, SceneModel, load_scenes, save_scenes
 from scex_sumo.scenarios.synthetic import synthetic_scene
 from scex_sumo.scene import SeedScene
 from scex_sumo.training.data.dataset import part_scenes
-from scex_sumo.training.scenes import seen_part
+from scex_sumo.training.scenes import seen_part, train_scenes
 
 PARTS: tuple[Part, ...] = ("train", "validation", "test")
 EVERY_S, BLOCK = 2.0, 3  # between two scenes; scenes in one fold
+TRAINED_EVERY_S = 0.5
+MIN_SCENES = 14  # for a classifier
 VALUES = ("nearest gap", "speed", "density", "deceleration needed", "conflicts")
 NEAR_M, AHEAD_S = 40.0, np.arange(0.0, 3.01, 0.25)
 
@@ -197,6 +199,22 @@ def area_under_curve(sides: Sequence[tuple[Values, Values]]) -> float:
     return float(roc_auc_score(label, found[:, 1]))
 
 
+def model_without(site: str, roots: Sequence[Path], folder: Path) -> SceneModel:
+    """Return the model of a folder that was not fitted to the place of a site; train it if it is missing."""
+    import torch
+
+    file, place = folder / f"{site}.safetensors", site.rpartition("-")[0]
+    if not file.is_file():
+        torch.set_num_threads(1)
+        kept = [r for r in find_recordings(roots) if not r.site.startswith(place)]
+        kept = [r for r in kept if not any(mark in r.name for mark in NGSIM_TEST)]
+        short = tuple(r.name for r in kept if any(mark in r.name for mark in NGSIM_VALIDATION))
+        tensors, meta = train_scenes(kept, split=Split(kept_validation=short), every_s=TRAINED_EVERY_S)
+        folder.mkdir(parents=True, exist_ok=True)
+        save_scenes(file, tensors, meta)
+    return load_scenes(file)
+
+
 def values_of_all(site: Site, scenes: Sequence[SeedScene]) -> Values:
     found = (values_of(scene, site.seen[scene.road.name]) for scene in scenes if scene.road is not None)
     return [values for values in found if values is not None]
@@ -282,7 +300,10 @@ def main() -> None:
     parser.add_argument("--scenes", type=Path, default=SHIPPED, help="scene model")
     parser.add_argument("--sites", nargs="*", help="only these, by the beginning of their names")
     parser.add_argument(
-        "--left-out", action="store_true", help="all parts count, at sites that the model was not fitted to"
+        "--left-out",
+        type=Path,
+        metavar="FOLDER",
+        help="measure all parts with models that miss the site",
     )
     parser.add_argument("--synthetic", type=int, default=20, help="scenes of SUMO at each site; 0: none")
     parser.add_argument("--most", type=int, default=20, help="recorded scenes of each site")
@@ -291,13 +312,18 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    model = load_scenes(given.scenes)
     sides: dict[tuple[str, int], list[tuple[Values, Values]]] = {}
     ratios: list[dict[str, float]] = []
-    print(f"| site | scenes | {' | '.join((*VALUES, 'MMD'))} |\n|---|---|{'---|' * (len(VALUES) + 1)}")
+    columns = (*VALUES, "MMD", "AUC")
+    print(f"| site | scenes | {' | '.join(columns)} |\n|---|---|{'---|' * len(columns)}")
     for site in sites_of(given.roots, given.most, PARTS if given.left_out else ("test",)):
         if given.sites and not any(site.name.startswith(name) for name in given.sites):
             continue
+        model = (
+            model_without(site.name, given.roots, given.left_out)
+            if given.left_out
+            else load_scenes(given.scenes)
+        )
         recorded = values_of_all(site, site.scenes)
         draws = [
             [
@@ -333,18 +359,21 @@ def main() -> None:
         half = len(recorded) // 2
         if half:
             found["halves"] = distances(recorded[:half], recorded[half:])
-        cells = [" / ".join(f"{d[name]:.2f}" for d in found.values()) for name in (*VALUES, "MMD")]
+        for name in found.keys() & made.keys() if len(recorded) >= MIN_SCENES else ():
+            curves = [area_under_curve([(recorded, values)]) for values in made[name]]
+            found[name]["AUC"] = float(np.mean(curves))
+        cells = [" / ".join(f"{d[c]:.2f}" for d in found.values() if c in d) or "–" for c in columns]
         note = f" ({fewer} with fewer vehicles)" if fewer else ""
         print(f"| {site.name} | {len(recorded)}{note} | {' | '.join(cells)} |", flush=True)
         if "synthetic" in found:
             pairs = found["generated"], found["synthetic"]
-            ratios.append({name: pairs[0][name] / max(pairs[1][name], 1e-3) for name in pairs[0]})
+            ratios.append({c: pairs[0][c] / max(pairs[1][c], 1e-3) for c in columns if c in pairs[0]})
     if ratios:
-        medians = [f"{np.median([r[name] for r in ratios]):.2f}" for name in ratios[0]]
+        medians = [f"{np.median([r[c] for r in ratios if c in r] or [np.nan]):.2f}" for c in columns]
         print(f"| median ratio | | {' | '.join(medians)} |")
     for name in dict.fromkeys(name for name, _ in sides):
         draws_of = [pairs for (of, _), pairs in sides.items() if of == name]
-        if sum(len(recorded) for recorded, _ in draws_of[0]) > 10 * BLOCK:
+        if sum(len(recorded) for recorded, _ in draws_of[0]) >= MIN_SCENES:
             curve = np.mean([area_under_curve(pairs) for pairs in draws_of])
             print(f"AUC of {name} against recorded: {curve:.2f}")
 

@@ -44,7 +44,8 @@ def export_command(
         ),
     ] = "interaction",
     ego: Annotated[
-        int | None, Option(metavar="TRACK", help="Vehicle with the planning task: commonroad, scenarionet.")
+        int | None,
+        Option(metavar="TRACK", help="Vehicle with the planning task: commonroad, scenarionet, interpret."),
     ] = None,
     map_path: Annotated[
         Path | None, Option("--map", metavar="MAP", help="Map of the run; default: its path in run.json.")

@@ -7,14 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from pyarrow import csv
 
+from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import replacing
 from scex_sumo.exporters.request import Request
 from scex_sumo.results.run import Run
-from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.views.children import write_child
 
 _CHILDREN_AT_ONCE = 100
@@ -48,31 +50,99 @@ def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
 def write_interpret(request: Request) -> list[Path]:
     """Write up to six children as the modalities of one case of the INTERPRET challenge (multi-agent).
 
-    Modality 1 counts as the likeliest one. All vehicles are to be predicted, and none is the ego.
+    Modality 1 counts as the likeliest one. The recording's columns ``track_to_predict`` and
+    ``interesting_agent`` say which vehicles are predicted, and which is the ego. Without them all vehicles
+    are predicted, and `Request.ego` is the ego. A scenario's file holds all of its cases: a file that exists
+    keeps its other cases.
+
+    Raises:
+        UsageError: futures below 3 s, no recording, or an existing file with other columns.
+        ResultError: the recording marks a vehicle that the run does not have.
+
+    Source: README of github.com/interaction-dataset/INTERPRET_challenge_multi-agent.
     """
     scene, info = request.scene, request.run.info
     if info["steps"] < _PREDICTED_STEPS:
         raise UsageError(
             f"{request.run.folder}: has {info['steps']} steps; a submission needs 30, so run with 3 s"
         )
-    path = request.file(f"{scene.location}_sub", ".csv")
-    count, frames = scene.vehicles, LOGGED_HISTORY + np.arange(1, _PREDICTED_STEPS + 1)
+    seed = info["seed_scene"]
+    case = _case_number(seed["source"].get("case") or "1")
+    path = request.file(f"{seed['location']}_sub", ".csv")
+    vehicles, ego = _interpret_marks(scene, seed["source"].get("tracks"), case)
+    ego = scene.track_ids == request.ego if request.ego is not None else ego
+    count, frames = len(vehicles), LOGGED_HISTORY + np.arange(1, _PREDICTED_STEPS + 1)
     frame = np.tile(frames, count)
     columns = {
-        "case_id": np.full(len(frame), float(scene.source.get("case") or 1)),
-        "track_id": np.repeat(scene.track_ids, _PREDICTED_STEPS),
+        "case_id": np.full(len(frame), case),
+        "track_id": np.repeat(scene.track_ids[vehicles], _PREDICTED_STEPS),
         "frame_id": frame,
         "timestamp_ms": 100 * frame,
         "track_to_predict": np.ones(len(frame), dtype=np.int64),
-        "interesting_agent": np.zeros(len(frame), dtype=np.int64),
+        "interesting_agent": np.repeat(ego[vehicles].astype(np.int64), _PREDICTED_STEPS),
     }
     for number, child in enumerate(request.children[:_MODALITIES], start=1):
-        states = request.run.states(child)[:, frames - 1]
+        states = request.run.states(child)[vehicles][:, frames - 1]
         for name, values in (("x", states.x), ("y", states.y), ("psi_rad", states.heading)):
             columns[f"{name}{number}"] = values.ravel()
+    table = pa.table(columns)
+    if path.is_file():
+        table = _with_other_cases(path, table, case)
     with replacing(path) as file:
-        csv.write_csv(pa.table(columns), file)
+        csv.write_csv(table, file)
     return [path]
+
+
+def _case_number(case: str) -> float:
+    try:
+        return float(case)
+    except ValueError:
+        raise UsageError(f"case {case}: cases of INTERPRET are numbers") from None
+
+
+def _interpret_marks(scene: SeedScene, tracks: str | None, case: float) -> tuple[IntArray, BoolArray]:
+    """Return the vehicles to predict, and (V,) which one is the ego, as the recording marks them."""
+    everyone, nobody = np.arange(scene.vehicles), np.zeros(scene.vehicles, dtype=np.bool_)
+    if tracks is None or not tracks.endswith(".csv"):
+        return everyone, nobody
+    source = Path(tracks)
+    if not source.is_file():
+        raise UsageError(f"{source}: no such file; it says which vehicles to predict, so run from its folder")
+    with source.open() as file:
+        header = file.readline().strip().split(",")
+    if not {"track_to_predict", "interesting_agent", "case_id"} <= set(header):
+        return everyone, nobody
+    columns = ["case_id", "track_id", "track_to_predict", "interesting_agent"]
+    types = {"case_id": pa.float64(), "track_id": pa.string()}
+    types |= dict.fromkeys(columns[2:], pa.float64())
+    rows = csv.read_csv(
+        source, convert_options=csv.ConvertOptions(include_columns=columns, column_types=types)
+    )
+    rows = rows.filter(pc.equal(rows["case_id"], case))
+    named = {
+        name: {t.partition(".")[0] for t in rows.filter(pc.equal(rows[name], 1.0))["track_id"].to_pylist()}
+        for name in columns[2:]
+    }
+    labels = [str(track) for track in scene.track_ids.tolist()]
+    missing = sorted(named["track_to_predict"] - set(labels))
+    if missing:
+        raise ResultError(f"{source}: vehicle {missing[0]} is to be predicted, but the run does not have it")
+    to_predict, ego = (np.isin(labels, sorted(named[name])) for name in columns[2:])
+    return np.flatnonzero(to_predict), ego
+
+
+def _with_other_cases(path: Path, table: pa.Table, case: float) -> pa.Table:
+    """Append the rows of a case to the other cases of a submission."""
+    try:
+        rest = csv.read_csv(path)
+    except pa.ArrowInvalid as error:
+        raise UsageError(f"{path}: not a submission to INTERPRET ({error}); give another file") from None
+    if rest.column_names != table.column_names:
+        raise UsageError(
+            f"{path}: has other columns than {table.num_columns} of this case; give another file"
+        )
+    rest = rest.cast(table.schema)
+    return pa.concat_tables([rest.filter(pc.not_equal(rest["case_id"], case)), table])
 
 
 def write_fcd_files(request: Request) -> list[Path]:

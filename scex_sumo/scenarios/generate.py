@@ -74,7 +74,7 @@ def generated_scene(
         raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
     count = vehicles or min(model.count(ends[-1], rng), MAX_VEHICLES)
     if speed is None:
-        speed = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], rng)
+        speed = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], ends[-1], rng)
     pace = max(speed, MIN_PACE_MPS)
     scene, motion = NO_VEHICLES, _motion(table, NO_VEHICLES)
     for k in range(count * (1 + SWEEPS)):

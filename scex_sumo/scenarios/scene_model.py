@@ -19,7 +19,7 @@ from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.scenarios.scene_context import COLUMNS, ROAD_COLUMNS, SCENE_COLUMNS
 
-FORMAT: Final = "scex-sumo scenes 2"
+FORMAT: Final = "scex-sumo scenes 3"
 ABOUT: Final = "scex_sumo"
 DRAWN: Final = ("length", "speed", "acceleration", "offset", "turn")
 """Quantities of a vehicle in the order of their draws, each given those before; speed over the mean one."""
@@ -28,6 +28,7 @@ MOTION: Final = np.flatnonzero(
 )
 """Features of a motion; with all of the road, motions at a new place are those of one recorded site."""
 LIKE_DENSITY, LIKE_ROAD, LIKE_PACE = 0.2, 0.15, 0.33  # widths of what is similar; of roads in spreads
+NEW_PLACE = 0.4  # spread of the logarithm of the mean speed at a new place that is a junction throughout
 OVER_FREE = 1.3  # times the speed without other traffic, the mean speed may be
 KINDS: Final = ("car", "truck", "bus", "motorcycle")
 SHIPPED: Final = Path(__file__).parent / "data" / "scenes.safetensors"
@@ -42,9 +43,9 @@ class SceneModel:
         tensors: by name. ``place.0.weight`` and so on are layers of the networks ``place`` and `DRAWN`;
             ``bins.speed`` (K, 2) the lowest and highest values of its bins; ``width`` (K, Q) quantiles in m
             and ``kind`` (K, 4) shares of `KINDS` for each bin of the length; ``density`` (Q,) quantiles of
-            vehicles per km of lane; ``scenes`` (S, 2 + R) logarithms of density and mean speed, and mean
-            road features, of recorded scenes; ``slopes`` (2,) of `usual_pace`; ``mean`` and ``spread`` (F,)
-            of the features.
+            vehicles per km of lane; ``scenes`` (S, 3 + R) logarithms of density and mean speed, mean road
+            features, and metres of lanes, of recorded scenes; ``slopes`` (2,) of `usual_pace`; ``mean`` and
+            ``spread`` (F,) of the features.
         meta: training command, data, bounds of what counts as about to collide.
     """
 
@@ -93,27 +94,32 @@ class SceneModel:
         low, high = float(np.quantile(bins, 0.05)), float(np.quantile(bins, 0.95))
         return np.asarray(np.clip(2 * (values - low) / max(high - low, 1e-6) - 1, -3, 3), np.float32)
 
-    def pace(self, road: FloatArray, density: float, rng: np.random.Generator) -> float:
+    def pace(self, road: FloatArray, density: float, total_m: float, rng: np.random.Generator) -> float:
         """Draw the mean speed, m/s: that of a recorded scene with similar roads and density.
 
-        It is scaled by what `usual_pace` says of both scenes. It is at most 1.3 times the speed without
-        other traffic, and above that at most the highest recorded one.
+        It is scaled by what `usual_pace` says of both scenes. Lanes longer than those of the recorded scene
+        have the mean speed of several such scenes. Maps do not tell the lights; so junctions that are unlike
+        the recorded ones draw a factor, too. The mean speed is at most 1.3 times the speed without other
+        traffic, and above that at most the highest recorded one.
 
         Args:
             road: (R,) mean `ROAD_COLUMNS` of the lanes.
             density: vehicles per km of lane.
+            total_m: length of the lanes, m.
         """
         scenes, slopes = (self.tensors[name].astype(np.float64) for name in ("scenes", "slopes"))
         dense = np.clip(np.log(density), scenes[:, 0].min(), scenes[:, 0].max())
-        usual = usual_pace(np.vstack([scenes, [dense, 0.0, *road]]), slopes)
-        scale = usual[-1] - usual[:-1]
+        target = np.array([[dense, 0.0, *road, total_m]])
+        scale = usual_pace(target, slopes) - usual_pace(scenes, slopes)
         spread = self.tensors["spread"][1 : len(road)]  # without the free speed, which scales
-        roads = (((scenes[:, 3:] - road[1:]) / spread) ** 2).mean(axis=1)
-        away = ((scenes[:, 0] - dense) / LIKE_DENSITY) ** 2
-        away += roads / LIKE_ROAD**2 + (scale / LIKE_PACE) ** 2
-        chosen = _choose(-away[None] / 2, rng)[0]
+        roads = (((scenes[:, 3:-1] - road[1:]) / spread) ** 2).mean(axis=1) / LIKE_ROAD**2
+        away = ((scenes[:, 0] - dense) / LIKE_DENSITY) ** 2 + roads + (scale / LIKE_PACE) ** 2
+        chosen = _choose(-away[None] / 2, rng)
+        parts = max(round(total_m / scenes[chosen[0], -1]), 1)
+        chosen = np.append(chosen, _choose(np.tile(-away / 2, (parts - 1, 1)), rng))
+        unlike = NEW_PLACE * (1.0 - np.exp(-roads.min() / 2)) * pace_terms(target)[0, 0]
         free, fastest = float(10.0 * road[0]), float(np.exp(scenes[:, 1].max()))
-        pace = float(np.exp(scenes[chosen, 1] + scale[chosen]))
+        pace = float(np.exp(scenes[:, 1] + scale)[chosen].mean() * np.exp(unlike * rng.standard_normal()))
         return min(pace, OVER_FREE * free, max(free, fastest))
 
     def count(self, total_m: float, rng: np.random.Generator) -> int:
@@ -128,7 +134,7 @@ def usual_pace(scenes: FloatArray, slopes: FloatArray) -> FloatArray:
     It is the speed without other traffic, less for roads with many conflicts and for dense traffic.
 
     Args:
-        scenes: (S, 2 + R) as in `SceneModel`.
+        scenes: (S, 3 + R) as in `SceneModel`.
         slopes: (2,) of `pace_terms`.
     """
     free = scenes[:, 2 + ROAD_COLUMNS.index("free")]
@@ -136,9 +142,9 @@ def usual_pace(scenes: FloatArray, slopes: FloatArray) -> FloatArray:
 
 
 def pace_terms(scenes: FloatArray) -> FloatArray:
-    """Return (S, 2) logarithms of conflicts per lane, and densities in vehicles per metre of lane."""
+    """Return (S, 2) c / (1 + c) of the conflicts c per lane, and densities in vehicles per metre of lane."""
     conflicts = scenes[:, 2 + ROAD_COLUMNS.index("conflicts")]
-    return np.column_stack([np.log1p(conflicts), np.exp(scenes[:, 0]) / 1000.0])
+    return np.column_stack([conflicts / (1.0 + conflicts), np.exp(scenes[:, 0]) / 1000.0])
 
 
 def _choose(logits: FloatArray, rng: np.random.Generator) -> IntArray:

@@ -111,7 +111,7 @@ def _subset(
 
 
 def known_scenes(table: LaneCells, inside: IntArray, wholes: Sequence[Placed]) -> FloatArray:
-    """Return (S, 2 + R) logarithms of density and mean speed, and mean road features, of scenes on one map.
+    """Return (S, 3 + R) ``scenes`` of a `SceneModel` on one map.
 
     Args:
         inside: cells that the recording sees.
@@ -121,14 +121,15 @@ def known_scenes(table: LaneCells, inside: IntArray, wholes: Sequence[Placed]) -
     road = table.cell_m[inside] @ table.fixed[inside] / total_m
     pairs = [(len(w.lane), w.pace) for w in wholes if len(w.lane)]
     count, pace = np.array(pairs).reshape(-1, 2).T
-    return np.column_stack([np.log(1000 * count / total_m), np.log(pace), np.tile(road, (len(count), 1))])
+    fixed = np.tile(np.append(road, total_m), (len(count), 1))
+    return np.column_stack([np.log(1000 * count / total_m), np.log(pace), fixed])
 
 
 def pace_slopes(known: Sequence[FloatArray]) -> FloatArray:
     """Return the slopes (2,) of `usual_pace` by ridge regression; all sites have the same weight.
 
     Args:
-        known: (S, 2 + R) of `known_scenes` for each site.
+        known: (S, 3 + R) of `known_scenes` for each site.
     """
     scenes = np.concatenate(known)
     weight = np.concatenate([np.full(len(k), 1.0 / max(len(k), 1)) for k in known])
@@ -183,7 +184,7 @@ def fit(
     """Fit the networks; return tensors of a `SceneModel` and the validation loss.
 
     Args:
-        known: (S, 2 + R) of `known_scenes` for each site.
+        known: (S, 3 + R) of `known_scenes` for each site.
         report: called with the epoch, its loss and the validation loss.
     """
     torch.manual_seed(seed)

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pyarrow import csv
 
-from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.errors import MapError, ResultError, UsageError
 from scex_sumo.exporters.request import EXPORTERS, Request, closest_encounters, critical_children
 from scex_sumo.results.run import Run
 
@@ -77,3 +78,44 @@ def test_six_children_are_the_modalities_of_an_interpret_case(run: Run, tmp_path
         future = run.states(child)[1, 10:40]
         assert np.array_equal(mine[f"x{number}"], future.x)
         assert np.array_equal(mine[f"psi_rad{number}"], future.heading)
+
+
+def of_case(run: Run, case: str, tracks: Path) -> Run:
+    """Return the run as that of a case of the challenge's input."""
+    other = copy.copy(run)
+    source = {"kind": "tracks", "tracks": str(tracks), "case": case}
+    other.info = {**run.info, "seed_scene": {**run.info["seed_scene"], "source": source, "location": "DR_X"}}
+    return other
+
+
+def marked(path: Path, *rows: str) -> Path:
+    """Write which vehicles are predicted, as the challenge's input does, and return the file."""
+    path.write_text("\n".join(["case_id,track_id,frame_id,track_to_predict,interesting_agent", *rows]) + "\n")
+    return path
+
+
+def test_a_submission_has_the_marked_vehicles_of_all_cases(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    one, two = run.scene.track_ids[:2].tolist()
+    marks = f"3.0,{one},1,1,0", f"3.0,{two},1,1,1", f"4.0,{one},1,1,0", "4.0,P1,1,0,0"
+    tracks = marked(tmp_path / "DR_X_obs.csv", *marks)
+    write = EXPORTERS.load("interpret")
+    for case in ("3.0", "4.0", "3.0"):  # the third replaces the first
+        (file,) = write(Request(run=of_case(run, case, tracks), children=(0, 1)))
+    assert file == Path("DR_X_sub.csv")
+    rows = csv.read_csv(file).to_pandas()
+    assert set(zip(rows["case_id"], rows["track_id"], rows["interesting_agent"], strict=True)) == {
+        (3.0, one, 0),
+        (3.0, two, 1),
+        (4.0, one, 0),
+    }
+    assert len(rows) == 90 and (rows["track_to_predict"] == 1).all()
+    with pytest.raises(UsageError, match="has other columns"):
+        write(Request(run=of_case(run, "4.0", tracks), children=(0,)))
+    marked(tracks, "3.0,999,1,1,0")
+    with pytest.raises(ResultError, match="vehicle 999 is to be predicted"):
+        write(Request(run=of_case(run, "3.0", tracks), children=(0, 1)))
+    with pytest.raises(UsageError, match="which vehicles to predict"):
+        write(Request(run=of_case(run, "3.0", tmp_path / "gone.csv"), children=(0,)))

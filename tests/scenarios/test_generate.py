@@ -83,20 +83,28 @@ def test_the_mean_speed_is_the_one_given_or_that_of_similar_scenes(road: Road) -
         assert np.mean([scene.now.speed.mean() for scene in scenes]) == pytest.approx(speed, rel=0.5)
 
 
+LANES_M = 400.0
+
+
 def known(density: float, speed: float, **road: float) -> list[float]:
     """Return a row of the known scenes of a model."""
     columns = {"free": 1.4, **road}
-    return [np.log(density), np.log(speed), *(columns.get(name, 0.0) for name in ROAD_COLUMNS)]
+    return [np.log(density), np.log(speed), *(columns.get(name, 0.0) for name in ROAD_COLUMNS), LANES_M]
+
+
+def drawn_paces(
+    scenes: list[list[float]], density: float, total_m: float = LANES_M, count: int = 9, **road: float
+) -> list[float]:
+    """Return mean speeds that a model of these scenes draws; -1 and -10 are its slopes."""
+    tensors = {"scenes": np.array(scenes), "slopes": np.array([-1.0, -10.0]), "spread": np.ones(99)}
+    model = SceneModel(tensors=tensors, meta={})
+    target = np.array(known(1.0, 1.0, **road)[2:-1])
+    return [model.pace(target, density, total_m, np.random.default_rng(k)) for k in range(count)]
 
 
 def drawn_pace(scenes: list[list[float]], density: float, **road: float) -> float:
-    """Return the mean speed that a model of these scenes draws; -1 and -10 are its slopes."""
-    tensors = {"scenes": np.array(scenes), "slopes": np.array([-1.0, -10.0]), "spread": np.ones(99)}
-    model = SceneModel(tensors=tensors, meta={})
-    (pace,) = {
-        round(model.pace(np.array(known(1.0, 1.0, **road)[2:]), density, np.random.default_rng(k)), 6)
-        for k in range(9)
-    }
+    """Return the one mean speed that a model of these scenes draws."""
+    (pace,) = set(np.round(drawn_paces(scenes, density, **road), 6).tolist())
     return pace
 
 
@@ -106,10 +114,24 @@ def test_an_unknown_mean_speed_is_that_of_a_similar_scene_scaled_by_the_road() -
     assert drawn_pace(every, 7.0) == pytest.approx(5.0)
     assert drawn_pace(every, 50.0) == pytest.approx(2.0)
     assert drawn_pace([sparse], 7.0, free=2.8) == pytest.approx(10.0)
-    assert drawn_pace([sparse], 7.0, conflicts=1.0) == pytest.approx(2.5)
-    assert drawn_pace([sparse, known(27.0, 5.0, conflicts=9.0)], 17.0) == pytest.approx(5.0 * np.exp(-0.1))
+    junction = known(7.0, 5.0, conflicts=1.0)
+    assert drawn_pace([junction], 7.0, conflicts=1.0, free=2.8) == pytest.approx(10.0)
+    assert drawn_pace([sparse, known(27.0, 5.0, width=9.0)], 17.0) == pytest.approx(5.0 * np.exp(-0.1))
     assert drawn_pace([known(7.0, 20.0)], 7.0, free=0.7) == pytest.approx(1.3 * 7.0)  # not 10 m/s
     assert drawn_pace([known(7.0, 20.0)], 7.0, free=3.0) == pytest.approx(30.0)
+
+
+def test_junctions_unlike_the_recorded_ones_are_slower_by_a_drawn_factor() -> None:
+    paces = drawn_paces([known(7.0, 5.0)], 7.0, count=400, conflicts=3.0)
+    logs = np.log(np.array(paces) / 5.0)
+    assert logs.mean() == pytest.approx(-0.75, abs=0.06) and logs.std() == pytest.approx(0.3, abs=0.05)
+
+
+def test_long_roads_have_the_mean_speed_of_several_scenes() -> None:
+    scenes = [known(7.0, 2.0), known(7.0, 6.0)]
+    short, long = (drawn_paces(scenes, 7.0, total, count=200) for total in (LANES_M, 25 * LANES_M))
+    assert np.unique(np.round(short, 6)).tolist() == [2.0, 6.0]
+    assert np.mean(long) == pytest.approx(4.0, abs=0.2) and np.std(long) == pytest.approx(0.4, abs=0.1)
 
 
 def left_turn() -> Lanelet:

@@ -47,10 +47,10 @@ def test_slopes_of_the_mean_speed_are_those_of_the_recorded_sites() -> None:
         road = np.zeros(len(ROAD_COLUMNS))
         road[ROAD_COLUMNS.index("free")], road[ROAD_COLUMNS.index("conflicts")] = free / 10, conflicts
         density = rng.uniform(2.0, 40.0, scenes)
-        speed = free * (1 + conflicts) ** -0.8 * np.exp(-30.0 * density / 1000.0)
+        speed = free * np.exp(-2.0 * conflicts / (1 + conflicts) - 30.0 * density / 1000.0)
         sites.append(np.column_stack([np.log(density), np.log(speed), np.tile(road, (scenes, 1))]))
     slopes = pace_slopes(sites)
-    assert slopes == pytest.approx([-0.8, -30.0], rel=0.15)  # ridge: nearer to 0
+    assert slopes == pytest.approx([-2.0, -30.0], rel=0.15)  # ridge: nearer to 0
     left = np.concatenate(sites)[:, 1] - usual_pace(np.concatenate(sites), slopes)
     assert left.std() < 0.1
 
@@ -82,9 +82,10 @@ def test_the_fit_learns_lane_speed_and_gap(tmp_path: Path) -> None:
         tensors=tensors,
         meta={"bounds": {"deceleration": 3.0, **dict.fromkeys(demands(lane_cells(road), wholes[0]), 9.0)}},
     )
-    speeds, left = [], []
+    speeds, left, seen = [], [], np.isin(np.arange(len(lane_cells(road).cell_lane)), inside)
     for k in range(8):
-        placed, _ = placed_on_lanes(generated_scene(road, model, vehicles=3, number=k), KINDS, rng)
+        scene = generated_scene(road, model, vehicles=3, number=k, cells=seen)
+        placed, _ = placed_on_lanes(scene, KINDS, rng)
         speeds.append(placed.speed)
         left += lane_cells(road).poses(placed.lane, placed.s)[1].tolist()
     assert np.mean(np.abs(np.array(left) - 5.25) < 0.5) > 0.9  # the recorded lane

@@ -22,7 +22,7 @@ SAMPLES = 11  # the present, and 4 s ahead
 VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
 MIN_WAY_M = 1e-3
 DRIFT_S = 1.5  # motion across the path dies out with this time constant
-BRAKING_STEPS = 5  # steps over which a leader's braking is measured
+BRAKING_STEPS, STEADY_STEPS = 5, 10  # steps over which a leader's braking is measured
 OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
 OFFSET_SIGMA_M = 0.8
 HEADING_SIGMA_RAD = 0.15
@@ -178,7 +178,6 @@ class Expected:
     x: FloatArray
     y: FloatArray
     heading: FloatArray
-    braking: FloatArray  # (C, M) present deceleration, m/s², at least 0
 
 
 @owner_cache
@@ -195,11 +194,23 @@ def expected(history: SceneHistory, road: Road) -> Expected:
     along = _along_paths(history, road, t)
     for straight, bent in zip((x, y, heading), along, strict=True):
         straight[:, :vehicles] = bent
-    braking = np.zeros(now.shape)
-    speed = history.states.speed
-    change = (speed[..., -1] - speed[..., -1 - BRAKING_STEPS]) / (BRAKING_STEPS * STEP_S)
-    braking[:, :vehicles] = np.maximum(-change, 0.0)
-    return Expected(others=others, x=x, y=y, heading=heading, braking=braking)
+    return Expected(others=others, x=x, y=y, heading=heading)
+
+
+def present_braking(history: SceneHistory, others: Everyone, *, steady: bool) -> FloatArray:
+    """Return present decelerations (C, M), m/s², at least 0.
+
+    Args:
+        steady: the median of the last second, which a leap of a recorded speed does not change; else the mean
+            of the last half.
+    """
+    speed, braking = history.states.speed, np.zeros(others.states.shape)
+    if steady:
+        change = np.median(np.diff(speed[..., -1 - STEADY_STEPS :]), axis=-1) / STEP_S
+    else:
+        change = (speed[..., -1] - speed[..., -1 - BRAKING_STEPS]) / (BRAKING_STEPS * STEP_S)
+    braking[:, : history.scene.vehicles] = np.maximum(-change, 0.0)
+    return braking
 
 
 def _along_paths(
@@ -283,11 +294,12 @@ class GuardProfile:
         margin: of the corridor beyond the width, on each side, m.
         alongside_margin: the same for vehicles alongside or oncoming, m.
         time_margin: to crossing vehicles, s.
-        touching: pairs nearer than this in the seed scene are ignored, m, e.g. trailers.
+        touching: pairs nearer than this in the seed scene are ignored, m, e.g. trailers, overlapping tracks.
         order_margin: of a crossing; closer cases go by number, m.
         contact_time: for which planned boxes must not touch expected ones, s.
         braking_margin: if above 0, of two at a crossing the one that needs less braking gives way, not the
             later one; smaller differences go by number, m/s².
+        steady_braking: a leader's braking is that of `present_braking` over a second.
     """
 
     comfort_deceleration: float = 4.5
@@ -300,13 +312,14 @@ class GuardProfile:
     margin: float = 0.3
     alongside_margin: float = 0.1
     time_margin: float = 0.4
-    touching: float = 0.0
+    touching: float = 1e-3
     order_margin: float = 1.0
     contact_time: float = 0.0
     braking_margin: float = 0.0
+    steady_braking: bool = True
 
     def __post_init__(self) -> None:
-        names = [field.name for field in fields(self)]
+        names = [field.name for field in fields(self) if field.name != "steady_braking"]
         positive = [name for name in names if name.endswith("eleration")]
         check_positive(self, *positive)
         check_positive(self, *(name for name in names if name not in positive), zero=True)

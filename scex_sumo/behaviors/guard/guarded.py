@@ -158,7 +158,9 @@ def _bounds(
     most = np.where(holds.firm, profile.max_deceleration, profile.comfort_deceleration)
     most[early] = np.minimum(most[early], profile.yield_deceleration)
     limit = np.clip(MORE_THAN_NEEDED * needed_braking(holds, t, s, v), mild, most)
-    limit = np.where(holds.safe & (t < SAFE_S / 2), mild, limit)
+    # Behind a vehicle abreast that comes over later, it falls back gently.
+    abreast = (holds.enter > 0) & (holds.position < 0)
+    limit = np.where((holds.safe | abreast) & (t < SAFE_S / 2), mild, limit)
     allowed = np.where(holds.until > t, np.maximum(bound, v - limit * STEP_S), np.inf)
     lowest: FloatArray = np.minimum.reduceat(allowed, first)
     return lowest

@@ -63,6 +63,7 @@ PROFILE = GuardProfile(
     touching=1e-3,
     contact_time=2.4,
     braking_margin=0.3,
+    steady_braking=False,
 )
 
 
