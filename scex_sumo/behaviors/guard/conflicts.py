@@ -17,7 +17,6 @@ from scex_sumo.behaviors.guard.corridors import (
     PlannedWays,
     expected,
     onto_ways,
-    present_braking,
 )
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
@@ -73,7 +72,6 @@ class _View:
 
     paths: PlannedWays
     around: Expected
-    braking: FloatArray  # (C, M) of `present_braking`
     history: SceneHistory
     who: VehicleIndex
     profile: GuardProfile
@@ -86,9 +84,7 @@ def find_stop_lines(
 
     With `GuardProfile.contact_time`, they include the places where planned and expected boxes first touch.
     """
-    around = expected(history, road)
-    braking = present_braking(history, around.others, steady=profile.steady_braking)
-    view = _View(paths=paths, around=around, braking=braking, history=history, who=who, profile=profile)
+    view = _View(paths=paths, around=expected(history, road), history=history, who=who, profile=profile)
     i, j = _near_pairs(view)
     parts = [
         _stop_lines_of(view, i[k : k + MAX_PAIRS], j[k : k + MAX_PAIRS])
@@ -148,7 +144,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     first, i, j, child = first[k], i[k], j[k], child[k]
     along = np.cos(heading[k, first] - one.heading[k, first])
     line = np.maximum(around.others.states.speed[child, j] * along, 0.0)
-    braking = np.where(line > 0, np.minimum(view.braking[child, j], view.profile.comfort_deceleration), 0.0)
+    braking = np.where(line > 0, np.minimum(around.braking[child, j], view.profile.comfort_deceleration), 0.0)
     none = np.zeros(len(k))
     return StopLines(
         row=i,
@@ -232,7 +228,7 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     yields &= (meeting.enter == 0) | (paths.arc[i, before] <= meeting.high)
     k = np.flatnonzero(yields)
     speed, in_front = meeting.speed[k], meeting.enter[k] == 0
-    braking = np.minimum(view.braking[who.child[i], j], profile.comfort_deceleration)[k]
+    braking = np.minimum(around.braking[who.child[i], j], profile.comfort_deceleration)[k]
     braking = np.where(in_front & (speed > 0), braking, 0.0)
     return StopLines(
         row=i[k],
@@ -255,7 +251,7 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
     around, who, scene = view.around, view.who, view.history.scene
     child, vehicle = who.child[i], who.vehicle[i]
     one, two = view.history.now[child, vehicle], around.others.states[child, j]
-    braking = view.braking[child, j]
+    braking = around.braking[child, j]
     t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
     braked = np.minimum(t, (np.maximum(two.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
     ways = (

@@ -22,7 +22,7 @@ SAMPLES = 11  # the present, and 4 s ahead
 VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
 MIN_WAY_M = 1e-3
 DRIFT_S = 1.5  # motion across the path dies out with this time constant
-BRAKING_STEPS, STEADY_STEPS = 5, 10  # steps over which a leader's braking is measured
+BRAKING_STEPS = 10  # steps over which a leader's braking is measured
 OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
 OFFSET_SIGMA_M = 0.8
 HEADING_SIGMA_RAD = 0.15
@@ -178,6 +178,7 @@ class Expected:
     x: FloatArray
     y: FloatArray
     heading: FloatArray
+    braking: FloatArray  # (C, M) present deceleration, m/s², at least 0
 
 
 @owner_cache
@@ -194,23 +195,10 @@ def expected(history: SceneHistory, road: Road) -> Expected:
     along = _along_paths(history, road, t)
     for straight, bent in zip((x, y, heading), along, strict=True):
         straight[:, :vehicles] = bent
-    return Expected(others=others, x=x, y=y, heading=heading)
-
-
-def present_braking(history: SceneHistory, others: Everyone, *, steady: bool) -> FloatArray:
-    """Return present decelerations (C, M), m/s², at least 0.
-
-    Args:
-        steady: the median of the last second, which a leap of a recorded speed does not change; else the mean
-            of the last half.
-    """
-    speed, braking = history.states.speed, np.zeros(others.states.shape)
-    if steady:
-        change = np.median(np.diff(speed[..., -1 - STEADY_STEPS :]), axis=-1) / STEP_S
-    else:
-        change = (speed[..., -1] - speed[..., -1 - BRAKING_STEPS]) / (BRAKING_STEPS * STEP_S)
-    braking[:, : history.scene.vehicles] = np.maximum(-change, 0.0)
-    return braking
+    braking, change = np.zeros(now.shape), np.diff(history.states.speed[..., -1 - BRAKING_STEPS :])
+    # A leap of a recorded speed does not change the median.
+    braking[:, :vehicles] = np.maximum(-np.median(change, axis=-1) / STEP_S, 0.0)
+    return Expected(others=others, x=x, y=y, heading=heading, braking=braking)
 
 
 def _along_paths(
@@ -299,7 +287,6 @@ class GuardProfile:
         contact_time: for which planned boxes must not touch expected ones, s.
         braking_margin: if above 0, of two at a crossing the one that needs less braking gives way, not the
             later one; smaller differences go by number, m/s².
-        steady_braking: a leader's braking is that of `present_braking` over a second.
     """
 
     comfort_deceleration: float = 4.5
@@ -316,10 +303,9 @@ class GuardProfile:
     order_margin: float = 1.0
     contact_time: float = 0.0
     braking_margin: float = 0.0
-    steady_braking: bool = True
 
     def __post_init__(self) -> None:
-        names = [field.name for field in fields(self) if field.name != "steady_braking"]
+        names = [field.name for field in fields(self)]
         positive = [name for name in names if name.endswith("eleration")]
         check_positive(self, *positive)
         check_positive(self, *(name for name in names if name not in positive), zero=True)

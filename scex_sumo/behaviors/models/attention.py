@@ -63,7 +63,6 @@ PROFILE = GuardProfile(
     touching=1e-3,
     contact_time=2.4,
     braking_margin=0.3,
-    steady_braking=False,
 )
 
 

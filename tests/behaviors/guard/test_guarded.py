@@ -370,9 +370,9 @@ def test_a_truck_beside_a_merging_lane_brakes_gently_while_both_miss_each_other(
     assert roads.plan(GUARDED, where, roads.present(near)).speed[0, 4] < 14.0 - 1.5
 
 
-def first_braking(scene: SeedScene, where: Road, profile: GuardProfile = PROFILE) -> float:
+def first_braking(scene: SeedScene, where: Road) -> float:
     """Return the hardest braking of the first vehicle in half a second of a guarded plan, m/s²."""
-    made = roads.plan(Guarded(STEADY, profile), where, roads.present(scene))
+    made = roads.plan(GUARDED, where, roads.present(scene))
     return float(-np.diff(np.append(scene.now.speed[0], made.speed[0, :5])).min() / 0.1)
 
 
@@ -381,7 +381,6 @@ def test_a_leap_of_the_leaders_speed_is_no_braking() -> None:
     scene.history.speed[1] = 12.0
     scene.history.speed[1, -3:] = 11.0, 9.0, 7.0
     assert first_braking(scene, where) <= PROFILE.safe_deceleration + 1e-9
-    assert first_braking(scene, where, replace(PROFILE, steady_braking=False)) > 3.0
     scene.history.speed[1] = np.linspace(12.0, 7.0, 11)
     assert first_braking(scene, where) > 3.0
 
