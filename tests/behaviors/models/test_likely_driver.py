@@ -193,14 +193,16 @@ def test_drivers_begin_with_the_acceleration_of_the_last_step_on_clean_tracks() 
     speed = scene.history.speed.copy()
     speed[:, 1:] = speed[:, :1] + 0.1 * np.cumsum(released)
     speed[1] += 0.1 * (-1.0) ** np.arange(11)
-    clean = replace(scene, history=replace(scene.history, speed=speed))
+    clean = replace(scene, history=replace(scene.history, speed=speed.copy()))
     shown = last_second(clean)
     assert shown.acceleration[0] < -0.5
     assert (shown.acceleration + shown.sudden)[0] == pytest.approx(0.0, abs=0.3)
     assert abs(shown.sudden[1]) < 0.05  # its noise says nothing of the last step
-    roads_ahead = roads.present(clean, 50, DRAW[:, None])
-    first = roads.plan(LikelyDriver(LikelyProfile(spread=0, inattention=0)), where, roads_ahead)
-    assert (first.speed[0, 0] - speed[0, -1]) / 0.1 > -0.5
+    speed[0] = speed[0, -1] + 0.08 * np.arange(10, -1, -1)  # brakes as hard in the last half second
+    steady = replace(scene, history=replace(scene.history, speed=speed))
+    driver = LikelyDriver(LikelyProfile(spread=0, inattention=0))
+    ends, goes_on = (roads.plan(driver, where, roads.present(one, 1)).speed[0] for one in (clean, steady))
+    assert ends[4] > goes_on[4] + 0.1
 
 
 def test_who_follows_a_braking_leader_does_not_brake_harder_all_at_once() -> None:
