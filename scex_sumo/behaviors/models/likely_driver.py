@@ -60,6 +60,7 @@ from scex_sumo.behaviors.models.population import (
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
+SUDDEN_S = 0.7  # time constant of the sudden part of a shown acceleration; set by the error
 ANTICIPATION_S = 1.0  # of a leader that slows down (Treiber, Kesting, Helbing 2006); figure chosen
 STARTING_MPS = 0.02  # a standing vehicle that gained this in the last step has started
 HEADWAY_S = (0.1, 4.0)  # bounds
@@ -116,7 +117,8 @@ class Drivers:
     gap: FloatArray  # (n,) to that leader in the seed scene, m
     opening: FloatArray  # (n,) its speed in the seed scene beyond that of the vehicle, m/s
     slack: FloatArray  # (n,) as in `PathObservations`
-    habit: FloatArray  # (n,) shown acceleration beyond that of the model, m/s²
+    habit: FloatArray  # (n,) lasting shown acceleration beyond that of the model, m/s²
+    sudden: FloatArray  # (n,) shown acceleration beyond the lasting one, m/s²
 
 
 class LikelyDriver:
@@ -188,6 +190,7 @@ class LikelyDriver:
             opening=observed.leader_speed[row] - speed,
             slack=observed.slack[row],
             habit=_habit(history, who, observed, row, headway, braking),
+            sudden=last_second(history.scene).sudden[who.vehicle],
         )
 
     def _stops(
@@ -273,11 +276,21 @@ def _habit(
     speed, acceleration = shown.speed[who.vehicle], shown.acceleration[who.vehicle]
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=braking)
     desired = desired_speed(CALIBRATED, observed.wished[row], speed, speed, acceleration, 0.0)
-    demanded = demanded_acceleration(
-        profile, speed, desired, observed.gap[row], observed.leader_speed[row], observed.curve[row]
-    )
+    # It has foreseen that its leader goes on slowing down, as `_acceleration` does.
+    lead = observed.leader_speed[row]
+    slows = ANTICIPATION_S * _slows(history.scene, observed.leader[row])
+    lead = np.maximum(lead + slows, np.minimum(lead, 0.0))
+    demanded = demanded_acceleration(profile, speed, desired, observed.gap[row], lead, observed.curve[row])
     habit = acceleration - shown.calm[who.vehicle] * np.clip(demanded, HARDEST_MPS2, STRONGEST_MPS2)
     return np.where(speed < STANDING_MPS, 0.0, habit)
+
+
+def _slows(scene: SeedScene, leader: IntArray) -> FloatArray:
+    """Return (n,) accelerations of leaders that slow down in the seed scene, m/s²; 0 for others."""
+    speed, vehicle = scene.history.speed, (leader >= 0) & (leader < scene.vehicles)
+    pulled = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    slows = np.minimum(pulled, 0.0) * last_second(scene).calm
+    return np.where(vehicle, slows[np.where(vehicle, leader, 0)], 0.0)
 
 
 def _rows_of(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> IntArray:
@@ -363,6 +376,7 @@ def _acceleration(
         more = np.where(waits > 0, 0.0, drivers.additional @ node_shares(time_s))
         more = np.where(more > 0, more * clipped(1 + demanded / RELIEF_MPS2, 0.0, 1.0), more)
         demanded = demanded + drivers.habit * np.exp(-time_s / habit_s)
+        demanded = demanded + drivers.sudden * np.exp(-time_s / SUDDEN_S)
         still = clipped((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
         still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
         a = clipped(

@@ -31,6 +31,7 @@ CREEPING_MPS = 3.0  # a slower vehicle that does not stand may come to rest
 HALF_TRUST_MPS2 = 0.7  # scatter of accelerations at which a measured one counts by half
 MAX_SCATTER_MPS2 = 0.7
 LASTING_MPS2, LARGE_MPS2 = 0.5, 1.0  # shown accelerations count by at most LARGE² / hypot(scatter, LASTING)
+NOISY_MPS2 = 0.1  # noise of accelerations of single steps at which the last one counts by half
 CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps
 MAX_LATERAL = 1.5  # m/s and m/s² across a path; larger values are errors of measurement
 MARGIN_M = -0.2  # measured boxes of vehicles side by side may touch
@@ -166,7 +167,8 @@ class LastSecond:
 
     speed: FloatArray  # now, m/s
     slope: FloatArray  # acceleration of a straight line through the speeds, m/s²
-    acceleration: FloatArray  # m/s², reduced by its scatter
+    acceleration: FloatArray  # that lasts, m/s², reduced by its scatter
+    sudden: FloatArray  # present acceleration beyond the lasting one, m/s²
     scatter: FloatArray  # of accelerations of single steps, m/s²
     lag: FloatArray  # present speed of a straight line minus the present speed, m/s
     calm: FloatArray  # share of the acceleration that is not noise
@@ -177,18 +179,22 @@ def last_second(scene: SeedScene) -> LastSecond:
     """Measure the motion in the last second."""
     speed = scene.history.speed
     time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
-    slope = speed @ time / (time @ time)
+    slope, single = speed @ time / (time @ time), np.diff(speed, axis=1) / STEP_S
     late = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
-    scatter = np.sqrt(((np.diff(speed, axis=1) / STEP_S - slope[:, None]) ** 2).mean(axis=1))
+    scatter = np.sqrt(((single - slope[:, None]) ** 2).mean(axis=1))
     calm = 1 / (1 + (scatter / HALF_TRUST_MPS2) ** 2)
     change = calm * late + (1 - calm) * slope
+    # A large one is sooner an error of noisy tracks, and ends sooner on clean ones.
+    lasting = change / np.hypot(1.0, change * np.hypot(scatter, LASTING_MPS2) / LARGE_MPS2**2)
+    # Second differences of white noise have six times its variance; those of smooth motion are small.
+    noise2 = (np.diff(single, n=2, axis=1) ** 2).mean(axis=1) / 6
     now = np.maximum(speed[:, -1], 0.0)
     line = speed.mean(axis=1) + slope * time[-1]
     return LastSecond(
         speed=now,
         slope=slope,
-        # A large one is sooner an error of noisy tracks, and ends sooner on clean ones.
-        acceleration=change / np.hypot(1.0, change * np.hypot(scatter, LASTING_MPS2) / LARGE_MPS2**2),
+        acceleration=lasting,
+        sudden=np.where(now < STANDING_MPS, 0.0, (single[:, -1] - lasting) / (1 + noise2 / NOISY_MPS2**2)),
         scatter=scatter,
         lag=line - now,
         calm=calm,

@@ -187,6 +187,33 @@ def test_a_large_acceleration_of_a_noisy_track_counts_no_more_than_a_small_one()
     assert 1.5 < clean < 2.0 and 0.5 < noisy < 1.3
 
 
+def test_drivers_begin_with_the_acceleration_of_the_last_step_on_clean_tracks() -> None:
+    where, scene = roads.straight(), roads.scene_of((0.0, 0.0, 0.0, 10.0), (100.0, 0.0, 0.0, 10.0))
+    speed = scene.history.speed.copy()
+    speed[:, :10] += 0.1 * np.cumsum(np.linspace(0.0, 1.8, 10))[::-1]  # the braking ends
+    speed[1] += 0.1 * (-1.0) ** np.arange(11)
+    clean = replace(scene, history=replace(scene.history, speed=speed))
+    shown = last_second(clean)
+    assert shown.acceleration[0] < -0.5
+    assert (shown.acceleration + shown.sudden)[0] == pytest.approx(0.0, abs=0.1)
+    assert abs(shown.sudden[1]) < 0.05  # its noise says nothing of the last step
+    driver = LikelyDriver(LikelyProfile(spread=0, inattention=0))
+    first = roads.plan(driver, where, roads.present(clean, 1)).speed[0, 0]
+    assert (first - 10.0) / 0.1 > -0.4
+
+
+def test_who_follows_a_braking_leader_does_not_brake_harder_all_at_once() -> None:
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 6.0), (110.0, 0.0, 0.0, 6.0))
+    speed = scene.history.speed.copy()
+    speed[1] = 6.0 + np.linspace(1.0, 0.0, 11)
+    braking = replace(scene, history=replace(scene.history, speed=speed))
+    driver = LikelyDriver(LikelyProfile(spread=0, inattention=0))
+    made = [roads.plan(driver, where, roads.present(one, 1)).speed[0] for one in (scene, braking)]
+    steady, follows = ((each[0] - 6.0) / 0.1 for each in made)
+    assert follows > steady - 0.3  # it foresaw the braking before the seed moment
+    assert made[1][29] < made[0][29] - 0.5
+
+
 def test_own_accelerations_are_linear_between_their_times() -> None:
     assert node_shares(0.0).tolist() == [1.0, 0.0, 0.0]
     assert node_shares(0.75).tolist() == [0.5, 0.5, 0.0]
@@ -246,6 +273,7 @@ def test_a_new_leader_is_followed_at_no_more_than_the_headway_that_it_leaves() -
         opening=np.zeros(2),
         slack=np.zeros(2),
         habit=np.zeros(2),
+        sudden=np.zeros(2),
     )
     assert effective_headway(np.array([10.0, 10.0]), leaders, drivers) == pytest.approx([1.5, 0.45])
 
