@@ -132,7 +132,8 @@ class JointDriver(LearnedDriver):
     ) -> Plan:
         """Drive n vehicles for 0.5 s, from offsets (n,), m."""
         if history.step == 0:
-            history = replace(history, states=estimated_history(history, road).states)
+            heading = estimated_history(history, road).states.heading
+            history = replace(history, states=replace(history.states, heading=heading))
         later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
         return plan_along(
             history,
