@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from math import ceil
 from typing import Literal, TypeAlias
 
@@ -16,7 +17,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
-from scex_sumo.geometry.polylines import arc_lengths, nearest
+from scex_sumo.geometry.polylines import arc_lengths, length_of, nearest
+from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import candidate_paths, centreline, extended
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -26,6 +28,7 @@ BEHIND_M = 20.0  # behind the centre, for the rear axle and vehicles behind
 FIRST_HORIZON_S = 8.0  # 3 s of a child, 3 s of a plan, and some acceleration
 LONGER_S = 5.0  # longer children get tables that are longer by 1, 3, 7, ... times this
 ROUTE_M = 500.0  # of the routes for SUMO
+BESIDE_M, BESIDE_COS = (25.0, 8.0), 0.87  # along and across, to a vehicle that drives in parallel
 COARSE = 8  # for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 PathChoice: TypeAlias = (
@@ -42,7 +45,7 @@ class SeedPaths:
     straight: IntArray  # (V,) index of the straightest path from the most probable lane
     draw_edges: FloatArray  # (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`
     lanes: tuple[tuple[int, ...], ...]  # (P) lane ids; empty off the mapped lanes
-    on_road: BoolArray  # (V,) False off the mapped lanes, where the path is a straight line
+    on_road: BoolArray  # (V,) False off the mapped lanes, where the path is a straight line or `beside`
     # (P * N, 12) per sample: each of `COLUMNS`, then its change to the next sample
     table: FloatArray
     samples: int  # N, samples per path, `DS_M` apart
@@ -94,14 +97,18 @@ class SeedPaths:
 
 
 def chosen_paths(
-    history: SceneHistory, road: Road, who: VehicleIndex, path: PathChoice
+    history: SceneHistory, road: Road, who: VehicleIndex, path: PathChoice, *, beside: bool = False
 ) -> tuple[SeedPaths, IntArray]:
-    """Return paths long enough for the present step, and the (n,) rows that vehicles follow."""
+    """Return paths long enough for the present step, and the (n,) rows that vehicles follow.
+
+    Args:
+        beside: as in `seed_paths`.
+    """
     # The length depends on the step alone, not on the batch. It doubles, so that all tables of a child
     # together need memory in proportion to its steps.
     further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
     horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
-    paths = seed_paths(history.scene, road, given_path(path), horizon)
+    paths = seed_paths(history.scene, road, given_path(path), horizon, beside)
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.child, who.vehicle])
 
 
@@ -111,18 +118,19 @@ def seed_paths(
     road: Road,
     given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
     horizon_s: float = FIRST_HORIZON_S,
+    beside: bool = False,
 ) -> SeedPaths:
     """Tabulate the candidate paths of a seed scene.
 
     Args:
         given: lane ids or points of one path for all vehicles.
         horizon_s: time for which the fastest vehicle stays on its table, s.
+        beside: the path of a vehicle off the mapped lanes is parallel to that of a vehicle near it on them.
     """
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
     candidates = candidate_paths(road, scene) if given is None else None
-    lines: list[_Line] = []
-    count = np.ones(scene.vehicles, dtype=np.int64)
+    lines: list[list[_Line]] = []
     for v in range(scene.vehicles):
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         if candidates is None:
@@ -133,9 +141,14 @@ def seed_paths(
                 _Line(*centreline(road, p.lanes, p.s, BEHIND_M, ahead), p.lanes, p.probability, p.angle)
                 for p in candidates[v]
             ] or [_straight(pose, ahead)]
-        count[v] = len(options)
-        lines += options
-    return _tabulate(road, lines, np.repeat(now.speed, count), int((BEHIND_M + ahead) / DS_M) + 1, count)
+        lines.append(options)
+    if beside:
+        lines = [
+            some if some[0].on_road else _beside(scene, lines, v) or some for v, some in enumerate(lines)
+        ]
+    count = np.array([len(some) for some in lines], dtype=np.int64)
+    every, samples = list(chain.from_iterable(lines)), int((BEHIND_M + ahead) / DS_M) + 1
+    return _tabulate(road, every, np.repeat(now.speed, count), samples, count)
 
 
 @dataclass(frozen=True)
@@ -152,6 +165,25 @@ def _straight(pose: tuple[float, float, float], ahead: float) -> _Line:
     x, y, heading = pose
     s = np.array([-BEHIND_M, ahead])
     return _Line(np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]), None, (), on_road=False)
+
+
+def _beside(scene: SeedScene, lines: list[list[_Line]], v: int) -> list[_Line]:
+    """Return the path of a vehicle off the lanes, parallel to the straightest one of a vehicle near it."""
+    x, y, cos, _, _ = seen_from(scene.now[v], scene.now).T
+    near = (np.abs(x) < BESIDE_M[0]) & (np.abs(y) < BESIDE_M[1]) & (cos > BESIDE_COS)
+    near &= np.array([some[0].on_road for some in lines])
+    if not near.any():
+        return []
+    options = lines[int(np.argmin(np.where(near, np.abs(x) + 2 * np.abs(y), np.inf)))]
+    line, place = options[_straightest(options)].points, np.array([scene.now.x[v], scene.now.y[v]])
+    back = line[1] - line[0]
+    line = np.vstack([line[0] - 2 * BESIDE_M[0] * back / np.hypot(*back), line])
+    s = nearest(line, *place)
+    points = resample(line, int(length_of(line) / DS_M), DS_M, s - BEHIND_M)
+    step = np.gradient(points, axis=0)
+    normal = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
+    k = int(BEHIND_M / DS_M)
+    return [_Line(points + normal[k] @ (place - points[k]) * normal, None, (), on_road=False)]
 
 
 def _given(

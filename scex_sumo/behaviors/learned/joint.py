@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.behaviors.driving.seed_state import estimated_history
 from scex_sumo.behaviors.learned.architecture import TOKEN_STEPS
 from scex_sumo.behaviors.learned.decoding import plan_along
 from scex_sumo.behaviors.learned.driver import LearnedDriver, drawn, rounded
@@ -21,7 +23,7 @@ from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, PathInputs
 from scex_sumo.behaviors.learned.profiles import JointPredictorProfile, Profile
 from scex_sumo.behaviors.models.likely_observations import path_weights
 from scex_sumo.behaviors.models.population import population, uniforms
-from scex_sumo.geometry.rectangles import seen_from
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance, seen_from
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
@@ -34,6 +36,8 @@ LOOK_M, SPACING_M = 100.0, 1.0  # along paths for crossings
 CLEARANCE_M = 2.2  # between paths that are in each other's way
 SLOW_MPS, STARTS_MPS2 = 0.5, 2.0  # a slower vehicle leaves the others first; with it a waiting one starts
 CLEAR_S = 0.5  # between two vehicles at a crossing
+APART_M, TOUCH_M = 0.1, 1.0  # between boxes at the end of a motion; between those that are compared
+YIELDS_MPS2 = 6.0  # of a vehicle that would come nearer than that
 TOKEN_S = TOKEN_STEPS * STEP_S
 SPEED, LEADER, GAP, LEADER_SPEED = (
     PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
@@ -48,7 +52,7 @@ FIRST_SALT = 64  # of the draws of the first 0.5 s
 class JointDriver(LearnedDriver):
     """A network that rolls out all vehicles of each child in steps of 0.5 s.
 
-    It was trained on vehicles off the map, too, which keep to a straight line.
+    It was trained on vehicles off the map, too. Vehicles start with estimated headings and speeds.
     """
 
     clear = leaves_map = True
@@ -98,23 +102,49 @@ class JointDriver(LearnedDriver):
             acceleration, sideways = self._chosen(history, who, tokens, inputs, ahead)
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             acceleration[~finite], sideways[~finite] = 0.0, 0.0
-            later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
-            made = plan_along(
-                history,
-                who,
-                paths,
-                row,
-                np.repeat(acceleration[:, None], TOKEN_STEPS, axis=1),
-                offset[:, None] + sideways[:, None] * later,
-                road=road,
-                clear=self.clear,
-            )
+            drives = partial(self._driven, history, road, paths=paths)
+            made = drives(who, row, acceleration, offset, sideways)
+            pairs = _near(history, made)
+            for both in (False, True):
+                k = _yielding(history, made, pairs, both=both)
+                if not len(k):
+                    break
+                acceleration[k], sideways[k] = np.minimum(acceleration[k], -YIELDS_MPS2), 0.0
+                made.assign(k, drives(who[k], row[k], acceleration[k], offset[k], sideways[k]))
             parts.append(made)
             states = States.concatenate(
                 [history.states[:, :, TOKEN_STEPS:], made.map(lambda a: a.reshape(children, vehicles, -1))], 2
             )
             history = replace(history, states=states, step=history.step + TOKEN_STEPS)
         return States.concatenate(parts, 1), finite
+
+    def _driven(
+        self,
+        history: SceneHistory,
+        road: Road,
+        who: VehicleIndex,
+        row: IntArray,
+        acceleration: FloatArray,
+        offset: FloatArray,
+        sideways: FloatArray,
+        *,
+        paths: SeedPaths,
+    ) -> Plan:
+        """Drive n vehicles for 0.5 s, from offsets (n,), m."""
+        if history.step == 0:
+            heading = estimated_history(history, road).states.heading
+            history = replace(history, states=replace(history.states, heading=heading))
+        later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
+        return plan_along(
+            history,
+            who,
+            paths,
+            row,
+            np.repeat(acceleration[:, None], TOKEN_STEPS, axis=1),
+            offset[:, None] + sideways[:, None] * later,
+            road=road,
+            clear=self.clear,
+        )
 
     def _chosen(
         self, history: SceneHistory, who: VehicleIndex, tokens: Tokens, inputs: PathInputs, ahead: _Pairs
@@ -208,6 +238,41 @@ def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
         gap=np.append(gap[k], clear[comes]),
         speed=np.append(inputs.features[k, LEADER_SPEED], (speed * cos)[comes]),
     )
+
+
+def _near(history: SceneHistory, made: Plan) -> tuple[IntArray, IntArray, IntArray]:
+    """Return child and both vehicles of (k,) pairs that can touch within a motion."""
+    length, shape = history.scene.length, history.now.shape
+    reach = (length[:, None] + length) / 2 + TOUCH_M
+    near = np.triu(np.ones(reach.shape, dtype=np.bool_), 1)
+    for values in (made.x, made.y):
+        end = values[:, -1].reshape(shape)
+        near = near & (np.abs(end[:, None, :] - end[:, :, None]) < reach)
+    child, i, j = np.nonzero(near)
+    return child, i, j
+
+
+def _yielding(
+    history: SceneHistory, made: Plan, pairs: tuple[IntArray, IntArray, IntArray], *, both: bool
+) -> IntArray:
+    """Return the vehicles whose box comes too near to one further ahead; with ``both`` that one as well."""
+    child, i, j = pairs
+    scene, now = history.scene, history.now
+    one, two = child * scene.vehicles + i, child * scene.vehicles + j
+    before, *after = (
+        rectangle_distance(
+            Rectangles.of(first, scene.length[i], scene.width[i]),
+            Rectangles.of(second, scene.length[j], scene.width[j]),
+        )
+        for first, second in (
+            (now[child, i], now[child, j]),
+            *((made[one, step], made[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1)),
+        )
+    )
+    k = np.flatnonzero(np.min(after, axis=0) < np.minimum(before, APART_M))
+    child, i, j, one, two = (a[k] for a in (child, i, j, one, two))
+    ahead = seen_from(now[child, i], now[child, j])[:, 0] - seen_from(now[child, j], now[child, i])[:, 0]
+    return np.unique(np.append(one[(ahead >= 0) | both], two[(ahead <= 0) | both]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -72,7 +72,7 @@ class JointPredictorProfile:
 
     path: PathChoice | Literal["likeliest"] = "likeliest"
     mode: str = "draw"
-    temperature: float = 1.0
+    temperature: float = 0.95
     radius: float = 100.0
     weights: str = ""
 

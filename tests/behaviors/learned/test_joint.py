@@ -10,8 +10,9 @@ import pytest
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.paths import chosen_paths, seed_paths
+from scex_sumo.behaviors.learned import joint
 from scex_sumo.behaviors.learned.driver import choice_of
-from scex_sumo.behaviors.learned.joint import _ahead, _conflicts, _crossing
+from scex_sumo.behaviors.learned.joint import _ahead, _conflicts, _crossing, _near, _yielding
 from scex_sumo.behaviors.learned.path_inputs import PATH_COLUMNS, path_inputs
 from scex_sumo.behaviors.models.likely_observations import path_edges
 from scex_sumo.behaviors.models.population import population
@@ -191,6 +192,41 @@ def test_paths_are_as_probable_as_network_and_likely_driver_agree(tmp_path: Path
     both = np.diff(alone, prepend=0.0) * np.diff(edges, prepend=0.0)
     assert len(both) > 1 and 0.01 < both[0] / both.sum() < 0.99
     assert np.allclose(choice_of(scene, driver, ROAD).paths[0], np.cumsum(both) / both.sum(), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("aside", "both", "yields"),
+    [(2.3, False, []), (1.85, False, [0]), (1.85, True, [0, 1]), (-1.85, False, [0])],
+)
+def test_of_two_boxes_that_come_too_near_the_rear_one_yields(
+    aside: float, both: bool, yields: list[int]
+) -> None:
+    history = roads.present(roads.scene_of((0.0, 0.0, 0.0, 5.0), (2.0, 2.3 * np.sign(aside), 0.0, 5.0)))
+    x = np.array([[0.0], [2.0]]) + 0.5 * np.arange(1, 6)
+    y = np.array([[0.0], [aside]]) + np.zeros(5)
+    made = Plan(x=x, y=y, heading=np.zeros((2, 5)), speed=np.full((2, 5), 5.0))
+    assert _yielding(history, made, _near(history, made), both=both).tolist() == yields
+
+
+def test_vehicles_side_by_side_touch_less_often_if_one_yields(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two lanes become one; the motions of an untrained network do not depend on the other vehicle."""
+    ahead = [(130.0, 0.0), (300.0, 0.0)]
+    lanes = (roads.lane(k, [(0.0, y), (80.0, y), *ahead]) for k, y in ((1, 1.05), (2, -1.05)))
+    merge, scene = roads.road(*lanes), roads.scene_of((78.0, 1.05, 0.0, 4.0), (80.0, -1.05, 0.0, 4.0))
+    draws = np.random.default_rng(0).random((200, 2))
+    file = nets.untrained(tmp_path, "joint_predictor", scene, merge)
+    driver = build(parse_models(f"joint_predictor:weights={file}")[0])
+
+    def touching() -> int:
+        made = roads.plan(driver, merge, roads.present(scene, len(draws), draws))
+        boxes = [Rectangles.of(made[k::2], scene.length[0], scene.width[0]) for k in range(2)]
+        return int((rectangle_distance(*boxes) == 0).any(axis=1).sum())
+
+    some = touching()
+    monkeypatch.setattr(joint, "_yielding", lambda *_, both: np.empty(0, dtype=int))
+    assert 0 < 2 * some < touching()
 
 
 @pytest.mark.parametrize(("heading", "counts"), [(-0.3, True), (0.0, False), (0.3, False)])
