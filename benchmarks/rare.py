@@ -164,6 +164,9 @@ class NormalGap:
     def features(self, pair: tuple[int, int], plans: FloatArray) -> FloatArray:
         return plans.reshape(len(plans), -1)
 
+    def pair_gaps(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
+        return self._gap(draw[:, :2], np.zeros(len(draw)))
+
 
 def analytic(repeats: int) -> None:
     """Print the same of two vehicles whose least gap is normal: P = Φ(-level)."""

@@ -68,16 +68,17 @@ class Rare(Interval):
     Attributes:
         hits: futures with a collision among these.
         chosen: futures among these that were chosen as likely to collide.
+        simulated: simulations of pairs that chose them.
+        extrapolated: the same probability by the tails of the pairs' least gaps: a model.
         expected_mais3: expected severe injuries (MAIS 3+) in a future.
-        weights: sum of all weights; 1 within `weights_error`.
         pairs: that collide, the most probable first.
     """
 
     hits: int
     chosen: int
+    simulated: int
+    extrapolated: float
     expected_mais3: float
-    weights: float
-    weights_error: float
     pairs: tuple[RarePair, ...] = ()
 
     def pair(self, one: int, other: int) -> RarePair | None:

@@ -55,17 +55,29 @@ def sample_by_score(score: FloatArray, count: int, rng: np.random.Generator) -> 
     share = np.full(len(score), 1 / len(score))
     if score.sum() > 0:
         share = PLAIN_SHARE * share + (1 - PLAIN_SHARE) * score / score.sum()
-    certain = np.zeros(len(score), dtype=np.bool_)
-    while True:
-        chance = np.where(certain, 1.0, share * (count - certain.sum()) / max(share[~certain].sum(), 1e-12))
-        if (chance <= 1).all():
+    drawn, chance, _ = _drawn_by_size(share, count, rng)
+    return drawn, 1 / chance / (1 / chance).sum()
+
+
+def _drawn_by_size(
+    size: FloatArray, count: int, rng: np.random.Generator
+) -> tuple[IntArray, FloatArray, float]:
+    """Draw candidates, ascending, with chances min(1, factor x size); return both and the factor."""
+    if not count:
+        return np.empty(0, dtype=np.int64), np.empty(0), 0.0
+    certain, factor = np.zeros(len(size), dtype=np.bool_), np.inf
+    while not certain.all():
+        factor = (count - certain.sum()) / max(float(size[~certain].sum()), 1e-300)
+        above = ~certain & (size * factor >= 1)
+        if not above.any():
             break
-        certain |= chance >= 1
-    order = np.lexsort((rng.random(len(score)), score))  # so that weights add up almost the same in each draw
+        certain |= above
+    chance = np.where(certain, 1.0, np.minimum(size * min(factor, 1e300), 1.0))
+    order = np.lexsort((rng.random(len(size)), size))  # so that weights add up almost the same in each draw
     ends = np.cumsum(chance[order])
     at = np.searchsorted(ends, (rng.random() + np.arange(count)) * ends[-1] / count, side="right")
-    drawn = np.sort(order[at])
-    return drawn, 1 / chance[drawn] / (1 / chance[drawn]).sum()
+    drawn = np.sort(order[np.minimum(at, len(size) - 1)])
+    return drawn, chance[drawn], float(factor)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,33 +137,37 @@ class Futures(Protocol):
     def features(self, pair: tuple[int, int], plans: FloatArray) -> FloatArray:
         """Return features (N, K) of the first plans (N, 2, ...) of a pair."""
 
+    def pair_gaps(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
+        """Return the least gaps (n,) of pairs (n, 2) with numbers (n, 2), whatever the others draw, m.
+
+        A pair collides at 0 or less. This is an approximation that costs less than a future.
+        """
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Proposal:
-    """Distribution of futures in which the numbers of a pair are chosen by a forest.
+class _Proposal:
+    """Distribution in which the numbers of a pair are chosen by a forest.
 
     Attributes:
-        pair: that shall collide.
-        count: of futures that were drawn.
+        count: of pairs that were drawn.
         floor: of the score, which is at most ``cap``.
         mean: of the score over all numbers.
     """
 
-    pair: tuple[int, int]
     count: int
     forest: Forest
     floor: float
     cap: float
     mean: float
 
-    def ratios(self, features: FloatArray, *, fitted: int) -> FloatArray:
-        """Return the likelihood ratio (n,), proposal over prior, of futures with features (n, K).
+    def density(self, features: FloatArray, *, fitted: int) -> FloatArray:
+        """Return how many pairs are drawn (n,) with features (n, K), over the prior density.
 
         Args:
-            fitted: number of the first futures that the forest was fitted to, as of `Forest.predict`.
+            fitted: number of the first samples that the forest was fitted to, as of `Forest.predict`.
         """
         score = self.forest.predict(features, fitted=fitted, power=_POWER) + self.floor
-        return np.asarray(np.minimum(score, self.cap) / self.mean)
+        return np.asarray(np.minimum(score, self.cap) * (self.count / self.mean))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,26 +176,41 @@ class Sampled:
 
     Attributes:
         draw: (N, V).
-        weight: (N,) by the balance heuristic.
-        proposal: (N,) index into ``proposals``; -1 for plain futures.
+        weight: (N,) of futures with a collision by the balance heuristic; 0 for all others.
+        chosen: (N,) index into ``pairs``, for which a future was chosen; -1 for plain futures.
+        next_weight: largest weight of another collision that simulations foretell.
+        simulated: number of simulations of pairs.
+        extrapolated: probability of a collision by the exponential tails of the pairs' least gaps: a model,
+            not an estimate without bias.
     """
 
     draw: FloatArray
     outcomes: Outcomes
     weight: FloatArray
-    proposal: IntArray
-    proposals: tuple[Proposal, ...]
+    chosen: IntArray
+    pairs: tuple[tuple[int, int], ...]
+    next_weight: float
+    simulated: int
+    extrapolated: float
+
+    def hits(self, pair: tuple[int, int] | None = None) -> BoolArray:
+        """Return (N,) whether a future counts as one in which a pair, or any, collides."""
+        hit = self.outcomes.hits() if pair is None else self.outcomes.of(pair)[1]
+        return hit & (self.weight > 0)
 
     def probability(self, pair: tuple[int, int] | None = None) -> Interval:
         """Return the probability that a pair, or any, collides, with a 95 % interval.
 
-        The next hit may have the largest weight of all futures, unless hits are many and their weights alike:
-        then the largest one of a hit.
+        The next hit may have the weight of a simulation that nearly collides, unless hits are many and their
+        weights alike: then the largest one of a hit. Without a hit it may be one that nothing foretells: a
+        plain future.
         """
-        hit = self.outcomes.hits() if pair is None else self.outcomes.of(pair)[1]
+        hit = self.hits(pair)
         hits = self.weight[hit]
         many = len(hits) >= SURE_HITS and hits.sum() ** 2 >= SURE_EFFECTIVE * (hits**2).sum()
-        largest = float((hits if many else self.weight).max())
+        largest = 1 / float((self.chosen < 0).sum())
+        if len(hits):
+            largest = float(hits.max() if many else max(hits.max(), self.next_weight))
         return weighted_interval(hits, largest, len(hit), variance=self._variance(hit))
 
     def _variance(self, hit: BoolArray) -> float:
@@ -193,34 +224,39 @@ class Sampled:
         for side in (0, 1):
             shared = rows + 2.0  # of no other future; drawn numbers are below 1
             for k, future in enumerate(rows.tolist()):
-                if (proposal := self.proposal[future]) >= 0:
-                    vehicle = self.proposals[proposal].pair[side]
-                    shared[k] = self.draw[future, vehicle]
+                if (chosen := self.chosen[future]) >= 0:
+                    shared[k] = self.draw[future, self.pairs[chosen][side]]
             _, group = np.unique(shared, return_inverse=True)
             result += float((np.bincount(group, self.weight[rows]) ** 2).sum())
         return result - float((self.weight[rows] ** 2).sum())
 
 
 PLAIN_SHARE: Final = 0.2
-"""Least share of plain futures: it bounds the weights."""
+"""Least share of candidates that are drawn whatever their score."""
 
 SURE_HITS: Final = 20
 SURE_EFFECTIVE: Final = 10.0
 """Hits, and their effective number (Σw)² / Σw², from which their weights bound that of the next hit."""
 
-ROUND: Final = 150
-"""Futures of a round; there are up to `MAX_ROUNDS`."""
-MAX_ROUNDS: Final = 5
-MIN_PAIRS: Final = 2
+SIMULATED: Final = 8
+"""Simulations of pairs for each extra future."""
+ROUND: Final = 200
+"""Simulations of a round; there are up to `MAX_ROUNDS`."""
+MAX_ROUNDS: Final = 8
+MIN_PAIRS: Final = 3
+CHOSEN_SHARE: Final = 0.5
+"""Largest share of the extra futures that are chosen."""
 
 _NUMBERS = (200, 4000)  # limits of how many of each vehicle are tried: four times the extra futures
-_CANDIDATES = 300  # pairs of these numbers for each future that is run, up to
+_CANDIDATES = 100  # pairs of these numbers for each that is simulated, up to
 _MOST = 1 << 15
-_TAIL = 12  # futures in which a pair is closest
-_ELITE = 0.03  # share of the futures, beyond `_TAIL`, that are close
-_POWER = 2.0  # of the predicted closeness
-_FLOOR = 1e-3  # of the largest score
-_MIN_SHARE = 0.1
+_FIRST = 2  # part of a round that a pair gets at first; later rounds at most double its simulations
+_TAIL = 12  # simulations in which a pair is closest
+_ELITE = 0.03  # share of the simulations, beyond `_TAIL`, that are close
+_POWER = 3.0  # of the predicted closeness
+_FLOOR = 1e-5  # of the largest score
+_MIN_SHARE = 0.03
+_NEAR_M, _NEAR_SCALE_M = 0.2, 0.03  # least gaps of pairs that may collide in a whole future
 
 
 def sample_rare(
@@ -235,8 +271,9 @@ def sample_rare(
     """Run futures near collisions beside the plain ones.
 
     In each round, a forest per pair predicts from the first plans how close a pair comes. Many pairs of
-    numbers are drawn, and those that come close are run more often. All futures count. Weights of futures
-    that a forest was fitted to come from the trees without them, so that the estimate has no bias.
+    numbers are drawn, and those that come close are simulated more often: the pair alone, among the others
+    of a plain future. Whole futures are run for those that collide or nearly do so; the others then have
+    plain numbers. The remaining extra futures are plain.
 
     Args:
         plain: (N, V) numbers of futures that were drawn plainly, with their outcomes.
@@ -245,12 +282,13 @@ def sample_rare(
 
     Source: multifidelity importance sampling, Peherstorfer et al. 2016.
     """
-    rounds = min(1 + extra // ROUND, MAX_ROUNDS)
+    simulated = SIMULATED * extra
+    rounds = int(np.clip(simulated // ROUND, 1, MAX_ROUNDS))
     tried = rng.random((int(np.clip(4 * extra, *_NUMBERS)), plain.shape[1]))
     search = _Search(futures, plain, outcomes, draws_any, tried)
-    for size in np.diff(extra * np.arange(rounds + 1) // rounds).tolist():
-        search.run(size, rng)
-    return search.sampled()
+    for size in np.diff(simulated * np.arange(rounds + 1) // rounds).tolist():
+        search.simulate(size, rng)
+    return search.run(extra, rng)
 
 
 class _Drawn:
@@ -260,15 +298,6 @@ class _Drawn:
         self._futures, self.draw = futures, draw
         self._plans: dict[int, FloatArray] = {}
 
-    def extend(self, draw: FloatArray) -> None:
-        """Append numbers (n, V)."""
-        known, start = np.array(sorted(self._plans), dtype=np.int64), len(self.draw)
-        self.draw = np.concatenate([self.draw, draw])
-        if len(known):
-            more = self._futures.first_plans(known, draw[:, known])
-            for k, vehicle in enumerate(known.tolist()):
-                self._plans[vehicle] = np.concatenate([self._plans[vehicle][:start], more[:, k]])
-
     def know(self, vehicles: IntArray) -> None:
         """Find the first plans of vehicles."""
         new = np.setdiff1d(vehicles, sorted(self._plans))
@@ -276,99 +305,39 @@ class _Drawn:
             plans = self._futures.first_plans(new, self.draw[:, new])
             self._plans |= {vehicle: plans[:, k] for k, vehicle in enumerate(new.tolist())}
 
-    def features(self, pair: tuple[int, int], one: IntArray | slice, other: IntArray | slice) -> FloatArray:
+    def features(self, pair: tuple[int, int], one: IntArray, other: IntArray) -> FloatArray:
         """Return the features (n, K) of a pair with numbers in rows (n,) of either vehicle."""
         plans = [self._plans[vehicle][rows] for vehicle, rows in zip(pair, (one, other), strict=True)]
         return self._futures.features(pair, np.stack(plans, axis=1))
 
 
-class _Search:
-    """Futures so far, and the proposals that they were drawn from."""
+class _Pair:
+    """Simulations of a pair, after the plain futures, and the proposals that they were drawn from.
 
-    def __init__(
-        self, futures: Futures, plain: FloatArray, outcomes: Outcomes, draws_any: BoolArray, tried: FloatArray
-    ) -> None:
-        self._futures, self._draws_any = futures, draws_any
-        self._drawn, self._tried = _Drawn(futures, plain), _Drawn(futures, tried)
-        self._outcomes = outcomes
-        self._which = np.full(len(plain), -1)
-        self._chosen = np.zeros(len(plain))  # density of all proposals over that of plain futures
-        self._proposals: list[Proposal] = []
-        self._most = MIN_PAIRS + len(tried) // 500
+    Attributes:
+        draw: (n, 2) numbers.
+        gap: (n,) least gaps, m, not below 0.
+        density: (n,) of all proposals over the prior one.
+    """
 
-    def run(self, size: int, rng: np.random.Generator) -> None:
-        """Run another ``size`` futures."""
-        pairs, share = self._closest()
-        draw, which = rng.random((size, len(self._draws_any))), np.full(size, -1)
-        before = len(self._which)
-        safe = int(np.ceil(PLAIN_SHARE * (before + size))) - int((self._which < 0).sum())
-        first = int(np.clip(safe, 0, size))
-        ends = first + np.rint(np.cumsum(share) * (size - first)).astype(np.int64)
-        for known in (self._drawn, self._tried):
-            known.know(np.unique(np.array(pairs, dtype=np.int64)))
-        for pair, end in zip(pairs, ends.tolist(), strict=True):
-            if first < end:
-                proposal, numbers = self._proposal(pair, end - first, rng)
-                draw[first:end, list(pair)] = numbers
-                which[first:end] = len(self._proposals)
-                self._proposals.append(proposal)
-                features = self._drawn.features(pair, slice(None), slice(None))
-                self._chosen += proposal.count * proposal.ratios(features, fitted=before)
-                first = end
-        self._outcomes = joined([self._outcomes, self._futures.run(draw)])
-        self._drawn.extend(draw)
-        self._which = np.concatenate([self._which, which])
-        self._chosen = np.concatenate([self._chosen, np.zeros(size)])
-        new = slice(before, None)
-        for proposal in self._proposals:
-            features = self._drawn.features(proposal.pair, new, new)
-            self._chosen[new] += proposal.count * proposal.ratios(features, fitted=0)
+    def __init__(self, pair: tuple[int, int], drawn: _Drawn, gap: FloatArray) -> None:
+        plain = np.arange(len(gap))
+        self.pair, self.draw, self.gap = pair, drawn.draw[plain[:, None], list(pair)], gap
+        self.density = np.zeros(len(gap))
+        self._features = drawn.features(pair, plain, plain)
+        self._proposals: list[_Proposal] = []
 
-    def weights(self) -> FloatArray:
-        """Return the weight (N,) of each future by the balance heuristic (Veach, Guibas 1995)."""
-        return np.asarray(1.0 / ((self._which < 0).sum() + self._chosen))
-
-    def sampled(self) -> Sampled:
-        """Return all futures with their weights."""
-        return Sampled(
-            draw=self._drawn.draw,
-            outcomes=self._outcomes,
-            weight=self.weights(),
-            proposal=self._which,
-            proposals=tuple(self._proposals),
-        )
-
-    def _closest(self) -> tuple[list[tuple[int, int]], FloatArray]:
-        """Return the pairs that are most likely to collide, and their shares of the next futures.
-
-        The gaps below a small one are exponential, as far as futures show them.
-        """
-        found: list[tuple[float, tuple[int, int]]] = []
-        weight = self.weights()
-        for pair in self._outcomes.pairs():
-            gap = self._outcomes.of(pair)[0]
-            order = np.argsort(gap, kind="stable")[: _TAIL + 1]
-            far, w = gap[order[-1]], weight[order[:-1]]
-            below = float(w @ (far - gap[order[:-1]]) / w.sum())
-            if below > 0 and self._draws_any[list(pair)].any():
-                found.append((float(np.sqrt(w.sum() * np.exp(-far / below))), pair))
-        found.sort(key=lambda one: (-one[0], one[1]))
-        some = [one for one in found[: self._most] if one[0] > _MIN_SHARE * found[0][0]]
-        share = np.array([value for value, _ in some])
-        return [pair for _, pair in some], share / max(share.sum(), 1e-300)
-
-    def _proposal(
-        self, pair: tuple[int, int], count: int, rng: np.random.Generator
-    ) -> tuple[Proposal, FloatArray]:
-        """Return a proposal, and the numbers (count, 2) that it draws."""
-        closeness = _closeness(self._outcomes.of(pair)[0])
-        forest = Forest(self._drawn.features(pair, slice(None), slice(None)), closeness, rng)
-        numbers = len(self._tried.draw)
+    def propose(self, drawn: _Drawn, tried: int, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return the numbers (count, 2) of more simulations, from those after the first ``tried`` ones."""
+        fitted = len(self.gap)
+        forest = Forest(self._features, _closeness(self.gap), rng)
+        numbers = len(drawn.draw) - tried
         number = np.arange(min(_CANDIDATES * count, _MOST))
         one = number % numbers
-        other = rng.permutation(numbers)[(one + number // numbers) % numbers]
+        other = tried + rng.permutation(numbers)[(one + number // numbers) % numbers]
+        one = tried + one
         # The mean of powers: fewer trees then have the same expectation.
-        predicted = forest.predict(self._tried.features(pair, one, other), fitted=0, power=_POWER)
+        predicted = forest.predict(drawn.features(self.pair, one, other), fitted=0, power=_POWER)
         floor = _FLOOR * float(predicted.max())
         score = predicted + floor
         # Systematic sampling draws no candidate twice if none has more than its share.
@@ -377,9 +346,155 @@ class _Search:
         ends = np.cumsum(score)
         at = np.searchsorted(ends, (rng.random() + np.arange(count)) * ends[-1] / count, side="right")
         at = np.minimum(at, len(score) - 1)
-        made = Proposal(pair=pair, count=count, forest=forest, floor=floor, cap=cap, mean=float(score.mean()))
-        draw = [self._tried.draw[rows[at], vehicle] for vehicle, rows in zip(pair, (one, other), strict=True)]
-        return made, np.stack(draw, axis=1)
+        made = _Proposal(count=count, forest=forest, floor=floor, cap=cap, mean=float(score.mean()))
+        self._proposals.append(made)
+        features = drawn.features(self.pair, one[at], other[at])
+        known = self.density + made.density(self._features, fitted=fitted)
+        self.density = np.concatenate([known, self.density_of(features)])
+        self._features = np.concatenate([self._features, features])
+        new = np.stack([drawn.draw[one[at], self.pair[0]], drawn.draw[other[at], self.pair[1]]], axis=1)
+        self.draw = np.concatenate([self.draw, new])
+        return self.draw[fitted:]
+
+    def extrapolated(self, plain: int) -> float:
+        """Return the probability of a collision by the exponential tail of the least gaps.
+
+        Args:
+            plain: number of plain futures.
+        """
+        order = np.argsort(self.gap, kind="stable")[: _TAIL + 1]
+        near, weight = self.gap[order], 1 / (plain + self.density[order[:-1]])
+        below = max(float(weight @ (near[-1] - near[:-1]) / weight.sum()), 1e-9)
+        return float(weight.sum() * np.exp(-near[-1] / below))
+
+    def density_of(self, features: FloatArray) -> FloatArray:
+        """Return the density (n,) at features (n, K) of other simulations."""
+        return np.sum([one.density(features, fitted=0) for one in self._proposals], axis=0)
+
+
+class _Search:
+    """Simulations of all pairs so far."""
+
+    def __init__(
+        self, futures: Futures, plain: FloatArray, outcomes: Outcomes, draws_any: BoolArray, tried: FloatArray
+    ) -> None:
+        self._futures, self._outcomes, self._plain = futures, outcomes, plain
+        self._drawn = _Drawn(futures, np.concatenate([plain, tried]))
+        self._near = [pair for pair in outcomes.pairs() if draws_any[list(pair)].any()]
+        self._pairs: dict[tuple[int, int], _Pair] = {}
+        self._most = MIN_PAIRS + len(tried) // 1000
+
+    def simulate(self, size: int, rng: np.random.Generator) -> None:
+        """Simulate pairs another ``size`` times."""
+        pairs, share = self._closest()
+        done = [len(self._pairs[p].gap) - len(self._plain) if p in self._pairs else 0 for p in pairs]
+        counts = _shared_out(size, share, np.maximum(done, size // _FIRST))
+        pairs, counts = [p for p, n in zip(pairs, counts, strict=True) if n], counts[counts > 0]
+        if not pairs:
+            return
+        self._drawn.know(np.unique(np.array(pairs, dtype=np.int64)))
+        for pair in pairs:
+            if pair not in self._pairs:
+                self._pairs[pair] = _Pair(pair, self._drawn, self._outcomes.of(pair)[0])
+        drawn = [
+            self._pairs[p].propose(self._drawn, len(self._plain), n, rng)
+            for p, n in zip(pairs, counts, strict=True)
+        ]
+        gaps = self._futures.pair_gaps(np.repeat(pairs, counts, axis=0), np.concatenate(drawn))
+        for pair, gap in zip(pairs, np.split(gaps, np.cumsum(counts)[:-1]), strict=True):
+            one = self._pairs[pair]
+            one.gap = np.concatenate([one.gap, np.clip(gap, 0.0, FAR_M)])
+
+    def _closest(self) -> tuple[list[tuple[int, int]], FloatArray]:
+        """Return the pairs that are most likely to collide, and their shares of the next simulations.
+
+        The gaps below a small one are exponential, as far as simulations show them.
+        """
+        found: list[tuple[float, tuple[int, int]]] = []
+        for pair in self._near:
+            gap = self._pairs[pair].gap if pair in self._pairs else self._outcomes.of(pair)[0]
+            near = np.sort(gap)[: _TAIL + 1]
+            below = max(float((near[-1] - near[:-1]).mean()), 1e-9)
+            found.append((float(np.exp(-near[-1] / below)) / len(gap), pair))
+        found.sort(key=lambda one: (-one[0], one[1]))
+        some = [one for one in found[: self._most] if one[0] > _MIN_SHARE * found[0][0]]
+        share = np.array([value for value, _ in some])
+        return [pair for _, pair in some], share / max(share.sum(), 1e-300)
+
+    def run(self, extra: int, rng: np.random.Generator) -> Sampled:
+        """Run ``extra`` futures, first those of pairs that nearly collide."""
+        pairs, known = list(self._pairs.values()), len(self._plain)
+        near = [known + np.flatnonzero(one.gap[known:] < _NEAR_M) for one in pairs]
+        which = np.repeat(np.arange(len(pairs)), [len(rows) for rows in near])
+        row = np.concatenate([*near, np.empty(0, dtype=np.int64)])
+        of_near = [(one.gap[rows], one.density[rows]) for one, rows in zip(pairs, near, strict=True)]
+        gap, density = np.concatenate([np.empty((2, 0)), *map(np.array, of_near)], axis=1)
+        count = min(int(CHOSEN_SHARE * extra), len(row))
+        drawn, _, factor = _drawn_by_size(_nearness(gap) / density, count, rng)
+        # The simulation that a future was chosen for, or its own place among the plain ones.
+        chosen, source = np.full(known + extra, -1), np.full(known + extra, -1)
+        source[:known] = np.arange(known)
+        chosen[known : known + count], source[known : known + count] = which[drawn], row[drawn]
+        draw = np.concatenate([self._plain, rng.random((extra, self._plain.shape[1]))])
+        for k, one in enumerate(pairs):
+            own = np.flatnonzero(chosen == k)
+            draw[own[:, None], list(one.pair)] = one.draw[source[own]]
+        outcomes = joined([self._outcomes, self._futures.run(draw[known:])])
+        # A collision of another pair than that which a future was chosen for does not count.
+        hits = [outcomes.of(one.pair)[1] for one in pairs]
+        counts = (chosen < 0) & outcomes.hits()
+        for k, hit in enumerate(hits):
+            counts |= (chosen == k) & hit
+        plain = float((chosen < 0).sum())
+        expected = np.full(len(draw), plain)
+        for k, (one, hit) in enumerate(zip(pairs, hits, strict=True)):
+            rows = np.flatnonzero(counts & hit)
+            at = np.where((chosen[rows] == k) | (rows < known), source[rows], -1)
+            gap_then, density_then = self._foretold(one, at, draw[rows][:, list(one.pair)])
+            expected[rows] += np.minimum(density_then, factor * _nearness(gap_then))
+        return Sampled(
+            draw=draw,
+            outcomes=outcomes,
+            weight=np.where(counts, 1 / expected, 0.0),
+            chosen=chosen,
+            pairs=tuple(self._pairs),
+            next_weight=float((1 / (plain + density)).max(initial=0.0)),
+            simulated=sum(len(one.gap) - known for one in pairs),
+            extrapolated=min(1.0, sum(one.extrapolated(known) for one in pairs)),
+        )
+
+    def _foretold(self, one: _Pair, row: IntArray, draw: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return least gaps (n,) and densities (n,) of simulations of a pair with numbers (n, 2).
+
+        Args:
+            row: (n,) of the pair; -1 if it was not simulated with these numbers, nor in a plain future.
+        """
+        gap, density = one.gap[row], one.density[row]
+        if (fresh := row < len(self._plain)).any():
+            vehicles = np.repeat([one.pair], int(fresh.sum()), axis=0)
+            gap[fresh] = self._futures.pair_gaps(vehicles, draw[fresh])
+        if (new := row < 0).any():
+            plans = self._futures.first_plans(np.array(one.pair), draw[new])
+            density[new] = one.density_of(self._futures.features(one.pair, plans))
+        return gap, density
+
+
+def _shared_out(total: int, share: FloatArray, limit: IntArray) -> IntArray:
+    """Return counts (n,) with shares (n,) of a total, each within its limit, as far as that can be."""
+    if not len(share) or limit.sum() <= total:
+        return np.asarray(limit)
+    full = np.zeros(len(share), dtype=np.bool_)
+    while True:
+        left = total - limit[full].sum()
+        wanted = np.where(full, limit, left * share / max(share[~full].sum(), 1e-300))
+        if not (above := wanted > limit).any():
+            return np.diff(np.rint(np.cumsum([0.0, *wanted]))).astype(np.int64)
+        full |= above
+
+
+def _nearness(gap: FloatArray) -> FloatArray:
+    """Return from 0 to 1 how likely pairs with a least gap (n,) collide in a whole future, about."""
+    return np.where(gap < _NEAR_M, np.exp(-np.maximum(gap, 0.0) / _NEAR_SCALE_M), 0.0)
 
 
 def _closeness(gap: FloatArray) -> FloatArray:
