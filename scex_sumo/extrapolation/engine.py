@@ -40,7 +40,7 @@ from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.world.base import WORLDS
 
 MAX_RARE = 100_000
-RARE_PART: Final = 20
+RARE_PART = 20
 """Of this many futures, one more is run for rare collisions."""
 REFERENCE_CHILDREN = 117
 """A share then has a 95 % interval of at most +-9 %."""

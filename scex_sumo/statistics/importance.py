@@ -178,6 +178,8 @@ class Sampled:
         draw: (N, V).
         weight: (N,) of futures with a collision by the balance heuristic; 0 for all others.
         chosen: (N,) index into ``pairs``, for which a future was chosen; -1 for plain futures.
+        chance: (N,) with which a future was chosen from the simulations; 0 for plain futures.
+        spreads: (K,) relative variance of the simulations that choose futures, by pair.
         next_weight: largest weight of another collision that simulations foretell.
         simulated: number of simulations of pairs.
         extrapolated: probability of a collision by the exponential tails of the pairs' least gaps: a model,
@@ -189,6 +191,8 @@ class Sampled:
     weight: FloatArray
     chosen: IntArray
     pairs: tuple[tuple[int, int], ...]
+    chance: FloatArray
+    spreads: FloatArray
     next_weight: float
     simulated: int
     extrapolated: float
@@ -214,21 +218,12 @@ class Sampled:
         return weighted_interval(hits, largest, len(hit), variance=self._variance(hit))
 
     def _variance(self, hit: BoolArray) -> float:
-        """Return the variance of the sum of weights, clustered by either number of the pairs.
-
-        Chosen futures share numbers, as many pairs are made of few numbers of each vehicle.
-
-        Source: Cameron, Gelbach, Miller 2011.
-        """
-        result, rows = 0.0, np.flatnonzero(hit)
-        for side in (0, 1):
-            shared = rows + 2.0  # of no other future; drawn numbers are below 1
-            for k, future in enumerate(rows.tolist()):
-                if (chosen := self.chosen[future]) >= 0:
-                    shared[k] = self.draw[future, self.pairs[chosen][side]]
-            _, group = np.unique(shared, return_inverse=True)
-            result += float((np.bincount(group, self.weight[rows]) ** 2).sum())
-        return result - float((self.weight[rows] ** 2).sum())
+        """Return the variance of the sum of weights: of the choice of futures, and of the simulations."""
+        squares = self.weight[hit] ** 2
+        result = float(squares @ (1 - self.chance[hit]))
+        for k, spread in enumerate(self.spreads.tolist()):
+            result += spread * float(self.weight[hit & (self.chosen == k)].sum()) ** 2
+        return max(result, float(squares.sum())) * (1 + _FEW / max(len(squares), 1))
 
 
 PLAIN_SHARE: Final = 0.2
@@ -247,11 +242,13 @@ MIN_PAIRS: Final = 3
 CHOSEN_SHARE: Final = 0.5
 """Largest share of the extra futures that are chosen."""
 
-_NUMBERS = (200, 4000)  # limits of how many of each vehicle are tried: four times the extra futures
+_FEW = 2.0  # hits, by which a variance estimated from few of them is too small
+_NUMBERS = (300, 4000)  # limits of how many of each vehicle are tried: eight times the extra futures
 _CANDIDATES = 100  # pairs of these numbers for each that is simulated, up to
 _MOST = 1 << 15
 _FIRST = 2  # part of a round that a pair gets at first; later rounds at most double its simulations
 _TAIL = 12  # simulations in which a pair is closest
+_NEAREST = 0.15  # share of the simulations that tell how much the next collision weighs
 _ELITE = 0.03  # share of the simulations, beyond `_TAIL`, that are close
 _POWER = 3.0  # of the predicted closeness
 _FLOOR = 1e-5  # of the largest score
@@ -284,7 +281,7 @@ def sample_rare(
     """
     simulated = SIMULATED * extra
     rounds = int(np.clip(simulated // ROUND, 1, MAX_ROUNDS))
-    tried = rng.random((int(np.clip(4 * extra, *_NUMBERS)), plain.shape[1]))
+    tried = rng.random((int(np.clip(8 * extra, *_NUMBERS)), plain.shape[1]))
     search = _Search(futures, plain, outcomes, draws_any, tried)
     for size in np.diff(simulated * np.arange(rounds + 1) // rounds).tolist():
         search.simulate(size, rng)
@@ -367,6 +364,27 @@ class _Pair:
         below = max(float(weight @ (near[-1] - near[:-1]) / weight.sum()), 1e-9)
         return float(weight.sum() * np.exp(-near[-1] / below))
 
+    def spread(self, plain: int) -> float:
+        """Return the relative variance of the sum of weights of simulations that nearly collide.
+
+        It is clustered by either number, as many pairs are made of few numbers of each vehicle.
+
+        Source: Cameron, Gelbach, Miller 2011.
+        """
+        weight = _nearness(self.gap[plain:]) / self.density[plain:]
+        total, result = float(weight.sum()), -float((weight**2).sum())
+        if not total:
+            return 0.0
+        for numbers in self.draw[plain:].T:
+            _, group = np.unique(numbers, return_inverse=True)
+            result += float((np.bincount(group, weight) ** 2).sum())
+        return result / total**2
+
+    def lowest_density(self, plain: int) -> float:
+        """Return the lowest density among the nearest of all simulations after ``plain`` futures."""
+        gap, density = self.gap[plain:], self.density[plain:]
+        return float(density[np.argsort(gap, kind="stable")[: int(np.ceil(_NEAREST * len(gap)))]].min())
+
     def density_of(self, features: FloatArray) -> FloatArray:
         """Return the density (n,) at features (n, K) of other simulations."""
         return np.sum([one.density(features, fitted=0) for one in self._proposals], axis=0)
@@ -388,7 +406,7 @@ class _Search:
         """Simulate pairs another ``size`` times."""
         pairs, share = self._closest()
         done = [len(self._pairs[p].gap) - len(self._plain) if p in self._pairs else 0 for p in pairs]
-        counts = _shared_out(size, share, np.maximum(done, size // _FIRST))
+        counts = _shared_out(size, share, np.maximum(done, size / _FIRST))
         pairs, counts = [p for p, n in zip(pairs, counts, strict=True) if n], counts[counts > 0]
         if not pairs:
             return
@@ -430,7 +448,7 @@ class _Search:
         of_near = [(one.gap[rows], one.density[rows]) for one, rows in zip(pairs, near, strict=True)]
         gap, density = np.concatenate([np.empty((2, 0)), *map(np.array, of_near)], axis=1)
         count = min(int(CHOSEN_SHARE * extra), len(row))
-        drawn, _, factor = _drawn_by_size(_nearness(gap) / density, count, rng)
+        drawn, chance, factor = _drawn_by_size(_nearness(gap) / density, count, rng)
         # The simulation that a future was chosen for, or its own place among the plain ones.
         chosen, source = np.full(known + extra, -1), np.full(known + extra, -1)
         source[:known] = np.arange(known)
@@ -458,7 +476,9 @@ class _Search:
             weight=np.where(counts, 1 / expected, 0.0),
             chosen=chosen,
             pairs=tuple(self._pairs),
-            next_weight=float((1 / (plain + density)).max(initial=0.0)),
+            chance=np.concatenate([np.zeros(known), chance, np.zeros(extra - count)]),
+            spreads=np.array([one.spread(known) for one in pairs]),
+            next_weight=max([1 / (plain + one.lowest_density(known)) for one in pairs], default=0.0),
             simulated=sum(len(one.gap) - known for one in pairs),
             extrapolated=min(1.0, sum(one.extrapolated(known) for one in pairs)),
         )
@@ -479,15 +499,14 @@ class _Search:
         return gap, density
 
 
-def _shared_out(total: int, share: FloatArray, limit: IntArray) -> IntArray:
-    """Return counts (n,) with shares (n,) of a total, each within its limit, as far as that can be."""
-    if not len(share) or limit.sum() <= total:
-        return np.asarray(limit)
+def _shared_out(total: int, share: FloatArray, limit: FloatArray) -> IntArray:
+    """Return counts (n,) with shares (n,) of a total, each within its limit if the limits allow it."""
+    limit = limit * max(1.0, total / max(limit.sum(), 1e-300))
     full = np.zeros(len(share), dtype=np.bool_)
     while True:
         left = total - limit[full].sum()
         wanted = np.where(full, limit, left * share / max(share[~full].sum(), 1e-300))
-        if not (above := wanted > limit).any():
+        if not (above := ~full & (wanted > limit)).any():
             return np.diff(np.rint(np.cumsum([0.0, *wanted]))).astype(np.int64)
         full |= above
 

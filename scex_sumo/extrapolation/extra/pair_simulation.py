@@ -36,9 +36,10 @@ class _AmongOthers(PlainWorld):
 
 
 def simulated_gaps(job: Job, others: States, vehicles: IntArray, draw: FloatArray) -> FloatArray:
-    """Return the least gaps (n,) of pairs (n, 2) whose drivers have numbers (n, 2), m; below 0 if they overlap.
+    """Return the least gaps (n,) of pairs (n, 2) whose drivers have numbers (n, 2), m.
 
-    Each pair drives in one of the plain futures, which its first number selects.
+    Each pair drives in one of the plain futures, which its first number selects. Gaps of boxes that overlap
+    are negative.
 
     Args:
         others: (C, T, V) states of all vehicles in plain futures.

@@ -139,7 +139,7 @@ class _Futures:
         return np.concatenate([gap, *own, plans[:, :, _POSES:].reshape(len(plans), -1)], axis=1)
 
     def pair_gaps(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
-        """Return the least gaps (n,) of pairs (n, 2) with numbers (n, 2) among vehicles of plain futures, m."""
+        """Return the least gaps (n,) of pairs (n, 2) with numbers (n, 2) in plain futures, m."""
         if self._others is None:
             self._others = Parts(self._job.folder).read(0, len(self._job.assignment), plans=False).states
         size = max(1, PAIRS_AT_ONCE // self._job.scene.vehicles)
