@@ -10,7 +10,8 @@ from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.models.population import uniforms
-from scex_sumo.statistics.importance import Outcomes, Sampled, joined, sample_rare, weighted_interval
+from scex_sumo.statistics.collision_search import sample_rare
+from scex_sumo.statistics.importance import Outcomes, Sampled, joined, weighted_interval
 
 PLAIN, VEHICLES, COUNT = 117, 3, 4
 OTHERS_M = 0.05  # deviation of the gap by the third vehicle, which simulations of the pair do not have

@@ -28,7 +28,8 @@ from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.results.parts import Parts
 from scex_sumo.results.rare import FUTURES, FUTURES_SCHEMA, STATES, Rare, RarePair
 from scex_sumo.scene import States, VehicleIndex
-from scex_sumo.statistics.importance import Outcomes, Sampled, joined, sample_rare
+from scex_sumo.statistics.collision_search import sample_rare
+from scex_sumo.statistics.importance import Outcomes, Sampled, joined
 
 FREQUENT: Final = 10
 """Drawn futures with a collision from which on it is not rare, and no more futures are run."""
