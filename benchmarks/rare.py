@@ -5,8 +5,9 @@
 
 Columns: P of the plain futures with Wilson's interval; then for runs of 117 futures with different seeds and
 extra futures: mean estimate, its standard deviation over that of as many plain futures, how many of the
-intervals hold P, the medians of their upper limits and of what least gaps extrapolate to, and the processor time of the extra futures over that of a
-run with human-like reference and report. ``--kept`` keeps the count of the plain futures in a file.
+intervals hold P, the medians of their upper limits and of what least gaps extrapolate to, and the processor
+time of the extra futures over that of a run with human-like reference and report. ``--kept`` keeps the count
+of the plain futures in a file.
 """
 
 from __future__ import annotations

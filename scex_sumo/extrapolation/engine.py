@@ -294,7 +294,7 @@ def add_reference(
     Args:
         models: human-like ones, drawn for all vehicles.
         settings: of the run.
-        rare: number of extra futures for rare collisions, see `Run.rare`; None: a tenth of all others.
+        rare: number of extra futures for rare collisions, see `Run.rare`; None: a twentieth of all others.
     """
     children = reference_children(run.children, settings.steps)
     extra = (run.children + children) // RARE_PART if rare is None else rare

@@ -26,7 +26,6 @@ _CANDIDATES = 100  # pairs of these numbers for each that is simulated, up to
 _MOST = 1 << 15
 _FIRST = 2  # part of a round that a pair gets at first; later rounds at most double its simulations
 _TAIL = 12  # simulations in which a pair is closest
-_NEAREST = 0.15  # share of the simulations that tell how much the next collision weighs
 _ELITE = 0.03  # share of the simulations, beyond `_TAIL`, that are close
 _POWER = 3.0  # of the predicted closeness
 _FLOOR = 1e-5  # of the largest score
@@ -207,11 +206,6 @@ class _Pair:
             result += float((np.bincount(group, weight) ** 2).sum())
         return result / total**2
 
-    def lowest_density(self, plain: int) -> float:
-        """Return the lowest density among the nearest of all simulations after ``plain`` futures."""
-        gap, density = self.gap[plain:], self.density[plain:]
-        return float(density[np.argsort(gap, kind="stable")[: int(np.ceil(_NEAREST * len(gap)))]].min())
-
     def density_of(self, features: FloatArray) -> FloatArray:
         """Return the density (n,) at features (n, K) of other simulations."""
         return np.sum([one.density(features, fitted=0) for one in self._proposals], axis=0)
@@ -305,7 +299,7 @@ class _Search:
             pairs=tuple(self._pairs),
             chance=np.concatenate([np.zeros(known), chance, np.zeros(extra - count)]),
             spreads=np.array([one.spread(known) for one in pairs]),
-            next_weight=max([1 / (plain + one.lowest_density(known)) for one in pairs], default=0.0),
+            next_weight=float((1 / (plain + density)).max(initial=0.0)),
             simulated=sum(len(one.gap) - known for one in pairs),
             extrapolated=min(1.0, sum(one.extrapolated(known) for one in pairs)),
         )
