@@ -208,7 +208,7 @@ class _Pair:
 
     def density_of(self, features: FloatArray) -> FloatArray:
         """Return the density (n,) at features (n, K) of other simulations."""
-        return np.sum([one.density(features, fitted=0) for one in self._proposals], axis=0)
+        return np.asarray(np.sum([one.density(features, fitted=0) for one in self._proposals], axis=0))
 
 
 class _Search:
@@ -328,7 +328,7 @@ def _shared_out(total: int, share: FloatArray, limit: FloatArray) -> IntArray:
         left = total - limit[full].sum()
         wanted = np.where(full, limit, left * share / max(share[~full].sum(), 1e-300))
         if not (above := ~full & (wanted > limit)).any():
-            return np.diff(np.rint(np.cumsum([0.0, *wanted]))).astype(np.int64)
+            return np.diff(np.rint(np.cumsum([0.0, *wanted])).astype(np.int64))
         full |= above
 
 
