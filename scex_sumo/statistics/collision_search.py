@@ -328,7 +328,7 @@ def _shared_out(total: int, share: FloatArray, limit: FloatArray) -> IntArray:
         left = total - limit[full].sum()
         wanted = np.where(full, limit, left * share / max(share[~full].sum(), 1e-300))
         if not (above := ~full & (wanted > limit)).any():
-            return np.diff(np.rint(np.cumsum([0.0, *wanted])).astype(np.int64))
+            return np.asarray(np.diff(np.rint(np.cumsum([0.0, *wanted]))), dtype=np.int64)
         full |= above
 
 
