@@ -115,7 +115,9 @@ def run_command(
     exact: Annotated[bool, Option(help="Run some more futures for exact probabilities.")] = True,
     rare: Annotated[
         int | None,
-        Option(metavar="N", help="Extra futures for rare human-like collisions; default: a tenth of all."),
+        Option(
+            metavar="N", help="Extra futures for rare human-like collisions; default: a twentieth of all."
+        ),
     ] = None,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     force: Force = False,

@@ -40,7 +40,7 @@ from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.world.base import WORLDS
 
 MAX_RARE = 100_000
-RARE_PART = 10
+RARE_PART = 20
 """Of this many futures, one more is run for rare collisions."""
 REFERENCE_CHILDREN = 117
 """A share then has a 95 % interval of at most +-9 %."""
@@ -294,7 +294,7 @@ def add_reference(
     Args:
         models: human-like ones, drawn for all vehicles.
         settings: of the run.
-        rare: number of extra futures for rare collisions, see `Run.rare`; None: a tenth of all others.
+        rare: number of extra futures for rare collisions, see `Run.rare`; None: a twentieth of all others.
     """
     children = reference_children(run.children, settings.steps)
     extra = (run.children + children) // RARE_PART if rare is None else rare

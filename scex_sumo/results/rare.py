@@ -36,6 +36,7 @@ FUTURES_SCHEMA: Final = pa.schema(
 States are those after each step, vehicle by vehicle."""
 
 _PLAIN_NUMBER = 1e-3  # smaller shares are written as 7e-5
+_SMALLEST = 1e-6  # share that is extrapolated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,16 +69,17 @@ class Rare(Interval):
     Attributes:
         hits: futures with a collision among these.
         chosen: futures among these that were chosen as likely to collide.
+        simulated: simulations of pairs that chose them.
+        extrapolated: the same probability by the tails of the pairs' least gaps: a model.
         expected_mais3: expected severe injuries (MAIS 3+) in a future.
-        weights: sum of all weights; 1 within `weights_error`.
         pairs: that collide, the most probable first.
     """
 
     hits: int
     chosen: int
+    simulated: int
+    extrapolated: float
     expected_mais3: float
-    weights: float
-    weights_error: float
     pairs: tuple[RarePair, ...] = ()
 
     def pair(self, one: int, other: int) -> RarePair | None:
@@ -106,9 +108,14 @@ class Rare(Interval):
         ])  # fmt: skip
 
     def mostly(self) -> str:
-        """Return the most probable pair in words, or how many futures looked for one in vain."""
+        """Return the most probable pair in words; without any, what the least gaps of pairs say."""
         if not self.pairs:
-            return f"none in {self.chosen} futures chosen as likely to collide" if self.chosen else ""
+            least = max(self.extrapolated, _SMALLEST)
+            about = "about" if self.extrapolated >= _SMALLEST else "below"
+            words = probability_words(float(f"{least:.0e}"))
+            return f"{about} {words} by the least gaps of {self.simulated} simulated pairs" * bool(
+                self.simulated
+            )
         first = self.pairs[0]
         return f"mostly {first.words()}" if len(self.pairs) > 1 else first.words()
 

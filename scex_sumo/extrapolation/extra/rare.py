@@ -1,4 +1,4 @@
-"""Rare collisions of a run: extra futures near them, chosen by what drivers plan at the seed moment."""
+"""Rare collisions of a run: extra futures near them, chosen by simulations of pairs of vehicles."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
 from scex_sumo.evaluation.outcomes import encounters_of_rows
 from scex_sumo.extrapolation.assignments import RARE_STREAM, child_generator, route_draws
 from scex_sumo.extrapolation.extra.futures import ExtraFutures
+from scex_sumo.extrapolation.extra.pair_simulation import PAIRS_AT_ONCE, simulated_gaps
 from scex_sumo.extrapolation.job import VEHICLES_AT_ONCE, Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import history_at
@@ -26,14 +27,16 @@ from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.results.parts import Parts
 from scex_sumo.results.rare import FUTURES, FUTURES_SCHEMA, STATES, Rare, RarePair
-from scex_sumo.scene import VehicleIndex
-from scex_sumo.statistics.importance import Outcomes, Sampled, joined, sample_rare
+from scex_sumo.scene import States, VehicleIndex
+from scex_sumo.statistics.collision_search import sample_rare
+from scex_sumo.statistics.importance import Outcomes, Sampled, joined
 
 FREQUENT: Final = 10
 """Drawn futures with a collision from which on it is not rare, and no more futures are run."""
 
 _LOOKS = np.arange(2, PLAN_STEPS, 3)  # steps of a first plan
 _SHOWN = [1, 3, 6, 9]  # of these: after 0.6, 1.2, 2.1 and 3 s
+_POSES = 3 * len(_LOOKS)  # values of a first plan; what its driver draws comes after them
 _CAUSE = 0.5  # mean score of the futures with a collision from which on it is named
 _SURE = 3.5  # standard errors
 
@@ -59,7 +62,7 @@ def find_rare(job: Job, drawn: pa.Table, workers: Workers, extra: int) -> Rare |
     outcomes = _outcomes(drawn, 0, len(job.assignment))
     if outcomes.hits().sum() >= FREQUENT:
         return None
-    futures = _Futures(job, workers, extra)
+    futures = _Futures(job, workers, extra, profile)
     found = sample_rare(
         futures,
         route_draws(range(len(job.assignment)), job.scene.vehicles, seed=job.settings.seed),
@@ -74,12 +77,14 @@ def find_rare(job: Job, drawn: pa.Table, workers: Workers, extra: int) -> Rare |
 class _Futures:
     """Extra futures whose vehicles have chosen numbers."""
 
-    def __init__(self, job: Job, workers: Workers, extra: int) -> None:
+    def __init__(self, job: Job, workers: Workers, extra: int, profile: LikelyProfile) -> None:
+        self._profile = profile
         self.path = job.folder / FUTURES.parent
         # Another number of futures has other ones.
         self._extra = ExtraFutures(replace(job, on_paths=False), self.path / str(extra), workers)
         self._draw = np.zeros((len(job.assignment), job.scene.vehicles))
         self._job = job
+        self._others: States | None = None
 
     def run(self, draw: FloatArray) -> Outcomes:
         """Run futures whose vehicles have numbers (N, V)."""
@@ -88,7 +93,7 @@ class _Futures:
         return joined([_outcomes(rows, *ends) for *ends, rows in self._extra.run(assignment, self._draw)])
 
     def first_plans(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
-        """Return the centres and headings (N, W, T, 3) of first plans of vehicles with numbers (N, W)."""
+        """Return centres and headings of first plans, and what drivers draw, (N, W, K) by numbers (N, W)."""
         size = max(1, VEHICLES_AT_ONCE // self._job.scene.vehicles)
         parts = [self._planned(vehicles, draw[at : at + size]) for at in range(0, len(draw), size)]
         return np.concatenate(parts)
@@ -105,15 +110,20 @@ class _Futures:
             for k in range(len(job.models.built))
         ]
         rng = [child_generator(job.settings.seed, 0)] * count
-        result = np.empty((*draw.shape, len(_LOOKS), 3))
+        result = np.zeros((*draw.shape, _POSES + len(WORDS)))
         for k, made in plans_of(job.models.built, groups, history, job.road, rng):
             poses = np.stack([made.x, made.y, made.heading], axis=-1)[:, _LOOKS]
-            result[child[model == k], column[model == k]] = poses
+            result[child[model == k], column[model == k], :_POSES] = poses.reshape(-1, _POSES)
+        likely = job.assignment[0][vehicles] == 0
+        result[:, likely, _POSES:] = likely_scores(draw[:, likely].ravel(), self._profile).reshape(
+            count, -1, len(WORDS)
+        )
         return result
 
     def features(self, pair: tuple[int, int], plans: FloatArray) -> FloatArray:
-        """Return the least gap of first plans (N, 2, T, 3) up to some times, and their poses then."""
-        scene, (one, other) = self._job.scene, np.moveaxis(plans, (1, 3), (0, 1))
+        """Return the least gap of first plans (N, 2, K) up to some times, their poses then, and the draws."""
+        scene, poses = self._job.scene, plans[:, :, :_POSES].reshape(len(plans), 2, len(_LOOKS), 3)
+        one, other = np.moveaxis(poses, (1, 3), (0, 1))
         outlines = [
             Rectangles(
                 x=x, y=y, heading=heading, half_length=scene.length[v] / 2, half_width=scene.width[v] / 2
@@ -127,7 +137,18 @@ class _Futures:
             for v, (x, y, _) in zip(pair, (one, other), strict=True)
             for part in _turned(x - now.x[v], y - now.y[v], now.heading[v])
         ]
-        return np.concatenate([gap, *own], axis=1)
+        return np.concatenate([gap, *own, plans[:, :, _POSES:].reshape(len(plans), -1)], axis=1)
+
+    def pair_gaps(self, vehicles: IntArray, draw: FloatArray) -> FloatArray:
+        """Return the least gaps (n,) of pairs (n, 2) with numbers (n, 2) in plain futures, m."""
+        if self._others is None:
+            self._others = Parts(self._job.folder).read(0, len(self._job.assignment), plans=False).states
+        size = max(1, PAIRS_AT_ONCE // self._job.scene.vehicles)
+        parts = [
+            simulated_gaps(self._job, self._others, vehicles[at : at + size], draw[at : at + size])
+            for at in range(0, len(draw), size)
+        ]
+        return np.concatenate(parts)
 
     def keep(self, found: Sampled) -> float:
         """Write each future with a collision, the heaviest first, and drop all others.
@@ -135,15 +156,15 @@ class _Futures:
         Returns:
             Expected severe injuries.
         """
-        hit, ids = np.flatnonzero(found.outcomes.hits()), self._job.scene.track_ids
+        hit, ids = np.flatnonzero(found.hits()), self._job.scene.track_ids
         order = hit[np.argsort(-found.weight[hit], kind="stable")].tolist()
         rows = [self._hit(future) for future in order]
         for row, future in zip(rows, order, strict=True):
-            k = found.proposal[future]
+            k = found.chosen[future]
             row |= {
                 "future": future,
                 "weight": float(found.weight[future]),
-                "chosen": None if k < 0 else ids[list(found.proposals[k].pair)].tolist(),
+                "chosen": None if k < 0 else ids[list(found.pairs[k])].tolist(),
                 "draw": found.draw[future].tolist(),
             }
         parquet.write_table(
@@ -186,10 +207,12 @@ def _outcomes(rows: pa.Table, first: int, stop: int) -> Outcomes:
 
 def _described(found: Sampled, profile: LikelyProfile, job: Job, injuries: float) -> Rare:
     track_ids, likely = job.scene.track_ids.tolist(), job.assignment[0] == 0
-    share, hits = found.probability(), found.outcomes.hits()
+    share, hits = found.probability(), found.hits()
     pairs = []
     for pair in found.outcomes.pairs(collided=True):
-        hit, own = found.outcomes.of(pair)[1], found.probability(pair)
+        hit, own = found.hits(pair), found.probability(pair)
+        if not hit.any():
+            continue
         one, other = (track_ids[vehicle] for vehicle in pair)
         causes = [
             f"{track_ids[vehicle]} {cause}"
@@ -213,10 +236,10 @@ def _described(found: Sampled, profile: LikelyProfile, job: Job, injuries: float
     return Rare(
         **vars(share),
         hits=int(hits.sum()),
-        chosen=int((found.proposal >= 0).sum()),
+        chosen=int((found.chosen >= 0).sum()),
+        simulated=found.simulated,
+        extrapolated=found.extrapolated,
         expected_mais3=injuries,
-        weights=float(found.weight.sum()),
-        weights_error=float(found.weight.std() * np.sqrt(len(found.weight))),
         pairs=tuple(pairs),
     )
 
