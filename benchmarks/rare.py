@@ -137,7 +137,6 @@ def row(scene: SeedScene, p: float, extra: int, repeats: int) -> tuple[str, ...]
         f"{spread:.2f}",
         f"{holds} of {repeats}",
         probability_words(float(np.median([one.high for one in found]))),
-        probability_words(float(np.median([getattr(one, "extrapolated", one.value) for one in found]))),
         f"{cost:.2f}",
         next((one.mostly() for one in found if getattr(one, "pairs", ())), "–"),
     )
@@ -216,8 +215,8 @@ def main() -> None:
         analytic(options.analytic)
         return
     print("|scene|vehicles|plain futures: P|extra futures|mean|spread|intervals that hold P", end="")
-    print("|upper limit|extrapolated|cost|of the first run|")
-    print("|---" * 11 + "|")
+    print("|upper limit|cost|of the first run|")
+    print("|---" * 10 + "|")
     for part, share in CHECKED:
         if options.only and options.only not in part:
             continue

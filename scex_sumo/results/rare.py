@@ -36,7 +36,6 @@ FUTURES_SCHEMA: Final = pa.schema(
 States are those after each step, vehicle by vehicle."""
 
 _PLAIN_NUMBER = 1e-3  # smaller shares are written as 7e-5
-_SMALLEST = 1e-6  # share that is extrapolated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +69,6 @@ class Rare(Interval):
         hits: futures with a collision among these.
         chosen: futures among these that were chosen as likely to collide.
         simulated: simulations of pairs that chose them.
-        extrapolated: the same probability by the tails of the pairs' least gaps: a model.
         expected_mais3: expected severe injuries (MAIS 3+) in a future.
         pairs: that collide, the most probable first.
     """
@@ -78,7 +76,6 @@ class Rare(Interval):
     hits: int
     chosen: int
     simulated: int
-    extrapolated: float
     expected_mais3: float
     pairs: tuple[RarePair, ...] = ()
 
@@ -108,14 +105,9 @@ class Rare(Interval):
         ])  # fmt: skip
 
     def mostly(self) -> str:
-        """Return the most probable pair in words; without any, what the least gaps of pairs say."""
+        """Return the most probable pair in words, or how many simulations looked for one in vain."""
         if not self.pairs:
-            least = max(self.extrapolated, _SMALLEST)
-            about = "about" if self.extrapolated >= _SMALLEST else "below"
-            words = probability_words(float(f"{least:.0e}"))
-            return f"{about} {words} by the least gaps of {self.simulated} simulated pairs" * bool(
-                self.simulated
-            )
+            return f"none in {self.simulated} simulations of pairs that come near" if self.simulated else ""
         first = self.pairs[0]
         return f"mostly {first.words()}" if len(self.pairs) > 1 else first.words()
 

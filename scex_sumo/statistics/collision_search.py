@@ -179,17 +179,6 @@ class _Pair:
         self.draw = np.concatenate([self.draw, new])
         return self.draw[fitted:]
 
-    def extrapolated(self, plain: int) -> float:
-        """Return the probability of a collision by the exponential tail of the least gaps.
-
-        Args:
-            plain: number of plain futures.
-        """
-        order = np.argsort(self.gap, kind="stable")[: _TAIL + 1]
-        near, weight = self.gap[order], 1 / (plain + self.density[order[:-1]])
-        below = max(float(weight @ (near[-1] - near[:-1]) / weight.sum()), 1e-9)
-        return float(weight.sum() * np.exp(-near[-1] / below))
-
     def spread(self, plain: int) -> float:
         """Return the relative variance of the sum of weights of simulations that nearly collide.
 
@@ -301,7 +290,6 @@ class _Search:
             spreads=np.array([one.spread(known) for one in pairs]),
             next_weight=float((1 / (plain + density)).max(initial=0.0)),
             simulated=sum(len(one.gap) - known for one in pairs),
-            extrapolated=min(1.0, sum(one.extrapolated(known) for one in pairs)),
         )
 
     def _foretold(self, one: _Pair, row: IntArray, draw: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -143,8 +143,6 @@ class Sampled:
         spreads: (K,) relative variance of the simulations that choose futures, by pair.
         next_weight: largest weight of another collision that simulations foretell.
         simulated: number of simulations of pairs.
-        extrapolated: probability of a collision by the exponential tails of the pairs' least gaps: a model,
-            not an estimate without bias.
     """
 
     draw: FloatArray
@@ -156,7 +154,6 @@ class Sampled:
     spreads: FloatArray
     next_weight: float
     simulated: int
-    extrapolated: float
 
     def hits(self, pair: tuple[int, int] | None = None) -> BoolArray:
         """Return (N,) whether a future counts as one in which a pair, or any, collides."""

@@ -22,7 +22,7 @@ SAMPLES = 11  # the present, and 4 s ahead
 VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
 MIN_WAY_M = 1e-3
 DRIFT_S = 1.5  # motion across the path dies out with this time constant
-BRAKING_STEPS = 10  # steps over which a leader's braking is measured
+BRAKING_STEPS = 5  # driven steps over which a leader's braking is measured, at most
 OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
 OFFSET_SIGMA_M = 0.8
 HEADING_SIGMA_RAD = 0.15
@@ -195,9 +195,11 @@ def expected(history: SceneHistory, road: Road) -> Expected:
     along = _along_paths(history, road, t)
     for straight, bent in zip((x, y, heading), along, strict=True):
         straight[:, :vehicles] = bent
-    braking, change = np.zeros(now.shape), np.diff(history.states.speed[..., -1 - BRAKING_STEPS :])
-    # A leap of a recorded speed does not change the median.
-    braking[:, :vehicles] = np.maximum(-np.median(change, axis=-1) / STEP_S, 0.0)
+    braking, change = np.zeros(now.shape), np.diff(history.states.speed) / STEP_S
+    # Recorded speeds leap, which does not change the median; driven ones do not.
+    driven = min(history.step, BRAKING_STEPS)
+    mean = change[..., -driven:].mean(axis=-1) if driven else np.median(change, axis=-1)
+    braking[:, :vehicles] = np.maximum(-mean, 0.0)
     return Expected(others=others, x=x, y=y, heading=heading, braking=braking)
 
 

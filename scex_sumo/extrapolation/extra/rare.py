@@ -238,7 +238,6 @@ def _described(found: Sampled, profile: LikelyProfile, job: Job, injuries: float
         hits=int(hits.sum()),
         chosen=int((found.chosen >= 0).sum()),
         simulated=found.simulated,
-        extrapolated=found.extrapolated,
         expected_mais3=injuries,
         pairs=tuple(pairs),
     )
