@@ -110,7 +110,7 @@ def replayed(data: Path) -> None:
     """Print for how many recorded vehicle-seconds the guard brakes hard."""
     model = Replay(ReplayProfile())
     guarded = Guarded(model, GuardProfile())
-    for name in (*SETS, "ngsim"):
+    for name in (*SETS, "ngsim", "av2", "scenarionet"):
         count = hard = 0
         for recording in find_recordings([data / name]):
             loaded = load_recording(recording)
