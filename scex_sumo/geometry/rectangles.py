@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.scene import States
 
 SEEN_COLUMNS = ("x", "y", "cos", "sin", "speed")
@@ -29,6 +29,10 @@ class Rectangles:
         """Return the outlines of vehicles; lengths and widths, m, broadcast to the states."""
         x, y, heading = states.x, states.y, states.heading
         return cls(x=x, y=y, heading=heading, half_length=length / 2, half_width=width / 2)
+
+    def part(self, index: IntArray | tuple[slice, ...]) -> Rectangles:
+        """Return the rectangles at an index."""
+        return Rectangles(**{name: values[index] for name, values in vars(self).items()})
 
 
 def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

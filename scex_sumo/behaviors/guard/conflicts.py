@@ -140,7 +140,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     cos, sin = np.cos(one.heading[k, first]), np.sin(one.heading[k, first])
     ahead = cos * (x - one.x)[k, first] + sin * (y - one.y)[k, first] > 0
     k = np.flatnonzero(touches.any(axis=1) & ahead & (distance[:, 0] > 0))
-    k = k[~_gives_way(view, i[k], j[k], first[k], *(_rows(box, k) for box in boxes))]
+    k = k[~_gives_way(view, i[k], j[k], first[k], *(box.part(k) for box in boxes))]
     first, i, j, child = first[k], i[k], j[k], child[k]
     along = np.cos(heading[k, first] - one.heading[k, first])
     line = np.maximum(around.others.states.speed[child, j] * along, 0.0)
@@ -159,10 +159,6 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     )
 
 
-def _rows(boxes: Rectangles, k: IntArray) -> Rectangles:
-    return Rectangles(**{name: values[k] for name, values in vars(boxes).items()})
-
-
 def _gives_way(
     view: _View, i: IntArray, j: IntArray, first: IntArray, one: Rectangles, other: Rectangles
 ) -> BoolArray:
@@ -176,8 +172,7 @@ def _gives_way(
     needs = view.paths.start_speed[i] ** 2 / np.maximum(view.paths.arc[i, first], LEAST_WAY_M)
     other_needs = speed**2 / np.maximum(speed * STEP_S * first, LEAST_WAY_M)
     along = np.cos(other.heading[k, first] - one.heading[k, first]) >= SAME_WAY
-    now = Rectangles(**{name: values[:, :1] for name, values in vars(other).items()})
-    in_way = (rectangle_distance(one, now) <= CONTACT_M).any(axis=1)
+    in_way = (rectangle_distance(one, other.part(np.s_[:, :1])) <= CONTACT_M).any(axis=1)
     return ~others.obstacle[j] & ~along & ~in_way & (other_needs < GIVES_WAY * needs)
 
 

@@ -188,9 +188,14 @@ def needed_braking(
     # It is enough to stop before the place, or to arrive no sooner than the other one.
     stop = v[early] ** 2 / (2 * np.maximum(ahead, LAST_GAP_M))
     left = np.maximum(holds.enter[early] - t, STEP_S)
-    late = 2 * np.maximum(v[early] - np.maximum(ahead, 0.0) / left, 0.0) / left
-    needed[early] = np.minimum(stop, late)
+    needed[early] = np.minimum(stop, arriving_later(ahead, left, v[early]))
     return needed
+
+
+def arriving_later(way: FloatArray, time_s: FloatArray, v: FloatArray) -> FloatArray:
+    """Return (P,) constant decelerations with which vehicles come a way, m, in no less than a time, m/s²."""
+    late: FloatArray = 2 * np.maximum(v - np.maximum(way, 0.0) / time_s, 0.0) / time_s
+    return late
 
 
 def line_motion(holds: StopLines, t: float) -> tuple[FloatArray, FloatArray]:

@@ -22,7 +22,7 @@ from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.guard.conflicts import StopLines
 from scex_sumo.behaviors.guard.corridors import SAMPLE_S, GuardProfile, expected
-from scex_sumo.behaviors.guard.guarded import line_motion, needed_braking, retimed
+from scex_sumo.behaviors.guard.guarded import arriving_later, line_motion, needed_braking, retimed
 from scex_sumo.behaviors.models.population import uniforms
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
@@ -141,7 +141,7 @@ def _bounds(
     # It is enough to arrive after one that crosses has left.
     k = np.flatnonzero((holds.speed == 0) & np.isfinite(holds.until))
     left, way = np.maximum(holds.until[k] - t, STEP_S), holds.position[k] - s[k] - STOP_GAP_M
-    needed[k] = np.minimum(needed[k], 2 * np.maximum(v[k] - np.maximum(way, 0.0) / left, 0.0) / left)
+    needed[k] = np.minimum(needed[k], arriving_later(way, left, v[k]))
     most = np.where(holds.firm, HARDEST_MPS2, PROFILE.yield_deceleration)
     most = np.where(holds.safe & (holds.position < s), GENTLE_MPS2, most)
     merges = (holds.enter > t) & (holds.speed > 0) & (v - holds.speed < MERGING_MPS)

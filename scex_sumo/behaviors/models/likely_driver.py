@@ -276,21 +276,19 @@ def _habit(
     speed, acceleration = shown.speed[who.vehicle], shown.acceleration[who.vehicle]
     profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=braking)
     desired = desired_speed(CALIBRATED, observed.wished[row], speed, speed, acceleration, 0.0)
-    # It has foreseen that its leader goes on slowing down, as `_acceleration` does.
-    lead = observed.leader_speed[row]
-    slows = ANTICIPATION_S * _slows(history.scene, observed.leader[row])
-    lead = np.maximum(lead + slows, np.minimum(lead, 0.0))
+    leader = observed.leader[row]
+    vehicle = (leader >= 0) & (leader < history.scene.vehicles)
+    slows = np.where(vehicle, (np.minimum(shown.late, 0.0) * shown.calm)[np.where(vehicle, leader, 0)], 0.0)
+    lead = _foreseen(observed.leader_speed[row], slows, ANTICIPATION_S)
     demanded = demanded_acceleration(profile, speed, desired, observed.gap[row], lead, observed.curve[row])
     habit = acceleration - shown.calm[who.vehicle] * np.clip(demanded, HARDEST_MPS2, STRONGEST_MPS2)
     return np.where(speed < STANDING_MPS, 0.0, habit)
 
 
-def _slows(scene: SeedScene, leader: IntArray) -> FloatArray:
-    """Return (n,) accelerations of leaders that slow down in the seed scene, m/s²; 0 for others."""
-    speed, vehicle = scene.history.speed, (leader >= 0) & (leader < scene.vehicles)
-    pulled = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
-    slows = np.minimum(pulled, 0.0) * last_second(scene).calm
-    return np.where(vehicle, slows[np.where(vehicle, leader, 0)], 0.0)
+def _foreseen(speed: FloatArray, slows: FloatArray, time_s: float) -> FloatArray:
+    """Return (n,) speeds of leaders that go on slowing down for a time, m/s."""
+    lead: FloatArray = np.maximum(speed + slows * time_s, np.minimum(speed, 0.0))
+    return lead
 
 
 def _rows_of(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> IntArray:
@@ -364,8 +362,7 @@ def _acceleration(
         # The motion of a standing vehicle is no habit.
         desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *motion, time_s))
         gap = away + (leaders.speed + begun * step * STEP_S / 2) * step * STEP_S - travelled
-        lead = leaders.speed + slows * (step * STEP_S + ANTICIPATION_S)
-        lead = np.maximum(lead, np.minimum(leaders.speed, 0.0))
+        lead = _foreseen(leaders.speed, slows, step * STEP_S + ANTICIPATION_S)
         gap = gap + (lead - leaders.speed) * step * STEP_S / 2
         gap_to_tow = there + (leaders.speed + pulled * step * STEP_S / 2) * step * STEP_S - travelled
         curve = curves[at(s + v * CURVE_TIME_S)]

@@ -167,6 +167,7 @@ class LastSecond:
 
     speed: FloatArray  # now, m/s
     slope: FloatArray  # acceleration of a straight line through the speeds, m/s²
+    late: FloatArray  # mean acceleration of the last `HABIT_STEPS`, m/s²
     acceleration: FloatArray  # that lasts, m/s², reduced by its scatter
     sudden: FloatArray  # present acceleration beyond the lasting one, m/s²
     scatter: FloatArray  # of accelerations of single steps, m/s²
@@ -193,6 +194,7 @@ def last_second(scene: SeedScene) -> LastSecond:
     return LastSecond(
         speed=now,
         slope=slope,
+        late=late,
         acceleration=lasting,
         sudden=np.where(now < STANDING_MPS, 0.0, (single[:, -1] - lasting) / (1 + noise2 / NOISY_MPS2**2)),
         scatter=scatter,

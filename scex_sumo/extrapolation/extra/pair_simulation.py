@@ -62,11 +62,8 @@ def simulated_gaps(job: Job, others: States, vehicles: IntArray, draw: FloatArra
     world = _AmongOthers(others[at], assignment != _NOBODY)
     steps, replan = job.settings.steps, job.settings.replan
     states = roll_out(world, job.road, scene, batch, steps=steps, replan=replan).states
-    outlines = []
-    for vehicle in vehicles.T:
-        now = states[row, :, vehicle]
-        half = (scene.length[vehicle, None] / 2, scene.width[vehicle, None] / 2)
-        outlines.append(
-            Rectangles(x=now.x, y=now.y, heading=now.heading, half_length=half[0], half_width=half[1])
-        )
+    outlines = [
+        Rectangles.of(states[row, :, vehicle], scene.length[vehicle, None], scene.width[vehicle, None])
+        for vehicle in vehicles.T
+    ]
     return np.asarray(separation(*outlines).min(axis=1))
