@@ -24,7 +24,7 @@ from scex_sumo.results.run import Run
 from tests.exact.queues import queues
 from tests.integration.test_cli import refused, scex
 
-RARE = 80
+RARE = 40
 
 
 def run_of(out: Path, **options: Any) -> Run:
