@@ -116,26 +116,14 @@ def test_a_vehicle_that_is_gone_is_not_hit() -> None:
     assert len(find_collisions(replace(tracks, present=present))) == 0
 
 
-def outline(tracks: SceneTracks, child: int, vehicle: int, at: float) -> shapely.Polygon:
-    """Outline at a time in steps, interpolated."""
-    states, last = tracks.states, tracks.states.shape[1] - 1
-    now = min(int(at), last)
-    then, share = min(now + 1, last), at - now
-    turn = math.remainder(
-        states.heading[child, then, vehicle] - states.heading[child, now, vehicle], 2 * math.pi
-    )
-    heading = states.heading[child, now, vehicle] + share * turn
-    centre = [
-        (1 - share) * values[child, now, vehicle] + share * values[child, then, vehicle]
-        for values in (states.x, states.y)
-    ]
-    half = tracks.length[vehicle] / 2, tracks.width[vehicle] / 2
-    ahead, left = (
-        np.array([math.cos(heading), math.sin(heading)]),
-        np.array([-math.sin(heading), math.cos(heading)]),
-    )
+def outline(tracks: SceneTracks, child: int, vehicle: int, at: FloatArray | float) -> shapely.Polygon:
+    """Outline at a time in steps, interpolated; at several times, an array of them."""
+    x, y, turn = (getattr(tracks.states, key)[child, :, vehicle] for key in ("x", "y", "heading"))
+    x, y, turn = (np.interp(at, np.arange(len(x)), values) for values in (x, y, np.unwrap(turn)))
+    ahead = tracks.length[vehicle] / 2 * np.stack([np.cos(turn), np.sin(turn)], -1)
+    left = tracks.width[vehicle] / 2 * np.stack([-np.sin(turn), np.cos(turn)], -1)
     corners = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
-    return shapely.Polygon([np.array(centre) + a * half[0] * ahead + b * half[1] * left for a, b in corners])
+    return shapely.polygons(np.stack([np.stack([x, y], -1) + a * ahead + b * left for a, b in corners], -2))
 
 
 def crowd(seed: int, children: int = 4, vehicles: int = 12, steps: int = 12) -> SceneTracks:
@@ -169,9 +157,7 @@ def test_random_motion_collides_as_polygons_at_fine_steps_do(seed: int) -> None:
     times = np.arange((steps - 1) * FINE + 1) / FINE
     expected: dict[tuple[int, ...], float] = {}
     for child in range(children):
-        outlines = [
-            np.array([outline(tracks, child, vehicle, at) for at in times]) for vehicle in range(vehicles)
-        ]
+        outlines = [outline(tracks, child, vehicle, times) for vehicle in range(vehicles)]
         for i in range(vehicles):
             for j in range(i + 1, vehicles):
                 area = shapely.area(shapely.intersection(outlines[i], outlines[j]))

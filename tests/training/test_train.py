@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ torch = pytest.importorskip("torch")
 from scex_sumo.base.errors import MapError, MissingExtraError, ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.behaviors.learned.weights import load_weights  # noqa: E402
 from scex_sumo.converters.datasets.moment import Split  # noqa: E402
-from scex_sumo.converters.datasets.recordings import find_recordings, load_recording  # noqa: E402
+from scex_sumo.converters.datasets.recordings import Recording, find_recordings, load_recording  # noqa: E402
 from scex_sumo.road import Road  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
 from scex_sumo.scenarios.scene_model import load_scenes  # noqa: E402
@@ -36,7 +37,7 @@ from tests.behaviors import roads  # noqa: E402
 
 SMALL = {"hidden": 16, "heads": 2, "layers": 1}
 # The examples last 18 s: half of it for training is 9 s, of which the last 5 s are targets.
-SAMPLING = SampleOptions(copies=1, split=Split(validation=0.45, test=0.0))
+SAMPLING = SampleOptions(copies=1, stops=1, split=Split(validation=0.45, test=0.0))
 CPU = torch.device("cpu")
 
 
@@ -49,11 +50,21 @@ def one_thread() -> Iterator[None]:
     torch.set_num_threads(before)
 
 
+def merge() -> list[Recording]:
+    (one,) = (
+        r for r in find_recordings([example_path("motorway_merge").parent]) if r.name == "motorway_merge"
+    )
+    return [one]
+
+
 @pytest.fixture(scope="module")
-def small() -> Dataset:
-    folder = example_path("motorway_merge").parent
-    merge = [r for r in find_recordings([folder]) if r.name == "motorway_merge"]
-    return make_dataset(merge, SAMPLING)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("samples")
+
+
+@pytest.fixture(scope="module")
+def small(cache: Path) -> Dataset:
+    return make_dataset(merge(), SAMPLING, cache=cache)
 
 
 def options(**given: object) -> TrainOptions:
@@ -175,39 +186,32 @@ def test_a_turned_or_mirrored_map_shows_the_vehicle_that_is_turned_with_it_the_s
 
 
 def test_samples_come_from_the_cache_the_second_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
+    cache: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
 ) -> None:
-    folder = example_path("motorway_merge").parent
-    merge = [r for r in find_recordings([folder]) if r.name == "motorway_merge"]
-    first = make_dataset(merge, SAMPLING, cache=tmp_path)
-
     def fails(*given: object) -> Callable[..., None]:
         raise AssertionError("made again")
 
     monkeypatch.setattr(dataset_module, "_make", fails)
-    again = make_dataset(merge, SAMPLING, cache=tmp_path)
-    np.testing.assert_array_equal(first.train.feature, again.train.feature)
-    assert first.digest == again.digest == small.digest
+    again = make_dataset(merge(), SAMPLING, cache=cache)
+    np.testing.assert_array_equal(small.train.feature, again.train.feature)
+    assert small.digest == again.digest
     with pytest.raises(AssertionError, match="made again"):
-        make_dataset(merge, replace(SAMPLING, copies=2), cache=tmp_path)
+        make_dataset(merge(), replace(SAMPLING, copies=2), cache=cache)
 
 
 def test_simulated_traffic_is_for_training_alone_and_a_share_of_each_epoch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
 ) -> None:
     monkeypatch.setattr(dataset_module, "SIMULATED_S", 60.0)
-    merge = [
-        r for r in find_recordings([example_path("motorway_merge").parent]) if r.name == "motorway_merge"
-    ]
     maps = [example_path("roundabout")]
-    mixed = make_dataset(merge, SAMPLING, maps=maps, cache=tmp_path)
+    mixed = make_dataset(merge(), SAMPLING, maps=maps, cache=tmp_path)
     assert mixed.sites == ("motorway_merge", "roundabout.osm, simulated")
     assert mixed.kinds == ("interaction", "simulated")
     assert mixed.recorded == small.recorded == len(small.train) < len(mixed.train)
     assert set(mixed.train.site[mixed.recorded :]) == {1} and set(mixed.validation.site) == {0}
     assert mixed.digest != small.digest
     monkeypatch.setattr(dataset_module, "_make_simulated", lambda *_: pytest.fail("made again"))
-    again = make_dataset(merge, SAMPLING, maps=maps, cache=tmp_path)
+    again = make_dataset(merge(), SAMPLING, maps=maps, cache=tmp_path)
     np.testing.assert_array_equal(mixed.train.feature, again.train.feature)
     run = Trainer(mixed, options(simulated=0.2), device=CPU)
     used = np.concatenate(run._groups(np.random.default_rng(0)))
@@ -216,24 +220,20 @@ def test_simulated_traffic_is_for_training_alone_and_a_share_of_each_epoch(
     assert nodes[simulated].sum() / nodes.sum() == pytest.approx(0.2, abs=0.02)
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x93NUMPY"])
-def test_damaged_samples_in_the_cache_are_made_again(tmp_path: Path, small: Dataset, content: bytes) -> None:
+def test_damaged_samples_in_the_cache_are_made_again(tmp_path: Path, cache: Path, small: Dataset) -> None:
     """NumPy raises an EOFError for no byte, which command lines take for Ctrl-C."""
-    merge = [
-        r for r in find_recordings([example_path("motorway_merge").parent]) if r.name == "motorway_merge"
-    ]
-    make_dataset(merge, SAMPLING, cache=tmp_path)
-    for file in tmp_path.glob("*.npz"):
-        file.write_bytes(content)
-    again = make_dataset(merge, SAMPLING, cache=tmp_path)
+    files = [Path(shutil.copy(file, tmp_path)) for file in cache.glob("motorway_merge-*.npz")]
+    for content in (b"", b"PK\x03\x04", b"\x93NUMPY"):
+        for file in files:
+            file.write_bytes(content)
+            assert load_samples(file) is None
+    again = make_dataset(merge(), SAMPLING, cache=tmp_path)
     np.testing.assert_array_equal(small.train.feature, again.train.feature)
-    assert all(load_samples(file) for file in tmp_path.glob("*.npz"))
+    assert files and all(load_samples(file) for file in files)
 
 
 def test_tracks_that_are_not_finite_are_named() -> None:
-    folder = example_path("motorway_merge").parent
-    (merge,) = (r for r in find_recordings([folder]) if r.name == "motorway_merge")
-    loaded = load_recording(merge)
+    loaded = load_recording(merge()[0])
     x = loaded.table.vehicles.x.copy()
     x[50] = np.nan
     broken = replace(loaded, table=replace(loaded.table, vehicles=loaded.table.vehicles.with_columns(x=x)))
@@ -242,10 +242,8 @@ def test_tracks_that_are_not_finite_are_named() -> None:
 
 
 def test_a_recording_too_short_says_so() -> None:
-    folder = example_path("motorway_merge").parent
-    merge = [r for r in find_recordings([folder]) if r.name == "motorway_merge"]
     with pytest.raises(TrackError, match="no vehicle for validation"):
-        make_dataset(merge, SampleOptions(copies=0))
+        make_dataset(merge(), SampleOptions(copies=0, stops=0))
 
 
 def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:

@@ -40,20 +40,28 @@ def browser() -> Iterator[Any]:
         chromium.close()
 
 
-@pytest.fixture
-def page(browser: Any, run: Run) -> Iterator[Any]:
-    """The report, opened from disk on a laptop; nothing may be requested, nothing go wrong."""
-    context = browser.new_context(viewport={"width": 1400, "height": 900}, accept_downloads=True)
-    page = context.new_page()
-    wrong: list[str] = []
+@pytest.fixture(scope="session")
+def tab(browser: Any) -> tuple[Any, list[str]]:
+    """A page, whose renderer starts once, and what went wrong on it."""
+    page, wrong = browser.new_page(accept_downloads=True), list[str]()
     page.on("console", lambda message: wrong.append(message.text))
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("request", lambda request: wrong.append(request.url) if is_foreign(request.url) else None)
+    return page, wrong
+
+
+@pytest.fixture
+def page(tab: tuple[Any, list[str]], run: Run) -> Iterator[Any]:
+    """The report, opened anew from disk on a laptop; nothing may be requested, nothing go wrong."""
+    page, wrong = tab
+    page.goto("about:blank")
+    wrong.clear()
+    page.set_viewport_size({"width": 1400, "height": 900})
+    page.emulate_media(media="screen", color_scheme="light")
     page.goto(Path(run.folder, "report.html").resolve().as_uri())
     page.wait_for_selector("#encounters tr.go")
     yield page
     assert wrong == []
-    context.close()
 
 
 def is_foreign(url: str) -> bool:
