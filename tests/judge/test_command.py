@@ -9,6 +9,8 @@ import pytest
 
 from scex_sumo.cli import main
 from scex_sumo.converters.lanelet.file import write_map_file
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.net.convert import convert
 from tests.converters.maps import ROAD, straight, write_map
 from tests.converters.mutated.mutations import example, renamed
 from tests.converters.sumo_roads import NetFile
@@ -31,6 +33,14 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
     return 0
 
 
+def way_of(way: str, lossy: Path, folder: Path) -> list[str | Path]:
+    """Return the options of a way to convert or to check; the net to be checked is there."""
+    net = folder / "n.net.xml"
+    if way == "check":
+        convert(read_road(lossy), net)
+    return {"convert": ["-o", net], "json": ["-o", net, "--json-report"], "check": ["--check", net]}[way]
+
+
 def test_losses_are_said_last_one_line_for_each_kind(
     lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -44,10 +54,7 @@ def test_losses_are_said_last_one_line_for_each_kind(
 def test_losses_are_an_error_where_the_user_is_strict(
     way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    net = tmp_path / "n.net.xml"
-    assert call(monkeypatch, lossy, "-o", net) == 0
-    asked = {"convert": ["-o", net], "json": ["-o", net, "--json-report"], "check": ["--check", net]}[way]
-    capsys.readouterr()
+    asked = way_of(way, lossy, tmp_path)
     assert call(monkeypatch, lossy, *asked, "--strict") == 1
     said = capsys.readouterr()
     assert "--strict, and the map lost 1 lanelets not driven, subtype moving_walkway" in said.err
@@ -61,10 +68,8 @@ def test_losses_are_an_error_where_the_user_is_strict(
 def test_an_unfaithful_net_fails_whatever_is_asked(
     way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    net = tmp_path / "n.net.xml"
-    assert call(monkeypatch, lossy, "-o", net) == 0
+    asked = way_of(way, lossy, tmp_path)
     monkeypatch.setattr("scex_sumo.judge.report.DEVIATION_MAX_M", -1.0)
-    asked = {"convert": ["-o", net], "json": ["-o", net, "--json-report"], "check": ["--check", net]}[way]
     assert call(monkeypatch, lossy, *asked) == 1
 
 
