@@ -52,7 +52,7 @@ class Sources:
         scex(*command).check_returncode()
         return folder
 
-    ANSWERS: Final = ("--children", "40", "--steps", "10", "--rare", "10", "--no-plots")
+    ANSWERS: Final = ("--children", "64", "--steps", "20", "--rare", "30", "--no-plots")
 
     @cache  # noqa: B019
     def answers(self) -> Path:
