@@ -28,11 +28,14 @@ def place(site: str) -> str:
 
 def tables(numbers: Mapping[str, Any]) -> str:
     """All tables that the results allow."""
+    joint = [sums for name, sums in numbers.items() if name.startswith("joint|")]
+    sites = sorted({key.split("|")[1] for sums in joint for key in sums})
     parts = (
         *(_errors(numbers, group) for group in WORDS),
         _left_out(numbers),
         *(_loops(numbers, part) for part in STARTS),
-        _joint(numbers),
+        _joint(numbers, NAMES),
+        _joint(numbers, sites),
         _curve(numbers),
     )
     return "\n\n".join(part for part in parts if part)
@@ -130,18 +133,18 @@ def _loops(numbers: Mapping[str, Any], part: str) -> str:
     return "\n".join(lines) if len(lines) > 4 else ""
 
 
-def _joint(numbers: Mapping[str, Any]) -> str:
+def _joint(numbers: Mapping[str, Any], names: Sequence[str]) -> str:
     lines = [
         "**Six futures of a scene: minJointFDE (ADE) m, minJointMR / consistent, collisions** "
         "(% of futures; in recordings; error of moving vehicles in a future, as a share of `straight_on`)",
         "",
-        "| driver | trainings | " + " | ".join(NAMES) + " |",
-        "|---|---|" + "---|" * len(NAMES),
+        "| driver | trainings | " + " | ".join(names) + " |",
+        "|---|---|" + "---|" * len(names),
     ]
     for name, runs in _runs(numbers, "joint").items():
         cells = []
-        for begin in NAMES:
-            found = [[np.array(v) for k, v in run.items() if k.startswith(f"{begin}|")] for run in runs]
+        for begin in names:
+            found = [[np.array(v) for k, v in run.items() if begin in k.split("|")] for run in runs]
             if not any(found):
                 cells.append("")
                 continue

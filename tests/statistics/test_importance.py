@@ -77,7 +77,7 @@ def sampled(gap: Gap, extra: int, seed: int) -> Sampled:
     )
 
 
-@pytest.mark.parametrize(("level", "extra"), [(2.5, 27), (3.1, 60)])
+@pytest.mark.parametrize(("level", "extra"), [(2.5, 27), (3.1, 100)])
 def test_two_vehicles_with_a_known_probability(level: float, extra: int) -> None:
     p, repeats = float(ndtr(-level)), 40
     found = [sampled(normal(level), extra, seed) for seed in range(repeats)]

@@ -64,7 +64,7 @@ def test_noise_of_single_children_is_not_balanced_out() -> None:
 
 @pytest.mark.parametrize("count", [117, 385])
 def test_coverage_and_width_on_functions_with_interactions(count: int) -> None:
-    """Products of two and three vehicles' effects, thresholded: 24 questions, 15 draws of the design."""
+    """Products of two and three vehicles' effects, thresholded: 24 questions, 30 draws of the design."""
     rng = np.random.default_rng(3)
     effects = rng.normal(size=(24, VEHICLES, LEVELS))
     score = np.stack([sum(e[v][ALL[:, v]] for v in range(VEHICLES)) for e in effects], axis=1)
@@ -72,7 +72,7 @@ def test_coverage_and_width_on_functions_with_interactions(count: int) -> None:
     truth_of = score > np.quantile(score, rng.uniform(0.6, 0.95, 24), axis=0).diagonal()
     truth = truth_of.mean(axis=0)
     inside, width, error = [], [], []
-    for seed in range(15):
+    for seed in range(30):
         rows = drawn(count, seed)
         critical = truth_of[np.ravel_multi_index(tuple(rows.T), (LEVELS,) * VEHICLES)]
         for p, found in zip(
