@@ -34,7 +34,6 @@ def run_answer(run: Run, page: Path | None = None) -> dict[str, Any]:
         "collision": {
             "recorded": None if recorded is None else len(recorded["overlaps"]),
             **_both(run, lambda one: one.p_collision if one.outcomes else None),
-            "rare": _rare(run),
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
         "encounters": meeting_rows(meetings(run)),
@@ -50,8 +49,7 @@ def meeting_rows(
         encounter = Encounter(row=one.row, run=one.run)
         asked = weights if one.futures == STRESS_TEST else None
         exact = None if encounter.table is None else encounter.table.probability(asked)
-        rare = None if one.run.rare is None else one.run.rare.of(*one.pair)
-        row = {"futures": one.futures, **one.row, "exact_collision": exact, "rare_collision": rare}
+        row = {"futures": one.futures, **one.row, "exact_collision": exact}
         rows.append(row if asked is None else row | {"weighted": encounter.weighted(asked)})
     return rows
 
@@ -59,12 +57,6 @@ def meeting_rows(
 def _both(run: Run, share: Any) -> dict[str, Any]:
     ones = {"stress_test": run, "human_like": run.reference}
     return {name: None if one is None else interval(share(one)) for name, one in ones.items()}
-
-
-def _rare(run: Run) -> dict[str, Any] | None:
-    """Return the rare collisions of the human-like drivers; None if they were not looked for."""
-    human = run if run.reference is None else run.reference
-    return None if human.rare is None else dataclasses.asdict(human.rare)
 
 
 def _metric(run: Run, column: str) -> dict[str, Any]:

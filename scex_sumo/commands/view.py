@@ -30,10 +30,6 @@ def view_command(
     encounter: Annotated[
         str | None, Option(metavar="A,B", help="Show two vehicles in a typical future in which they meet.")
     ] = None,
-    rare: Annotated[
-        int | None,
-        Option(metavar="N", help="Show the Nth future with a rare human-like collision; 1: the heaviest."),
-    ] = None,
     write_only: Annotated[
         bool, Option("--write-only", help="Write the files, print the path, open nothing.")
     ] = False,
@@ -41,12 +37,10 @@ def view_command(
     """Open futures in sumo-gui."""
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.views.children import write_child, write_encounter, write_grid, write_rare, write_worst
+    from scex_sumo.views.children import write_child, write_encounter, write_grid, write_worst
 
-    if sum(option is not None for option in (child, grid or critical, encounter, rare)) > 1:
-        raise UsageError(
-            "view: --child, --critical, --encounter and --rare exclude one another; give one of them"
-        )
+    if sum(option is not None for option in (child, grid or critical, encounter)) > 1:
+        raise UsageError("view: --child, --critical and --encounter exclude one another; give one of them")
     with as_written(folder):
         run = open_run(folder)
         if grid is not None:
@@ -55,8 +49,6 @@ def view_command(
             file = write_worst(run, critical)
         elif encounter is not None:
             file = write_encounter(run, *two_tracks(encounter))
-        elif rare is not None:
-            file = write_rare(run, rare)
         else:
             file = write_child(run, 0 if child is None else child)
     if write_only:

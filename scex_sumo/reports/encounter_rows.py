@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from scex_sumo.evaluation.encounters import ENCOUNTERS, criticality, event_of, in_words, percent_of
-from scex_sumo.results.rare import Rare
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 
@@ -67,14 +66,6 @@ def surely_above(value: float, low: float, other: float, other_high: float) -> b
     return bool(value - other > math.hypot(value - low, other_high - other))
 
 
-def with_rare(row: dict[str, Any], rare: Rare | None) -> dict[str, Any]:
-    """Return a row with the estimate of rare collisions in place of its share."""
-    pair = None if rare is None else rare.pair(row["track_id"], row["other_id"])
-    if pair is None:
-        return row
-    return row | {"collision": pair.value, "collision_low": pair.low, "collision_high": pair.high}
-
-
 def meetings(run: Run, region: Region = EVERYWHERE) -> list[Meeting]:
     """Return the pairs of both sets in a region, the most critical first; the lines of a pair stand together.
 
@@ -85,9 +76,8 @@ def meetings(run: Run, region: Region = EVERYWHERE) -> list[Meeting]:
     found = [Meeting(futures=STRESS_TEST, run=run, row=row) for row in run.encounters.to_pylist()]
     possible = {one.pair: one.row for one in found}
     human = run.reference
-    for plain in [] if human is None else human.encounters.to_pylist():
+    for row in [] if human is None else human.encounters.to_pylist():
         assert human is not None
-        row = with_rare(plain, human.rare)
         one = Meeting(futures=HUMAN_LIKE, run=human, row=row)
         stress = possible.get(one.pair)
         if row["critical"] > 0 or stress is None:

@@ -74,8 +74,6 @@ def answer_lines(run: Run) -> list[str]:
 
 def _sure(run: Run) -> str:
     share = run.p_collision
-    if share.rare is not None:
-        return f"; {mostly}" if (mostly := share.rare.mostly()) else ""
     return f"; {share.tables.told()}" if share.tables is not None and share.exact is not None else ""
 
 
@@ -256,7 +254,7 @@ def _shares(share: Interval) -> tuple[str, str]:
 
 
 def _human_share(likely: Run) -> str:
-    return f"{likely.p_collision.value:.1%}" if likely.rare is None else likely.rare.short
+    return f"{likely.p_collision.value:.1%}"
 
 
 def _collision_shares(share: CollisionShare) -> tuple[str, str]:

@@ -19,7 +19,6 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.exact.tables import InfluenceTable, Weights, shares_of, union_probability
 from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
 from scex_sumo.metrics.registry import COLLISION
-from scex_sumo.results.rare import Rare
 from scex_sumo.statistics.density import Interval
 
 EXACT: Final = "exact.json"
@@ -49,11 +48,6 @@ class RunTables(Protocol):
     @property
     def exact(self) -> Exact | None:
         """Exact tables; None without."""
-        ...
-
-    @property
-    def rare(self) -> Rare | None:
-        """Estimate by importance sampling; None without."""
         ...
 
     @property
@@ -155,11 +149,6 @@ class CollisionShare(Interval):
         """Exact tables of the run; None where it has none."""
         return self.run.exact
 
-    @property
-    def rare(self) -> Rare | None:
-        """Estimate of the run by importance sampling; None without one."""
-        return self.run.rare
-
     @cached_property
     def exact(self) -> float | None:
         """Exact probability with the run's weights; None where a pair that collides has no table."""
@@ -167,16 +156,14 @@ class CollisionShare(Interval):
 
     @property
     def best(self) -> Interval:
-        """The exact probability, else the estimate of rare collisions, else the share."""
+        """The exact probability, else the share."""
         if self.exact is not None:
             return Interval(value=self.exact, low=self.exact, high=self.exact, count=self.count)
-        return self if self.rare is None else self.rare
+        return self
 
     @property
     def percent(self) -> str:
-        """In words, e.g. ``12 % [9–16]``, ``12.5 %`` if it is exact, or that of the rare collisions."""
-        if self.rare is not None:
-            return self.rare.percent
+        """In words, e.g. ``12 % [9–16]``, ``12.5 %`` if it is exact."""
         return super().percent if self.exact is None else f"{100 * self.exact:.4g} %"
 
     def __call__(self, weights: Weights | None = None) -> float:

@@ -146,7 +146,7 @@ class ResultFolder(OutputFolder):
         for pattern in _PATTERNS:
             for file in self.path.glob(pattern):
                 file.unlink()
-        for name in (PARTS, "sumo", "baseline", "reference", "exact", "rare"):
+        for name in (PARTS, "sumo", "baseline", "reference", "exact"):
             shutil.rmtree(self.path / name, ignore_errors=True)
 
     def _prepare(self) -> None:
@@ -215,7 +215,6 @@ _PATTERNS = (
     "under_test.*",
     "fallbacks.*",
     "exact.json",
-    "rare.json",
     "evidence.html",
     "explain*",
     "sample_size*",

@@ -18,7 +18,6 @@ from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, s
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
 from scex_sumo.results.exact import CollisionShare, Encounter, Exact, read_exact
 from scex_sumo.results.info import read_info
-from scex_sumo.results.rare import Rare, read_rare
 from scex_sumo.results.tables import (
     StateBlocks,
     as_pandas,
@@ -155,11 +154,6 @@ class Run:
     def exact(self) -> Exact | None:
         """Exact probabilities of the encounters; None if the run has none."""
         return read_exact(self.folder)
-
-    @cached_property
-    def rare(self) -> Rare | None:
-        """Rare collisions of human-like drivers, by importance sampling; None if the run has none."""
-        return read_rare(self.folder)
 
     def encounter(self, one: int, other: int) -> Encounter:
         """Return the encounter of two vehicles, with its influence table and cut sets.

@@ -14,7 +14,6 @@ from scex_sumo.base.colors import Rgb, model_colors
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic, writing
 from scex_sumo.metrics.registry import metric_of, side_of
-from scex_sumo.results.rare import FUTURES, STATES, probability_words
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.replay import ReadNet, write_view
@@ -106,30 +105,6 @@ def write_encounter(run: Run, first: int, second: int) -> Path:
     what, share = ("collides", row["collision"]) if row["collision"] > 0 else ("critical", row["critical"])
     step, title = round(row["time_s"] / STEP_S), f"{what} in {100 * share:.0f} %"
     return _write(run, [_event_view(run, row["child"], [first, second], step, title)])
-
-
-def write_rare(run: Run, number: int) -> Path:
-    """Write the ``number``-th future with a rare collision, from 1, and return the file to open.
-
-    Those of the human-like reference, if the run has none of its own.
-    """
-    human = run if run.rare is not None or run.reference is None else run.reference
-    rows = human.table(str(FUTURES)).to_pylist() if human.rare is not None else []
-    if not 1 <= number <= len(rows):
-        there = f"give 1 to {len(rows)}" if rows else "no rare collision was found; try run --rare 1000"
-        raise UsageError(f"--rare {number}: {there}")
-    row, past = rows[number - 1], human.states(0)[:, :LOGGED_HISTORY]
-    future = States(**{name: np.reshape(row[name], (past.shape[0], -1)) for name in STATES})
-    tracks = [row["track_id"], row["other_id"]]
-    view = _event_view(
-        human,
-        row["future"],
-        tracks,
-        int(np.ceil(row["time_s"] / STEP_S)),
-        f"collides in {probability_words(row['weight'])}",
-        states=States.concatenate([past, future], axis=1),
-    )
-    return _write(human, [view])
 
 
 def write_grid(run: Run, count: int, column: str | None = None) -> Path:

@@ -244,9 +244,9 @@ def _drawn(
 
 
 def _answers(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
-    """Exact tables, outcomes of pairs or the estimate of rare collisions, of either set of futures."""
+    """Exact tables or outcomes of pairs, of either set of futures."""
     shutil.copytree(sources.answers(), work / "out")
-    names = ("exact.json", "rare.json", "exact/*", "rare/*", "pair_outcomes.parquet", "collisions.parquet")
+    names = ("exact.json", "exact/*", "pair_outcomes.parquet", "collisions.parquet")
     files = sorted({file for name in (*names, "encounters.parquet") for file in (work / "out").rglob(name)})
     file = rng.choice(files)
     how = "removed" if rng.random() < 0.05 else _twice(file, rng)

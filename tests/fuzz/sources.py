@@ -52,11 +52,11 @@ class Sources:
         scex(*command).check_returncode()
         return folder
 
-    ANSWERS: Final = ("--children", "64", "--steps", "20", "--rare", "30", "--no-plots")
+    ANSWERS: Final = ("--children", "64", "--steps", "20", "--no-plots")
 
     @cache  # noqa: B019
     def answers(self) -> Path:
-        """A result folder with exact tables and an estimate of rare collisions."""
+        """A result folder with exact tables."""
         folder = self._folder / "answers"
         scex("run", EXAMPLES / "urban_intersection.osm", *self.ANSWERS, "-o", folder).check_returncode()
         return folder

@@ -1,1 +1,1 @@
-"""Extra futures of a run: for exact probabilities, and for rare collisions."""
+"""Extra futures of a run for exact probabilities."""

@@ -97,9 +97,7 @@ def _probability(run: Run) -> dict[str, str]:
         "stress test": f"{share.percent}{sure}; drawn as {models}",
         "human-like": "not run"
         if human is None
-        else f"{human.p_collision.percent} of {counted(human.children, 'future')}, 95 % interval"
-        if human.rare is None
-        else f"{human.rare.short}; {human.rare.words()}",
+        else f"{human.p_collision.percent} of {counted(human.children, 'future')}, 95 % interval",
         "validity of the latter": "forecasts of this mix were scored on recordings of other sites, see "
         "docs/validity.md; of this site only if scex-sumo validate was run on it",
     }

@@ -183,8 +183,6 @@ def _big(share: Mapping[str, Any], what: str, how: str, name: str, kind: str) ->
     value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
     seen = f"{share['count']} of {counted(share['children'], 'future')}"
     words = f"{seen}; 95 %: {interval}" if exact is None else f"exact; sampled: {seen}, {interval}"
-    if rare := share["rare"]:
-        value, words = rare["short"], f"{rare['words']}; drawn plainly: {seen}"
     number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
     hurt = share["injuries"]
     severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]

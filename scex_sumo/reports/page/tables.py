@@ -126,8 +126,7 @@ def collision_share(run: Run) -> dict[str, Any] | None:
         return None
     share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
-    rare = share.rare and {"short": share.rare.short, "words": share.rare.words()}
-    known = {"count": count, "children": run.children, "injuries": expected_injuries(run), "rare": rare}
+    known = {"count": count, "children": run.children, "injuries": expected_injuries(run)}
     return {**known, **interval}
 
 
@@ -164,17 +163,16 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 "child": row["child"] + (run.children if is_human else 0),
                 "step": round(row["time_s"] / STEP_S),
                 "worst": one in worst,
-                **(_story(one, run.reference) if one in worst else {}),
+                **(_story(one) if one in worst else {}),
             }
         )
     known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
     return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
 
 
-def _story(one: Meeting, human: Run | None) -> dict[str, Any]:
+def _story(one: Meeting) -> dict[str, Any]:
     """Return what happens in a worst encounter: question, words, kind and place, drivers, exact share."""
     question, happens = event_of(one.row)
-    pair = human.rare.pair(*one.pair) if human and human.rare and question == "collision" else None
     found = Encounter(row=one.row, run=one.run)
     table = found.table if question == "collision" else None
     tracks = [one.row["track_id"], one.row["other_id"]]
@@ -188,7 +186,6 @@ def _story(one: Meeting, human: Run | None) -> dict[str, Any]:
         "about": ", ".join(part for part in (one.row["kind"], one.row["place"]) if part),
         "why": f"exactly if {ways}" if ways else f"typically {', '.join(drivers)}",
         "exact": "" if table is None else f"{100 * table.probability():.4g} %",
-        "rare": pair and {"value": pair.value, "low": pair.low, "high": pair.high},
     }
 
 

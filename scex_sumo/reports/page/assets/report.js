@@ -42,8 +42,7 @@ function runReport(run) {
       const { question, happens, about, why, exact } = row, [stress, human] = [false, true].map((isHuman) => select.share({ ...row, human: isHuman }, EVENT_BITS[question]));
       const { step } = isWhole ? row : select.typicalOf(row), place = [about, seconds(step)].filter(Boolean).join(", ");
       const shares = [make("b.drawn", isWhole && exact ? exact : percent(stress.value)), ` stress test${isWhole && exact ? ", exact" : ` (${range(stress)})`}`];
-      const likely = (isWhole && row.rare) || human;
-      if (info.human) shares.push(" · ", make("b.likely", percent(likely.value)), ` human-like (${range(likely)})`);
+      if (info.human) shares.push(" · ", make("b.likely", percent(human.value)), ` human-like (${range(human)})`);
       const button = make("button", { title: row.words, onclick: () => jump(row) }, make("b", row.pair.map(id).join(" → ")), ` ${happens} · ${place}`, make("span", {}, ...shares), make("span.soft", why));
       return make("li", {}, button);
     }));
