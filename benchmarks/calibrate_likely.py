@@ -27,16 +27,16 @@ from likely_choices import changes_of, comes_to_rest, offsets_of, paths_of, star
 from likely_samples import Manner, joined, kept, weighted
 from recorded_scenes import EVERY_S, recorded_parts, smoothed
 
-from scex_sumo.behaviors.models.likely_lanes import MIN_SPEED_MPS
-from scex_sumo.behaviors.models.likely_observations import STANDING_MPS
-from scex_sumo.behaviors.models.population import SHIPPED, population
+from scex_sumo.humans.lanes import MIN_SPEED_MPS
+from scex_sumo.humans.observations import STANDING_MPS
+from scex_sumo.humans.population import SHIPPED, population
 from scex_sumo.scene import SeedScene
 
 NOISY_MPS2 = 0.1  # a set whose accelerations scatter by more is noisy
 
 
 def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
-    """The population, as in `scex_sumo.behaviors.models.population.Population`.
+    """The population, as in `scex_sumo.humans.population.Population`.
 
     A data set counts as the square root of its vehicles: the largest shall not decide alone. Accelerations of
     noisy sets are fitted to their smoothed recordings, too: so does noise show, which the same people made

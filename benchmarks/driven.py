@@ -9,8 +9,8 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.learned.training.closed_loop import drive_all
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.training.closed_loop import drive_all
 
 
 def drive_scene(scene: SeedScene, model: str, *, steps: int) -> States:

@@ -21,11 +21,11 @@ import numpy as np
 
 import scex_sumo
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.exact.tables import InfluenceTable
+from scex_sumo.certainty.tables import InfluenceTable
 from scex_sumo.extrapolation.engine import add_reference
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.reports.page.report import write_report
+from scex_sumo.page.report import write_report
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 

@@ -31,8 +31,6 @@ import numpy as np
 from driven import drive_scene, overlaps
 from recorded_scenes import SETS, recorded
 
-from scex_sumo.behaviors.guard.corridors import GuardProfile
-from scex_sumo.behaviors.guard.guarded import Guarded, slowed
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.converters.datasets.recordings import (
@@ -42,6 +40,8 @@ from scex_sumo.converters.datasets.recordings import (
     seed_at,
 )
 from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.humans.guard.corridors import GuardProfile
+from scex_sumo.humans.guard.guarded import Guarded, slowed
 from scex_sumo.scenarios.seeds import synthetic_seed
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 

@@ -13,9 +13,9 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.paths import DS_M
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, desired_speed
-from scex_sumo.behaviors.models.likely_driver import HARDEST_MPS2, RELIEF_MPS2, STRONGEST_MPS2
-from scex_sumo.behaviors.models.likely_observations import STANDING_MPS, demanded_acceleration
-from scex_sumo.behaviors.models.population import (
+from scex_sumo.humans.driver import HARDEST_MPS2, RELIEF_MPS2, STRONGEST_MPS2
+from scex_sumo.humans.observations import STANDING_MPS, demanded_acceleration
+from scex_sumo.humans.population import (
     DEGREES,
     MAX_ADDITIONAL_MPS2,
     NODES_S,

@@ -40,18 +40,18 @@ from recorded_scenes import ngsim_part
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
-from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
-from scex_sumo.behaviors.learned.profiles import (
+from scex_sumo.behaviors.registry import ModelSpec, build
+from scex_sumo.converters.datasets.recordings import Recording, find_recordings
+from scex_sumo.humans.guard.guarded import Guarded
+from scex_sumo.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
+from scex_sumo.learned.profiles import (
     GraphImagePredictorProfile,
     GraphPredictorProfile,
     JointPredictorProfile,
 )
-from scex_sumo.behaviors.registry import ModelSpec, build
-from scex_sumo.converters.datasets.recordings import Recording, find_recordings
+from scex_sumo.learned.training.command import train_command
+from scex_sumo.learned.training.data.samples import learnable
 from scex_sumo.scene import SeedScene
-from scex_sumo.training.command import train_command
-from scex_sumo.training.data.samples import learnable
 
 # s between two moments: MONA has many vehicles, the others few.
 ERRORS_EVERY_S = {"MONA": 2.0}

@@ -13,9 +13,6 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.behaviors.learned.decoding import plan_along, way_of
-from scex_sumo.behaviors.learned.driver import LearnedDriver
-from scex_sumo.behaviors.learned.surface import Surface, path_room, surface_of
 from scex_sumo.converters.datasets.moment import Split
 from scex_sumo.converters.datasets.recordings import (
     Recording,
@@ -26,12 +23,15 @@ from scex_sumo.converters.datasets.recordings import (
 )
 from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.learned.decoding import plan_along, way_of
+from scex_sumo.learned.driver import LearnedDriver
+from scex_sumo.learned.surface import Surface, path_room, surface_of
+from scex_sumo.learned.training.closed_loop import REPLAN, drive_all
+from scex_sumo.learned.training.data.dataset import part_scenes
+from scex_sumo.learned.training.data.perturb import Perturbation, perturbed
+from scex_sumo.learned.training.data.targets import smooth_return
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex
-from scex_sumo.training.closed_loop import REPLAN, drive_all
-from scex_sumo.training.data.dataset import part_scenes
-from scex_sumo.training.data.perturb import Perturbation, perturbed
-from scex_sumo.training.data.targets import smooth_return
 from scex_sumo.world.plain import PlainWorld
 
 MOVING_MPS = 0.5

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.cleaning.smooth import smooth
 from scex_sumo.converters.datasets.moment import Part, Split, split_moments
 from scex_sumo.converters.datasets.recordings import (
     find_recordings,
@@ -17,6 +16,7 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
+from scex_sumo.formats.cleaning.smooth import smooth
 from scex_sumo.scene import STEP_S, SeedScene, States
 
 SETS = ("taf_bw", "mona")

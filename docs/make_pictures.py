@@ -26,13 +26,13 @@ import scex_sumo as scex
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.exporters.request import Request
 from scex_sumo.exporters.video import Film
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate_pairs
+from scex_sumo.page.report import write_report
 from scex_sumo.reports.drawing import STYLE
-from scex_sumo.reports.page.report import write_report
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 

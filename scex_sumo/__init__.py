@@ -15,13 +15,9 @@ if TYPE_CHECKING:
     from scex_sumo.base.errors import ScexError as ScexError
     from scex_sumo.base.errors import ScexWarning as ScexWarning
     from scex_sumo.behaviors.base import Behavior as Behavior
-    from scex_sumo.behaviors.plug_in.inputs import Surroundings as Surroundings
-    from scex_sumo.behaviors.plug_in.predictor import Predictor as Predictor
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
     from scex_sumo.behaviors.registry import predictor as predictor
-    from scex_sumo.behaviors.scene_graph.graph import SceneGraph as SceneGraph
-    from scex_sumo.behaviors.scene_graph.graph import scene_graph as scene_graph
     from scex_sumo.converters.datasets.find import find_recordings as find_recordings
     from scex_sumo.converters.datasets.recordings import LoadedRecording as LoadedRecording
     from scex_sumo.converters.datasets.recordings import load_recording as load_recording
@@ -29,7 +25,6 @@ if TYPE_CHECKING:
     from scex_sumo.converters.datasets.recordings import seed_at as seed_at
     from scex_sumo.converters.lanelet.reader import read_road as read_road
     from scex_sumo.converters.maps import read_map as read_map
-    from scex_sumo.converters.net.convert import convert as convert
     from scex_sumo.converters.net.sumo_net import SumoNet as SumoNet
     from scex_sumo.converters.registries import Recording as Recording
     from scex_sumo.converters.tracks.rows import TrackTable as TrackTable
@@ -40,13 +35,18 @@ if TYPE_CHECKING:
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
     from scex_sumo.formats.sumo.watch import Watch as Watch
     from scex_sumo.formats.sumo.watch import watch as watch
+    from scex_sumo.lanelet2sumo.convert import convert as convert
+    from scex_sumo.learned.scene_graph.graph import SceneGraph as SceneGraph
+    from scex_sumo.learned.scene_graph.graph import scene_graph as scene_graph
+    from scex_sumo.learned.training.attention import plot_attention as plot_attention
     from scex_sumo.metrics.pairs.scenes import Samples as Samples
     from scex_sumo.metrics.pairs.scenes import Scenes as Scenes
     from scex_sumo.metrics.registry import metric as metric
+    from scex_sumo.plug_in.inputs import Surroundings as Surroundings
+    from scex_sumo.plug_in.predictor import Predictor as Predictor
     from scex_sumo.results.region import Region as Region
     from scex_sumo.results.run import Run as Run
     from scex_sumo.results.run import open_run as open_run
-    from scex_sumo.results.under_test import UnderTest as UnderTest
     from scex_sumo.road import Lane as Lane
     from scex_sumo.road import Road as Road
     from scex_sumo.scenarios import example_path as example_path
@@ -60,38 +60,38 @@ if TYPE_CHECKING:
     from scex_sumo.studies.dataset_report import dataset_report as dataset_report
     from scex_sumo.studies.rank.rank import Ranking as Ranking
     from scex_sumo.studies.rank.rank import rank as rank
+    from scex_sumo.studies.under_test.results import UnderTest as UnderTest
     from scex_sumo.studies.validate.validate import Validation as Validation
     from scex_sumo.studies.validate.validate import validate as validate
-    from scex_sumo.training.attention import plot_attention as plot_attention
 
 _HOMES = {
     "Behavior": "scex_sumo.behaviors.base",
     "Lane": "scex_sumo.road",
     "LoadedRecording": "scex_sumo.converters.datasets.recordings",
     "Plan": "scex_sumo.scene",
-    "Predictor": "scex_sumo.behaviors.plug_in.predictor",
+    "Predictor": "scex_sumo.plug_in.predictor",
     "Ranking": "scex_sumo.studies.rank.rank",
     "Recording": "scex_sumo.converters.registries",
     "Region": "scex_sumo.results.region",
     "Road": "scex_sumo.road",
     "Run": "scex_sumo.results.run",
     "Samples": "scex_sumo.metrics.pairs.scenes",
-    "SceneGraph": "scex_sumo.behaviors.scene_graph.graph",
+    "SceneGraph": "scex_sumo.learned.scene_graph.graph",
     "SceneHistory": "scex_sumo.scene",
     "Scenes": "scex_sumo.metrics.pairs.scenes",
     "ScexError": "scex_sumo.base.errors",
     "ScexWarning": "scex_sumo.base.errors",
     "SeedScene": "scex_sumo.scene",
     "States": "scex_sumo.scene",
-    "Surroundings": "scex_sumo.behaviors.plug_in.inputs",
+    "Surroundings": "scex_sumo.plug_in.inputs",
     "SumoNet": "scex_sumo.converters.net.sumo_net",
     "TrackTable": "scex_sumo.converters.tracks.rows",
-    "UnderTest": "scex_sumo.results.under_test",
+    "UnderTest": "scex_sumo.studies.under_test.results",
     "Validation": "scex_sumo.studies.validate.validate",
     "VehicleIndex": "scex_sumo.scene",
     "Watch": "scex_sumo.formats.sumo.watch",
     "behavior": "scex_sumo.behaviors.registry",
-    "convert": "scex_sumo.converters.net.convert",
+    "convert": "scex_sumo.lanelet2sumo.convert",
     "dataset_report": "scex_sumo.studies.dataset_report",
     "example_path": "scex_sumo.scenarios",
     "extrapolate": "scex_sumo.extrapolation.extrapolate",
@@ -100,7 +100,7 @@ _HOMES = {
     "metric": "scex_sumo.metrics.registry",
     "open_run": "scex_sumo.results.run",
     "parse_models": "scex_sumo.behaviors.registry",
-    "plot_attention": "scex_sumo.training.attention",
+    "plot_attention": "scex_sumo.learned.training.attention",
     "plot_scene_graph": "scex_sumo.exporters.scene_graph",
     "predictor": "scex_sumo.behaviors.registry",
     "rank": "scex_sumo.studies.rank.rank",
@@ -108,7 +108,7 @@ _HOMES = {
     "read_road": "scex_sumo.converters.lanelet.reader",
     "read_seed": "scex_sumo.scenarios.seeds",
     "recording_moments": "scex_sumo.converters.datasets.recordings",
-    "scene_graph": "scex_sumo.behaviors.scene_graph.graph",
+    "scene_graph": "scex_sumo.learned.scene_graph.graph",
     "seed_at": "scex_sumo.converters.datasets.recordings",
     "synthetic_seed": "scex_sumo.scenarios.seeds",
     "to_hetero_data": "scex_sumo.exporters.scene_graph",
@@ -119,7 +119,7 @@ _HOMES = {
 }
 
 if "IPython" in sys.modules:  # runs and seed scenes are shown as HTML in a notebook
-    importlib.import_module("scex_sumo.reports.notebook").register()
+    importlib.import_module("scex_sumo.page.notebook").register()
 
 __all__ = [*sorted(_HOMES), "__version__"]
 

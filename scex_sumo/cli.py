@@ -40,14 +40,9 @@ COMMANDS = Registry(
     kind="command",
     builtin={
         "run": "scex_sumo.commands.run:run_command",
-        "inspect": "scex_sumo.commands.inspect:inspect_command",
-        "report": "scex_sumo.commands.report:report_command",
         "plot": "scex_sumo.commands.plot:plot_command",
-        "view": "scex_sumo.commands.view:view_command",
         "encounters": "scex_sumo.commands.encounters:encounters_command",
-        "metrics": "scex_sumo.commands.metrics:metrics_command",
         "models": "scex_sumo.commands.models:models_command",
-        "generate": "scex_sumo.commands.generate:generate_command",
     },
 )
 """A command is a function with Typer options; ``EXAMPLE`` in its module ends its help."""

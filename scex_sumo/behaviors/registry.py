@@ -11,16 +11,7 @@ from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import Registry, own_error_reason
 from scex_sumo.base.programs import SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.guard.corridors import GuardProfile
-from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
-from scex_sumo.behaviors.learned.profiles import (
-    GraphImagePredictorProfile,
-    GraphPredictorProfile,
-    JointPredictorProfile,
-)
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver, IdmProfile
-from scex_sumo.behaviors.models.likely_driver import LikelyDriver, LikelyProfile
 from scex_sumo.behaviors.models.simple import (
     ConstantVelocity,
     ConstantVelocityProfile,
@@ -30,16 +21,6 @@ from scex_sumo.behaviors.models.simple import (
     ReplayProfile,
 )
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.files import FILES, PROCESS_NAME, split_command
-from scex_sumo.behaviors.plug_in.user_model import (
-    SingleVehicle,
-    SingleVehicleBehavior,
-    UserModel,
-    is_import_path,
-    load_model,
-    predictor_model,
-    user_model,
-)
 from scex_sumo.behaviors.spec import (
     GUARD,
     LEARNED,
@@ -49,6 +30,25 @@ from scex_sumo.behaviors.spec import (
     user_arguments,
 )
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
+from scex_sumo.humans.driver import LikelyDriver, LikelyProfile
+from scex_sumo.humans.guard.corridors import GuardProfile
+from scex_sumo.humans.guard.guarded import Guarded
+from scex_sumo.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
+from scex_sumo.learned.profiles import (
+    GraphImagePredictorProfile,
+    GraphPredictorProfile,
+    JointPredictorProfile,
+)
+from scex_sumo.plug_in.files import FILES, PROCESS_NAME, split_command
+from scex_sumo.plug_in.user_model import (
+    SingleVehicle,
+    SingleVehicleBehavior,
+    UserModel,
+    is_import_path,
+    load_model,
+    predictor_model,
+    user_model,
+)
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 SUMO = "sumo"

@@ -10,7 +10,7 @@ from typing import Any
 
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.behaviors.base import MAX_PARAMETER, MIN_PARAMETER
-from scex_sumo.behaviors.plug_in.user_model import EMPTY, UserModel
+from scex_sumo.plug_in.user_model import EMPTY, UserModel
 
 GUARD = "guard"  # a parameter of every model but SUMO's
 LEARNED = ("graph_predictor", "graph_image_predictor", "joint_predictor")

@@ -41,7 +41,7 @@ from scex_sumo.commands.options import (
 )
 from scex_sumo.commands.seed import one_source, seed_scene
 from scex_sumo.commands.shared import Answer
-from scex_sumo.commands.view import view_command
+from scex_sumo.views.command import view_command
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
@@ -113,12 +113,6 @@ def run_command(
     ] = "sumo",
     cache: Cache = True,
     exact: Annotated[bool, Option(help="Run some more futures for exact probabilities.")] = True,
-    rare: Annotated[
-        int | None,
-        Option(
-            metavar="N", help="Extra futures for rare human-like collisions; default: a twentieth of all."
-        ),
-    ] = None,
     keep_plans: Annotated[bool, Option(help="Write plans.parquet, to evaluate gap times again.")] = False,
     force: Force = False,
     overwrite: Overwrite = False,
@@ -165,8 +159,7 @@ def run_command(
         parse_models(reference)  # an error now, not after the run
     if out is not None and out.is_file():
         raise UsageError(f"-o {out}: is a file; name a folder")
-    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, rare=rare or 0)
-    own_rare = options.rare if reference == NO_REFERENCE else 0
+    options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact)
     if gui or world != DEFAULT_WORLD:
         check_world(settings, ModelSet.of(settings), gui=gui)
     command = ["scex-sumo", *sys.argv[1:]]
@@ -193,7 +186,7 @@ def run_command(
                 out=folder,
                 workers=pool,
                 overwrite=overwrite,
-                options=dataclasses.replace(options, rare=own_rare, progress=tick, command=command),
+                options=dataclasses.replace(options, progress=tick, command=command),
             )
         views = pool.submit(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:
@@ -201,11 +194,11 @@ def run_command(
         else:
             with progress_bar("reference") as tick, resumable("futures", folder):
                 options = RunOptions(cache=cache, exact=exact, progress=tick, command=command)
-                add_reference(result, scene, reference, settings, workers=pool, options=options, rare=rare)
+                add_reference(result, scene, reference, settings, workers=pool, options=options)
         _tell(result, preset)
         print(f"result: {folder}")
         if plots:
-            from scex_sumo.reports.page.report import write_report
+            from scex_sumo.page.report import write_report
 
             page = write_report(result, scene)
             if views is None or not succeeded(views):
@@ -225,7 +218,7 @@ def _tell(run: Run, preset: str | None) -> None:
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
     if run.baseline is not None:
-        from scex_sumo.reports.under_test_table import print_under_test
+        from scex_sumo.studies.under_test.table import print_under_test
 
         print_under_test(run, output_console(width=110), preset=preset)
     print_summary(run, output_console(width=110), preset=preset)

@@ -9,8 +9,8 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.behaviors.plug_in.predictor import completed
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.plug_in.predictor import completed
 from scex_sumo.scene import STEP_S, States
 
 MAX_BRAKING, MAX_ACCELERATION = 8.0, 4.0  # m/s²

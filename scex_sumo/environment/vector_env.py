@@ -17,7 +17,6 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.extrapolation.assignments import child_generator, random_assignments, route_draws
@@ -28,6 +27,7 @@ from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
+from scex_sumo.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 from scex_sumo.world.plain import PlainWorld

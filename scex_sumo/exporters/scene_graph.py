@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
 from scex_sumo.base.errors import MissingExtraError, UsageError
-from scex_sumo.behaviors.scene_graph.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
+from scex_sumo.learned.scene_graph.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
 from scex_sumo.reports.drawing import draw_road, draw_vehicles, look_at, sheet, vehicle_outlines
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene

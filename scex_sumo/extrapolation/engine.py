@@ -16,10 +16,8 @@ from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.converters.net.convert import converted
-from scex_sumo.exact.tables import remainder_of
-from scex_sumo.extrapolation.extra.exact import find_exact, why_not_exact
-from scex_sumo.extrapolation.extra.rare import find_rare, likely_profile
+from scex_sumo.certainty.exact import find_exact, why_not_exact
+from scex_sumo.certainty.tables import remainder_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
@@ -27,21 +25,18 @@ from scex_sumo.extrapolation.rollout import count_fallbacks
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recorded_info, write_tables
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.exact import EXACT, Exact, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.info import describe, digest, versions
 from scex_sumo.results.parts import Part, Parts
-from scex_sumo.results.rare import RARE, write_rare
 from scex_sumo.results.run import REFERENCE, Run
-from scex_sumo.results.under_test import BASELINE
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.bands import Look, grow, look
+from scex_sumo.studies.under_test.results import BASELINE
 from scex_sumo.world.base import WORLDS
 
-MAX_RARE = 100_000
-RARE_PART = 20
-"""Of this many futures, one more is run for rare collisions."""
 REFERENCE_CHILDREN = 117
 """A share then has a 95 % interval of at most +-9 %."""
 REFERENCE_STEPS = 30
@@ -54,7 +49,6 @@ class RunOptions:
 
     Attributes:
         compared: compare a checked world with SUMO's.
-        rare: number of extra futures for rare collisions of likely drivers.
         exact: find exact probabilities; they may end a run with ``until_band`` earlier.
     """
 
@@ -63,15 +57,12 @@ class RunOptions:
     cache: bool = True
     compared: bool = True
     exact: bool = True
-    rare: int = 0
     progress: Progress | None = None
     command: Sequence[str] | None = None
 
     def __post_init__(self) -> None:
         if self.batch is not None and self.batch < 1:
             raise UsageError(f"--batch: got {self.batch}, needs at least 1")
-        if not 0 <= self.rare <= MAX_RARE:
-            raise UsageError(f"--rare: got {self.rare}, needs 0 to {MAX_RARE:,}")
 
 
 DEFAULT_OPTIONS = RunOptions()
@@ -139,8 +130,6 @@ def run_scene(
     if exact is not None:
         write_exact(exact, job.folder / EXACT)
     watch.lap("exact")
-    _write_rare(job, part, options, workers)
-    watch.lap("rare")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
     if vehicles is not None:
@@ -160,15 +149,6 @@ def _exact(job: Job, part: Part, *, options: RunOptions, workers: Workers) -> Ex
         return None
     assert part.encounters is not None
     return find_exact(job, part.encounters, workers)
-
-
-def _write_rare(job: Job, part: Part, options: RunOptions, workers: Workers) -> None:
-    """Write ``rare.json``, unless other models than likely drivers are drawn or collisions are frequent."""
-    (job.folder / RARE).unlink(missing_ok=True)
-    if options.rare and likely_profile(job.models) is not None:
-        assert part.encounters is not None
-        if found := find_rare(job, part.encounters, workers, options.rare):
-            write_rare(found, job.folder / RARE)
 
 
 def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
@@ -287,17 +267,14 @@ def add_reference(
     *,
     workers: Workers,
     options: RunOptions = DEFAULT_OPTIONS,
-    rare: int | None = None,
 ) -> Run:
     """Run the reference of a run into its folder ``reference/``; a finished one is kept.
 
     Args:
         models: human-like ones, drawn for all vehicles.
         settings: of the run.
-        rare: number of extra futures for rare collisions, see `Run.rare`; None: a twentieth of all others.
     """
     children = reference_children(run.children, settings.steps)
-    extra = (run.children + children) // RARE_PART if rare is None else rare
     wanted = RunSettings(
         models=models,
         children=children,
@@ -311,7 +288,7 @@ def add_reference(
         region=settings.region,
         world="checked" if WORLDS.load(settings.world).has_sumo else "plain",
     )
-    quiet = dataclasses.replace(options, batch=None, gui=False, rare=extra)
+    quiet = dataclasses.replace(options, batch=None, gui=False)
     folder = run.folder / REFERENCE
     return run_scene(scene, wanted, out=folder, workers=workers, overwrite=True, options=quiet)
 

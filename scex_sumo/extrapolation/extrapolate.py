@@ -46,7 +46,6 @@ def extrapolate(
     gui: bool = False,
     cache: bool = True,
     exact: bool = True,
-    rare: int = 0,
     progress: Progress | bool | None = None,
     command: Sequence[str] | None = None,
 ) -> Run:
@@ -64,7 +63,6 @@ def extrapolate(
         gui: show the run live in sumo-gui.
         cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
         exact: run more futures for exact probabilities if all models are deterministic, see `Run.exact`.
-        rare: number of extra futures for rare collisions if all vehicles are likely drivers, see `Run.rare`.
         progress: True for a bar on a terminal or in a notebook; or called with (steps done, steps in all).
         command: the command line, for ``run.json``.
 
@@ -101,9 +99,7 @@ def extrapolate(
         progress_of(progress, scene.name) as tick,
         Workers(1 if gui else min(workers, settings.count or workers)) as pool,
     ):
-        options = RunOptions(
-            batch=batch, gui=gui, cache=cache, exact=exact, rare=rare, progress=tick, command=command
-        )
+        options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, progress=tick, command=command)
         run = run_scene(scene, settings, out=out, overwrite=overwrite, workers=pool, options=options)
     warn_notes([*run.info["net_notes"], *run.info["run_notes"]])
     return run

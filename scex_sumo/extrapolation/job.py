@@ -15,13 +15,13 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.evaluation.outcomes import collisions_table, encounter_rows
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, worst_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Batch, Rollout, fallbacks_table, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.design import design_intervals
+from scex_sumo.results.outcomes import collisions_table, encounter_rows
 from scex_sumo.results.parts import Part, joined_parts, save_part
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene

@@ -13,13 +13,13 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.learned.models import LearnedModel
-from scex_sumo.behaviors.plug_in.fallback import Fallible, source_file
 from scex_sumo.behaviors.registry import ModelSpec, build, is_own, may_fail, parse_models
 from scex_sumo.extrapolation.assignments import assignments, child_generator, listing, route_draws
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.humans.guard.guarded import Guarded
+from scex_sumo.learned.models import LearnedModel
+from scex_sumo.plug_in.fallback import Fallible, source_file
 from scex_sumo.scene import SeedScene, VehicleIndex
 
 

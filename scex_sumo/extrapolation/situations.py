@@ -11,8 +11,8 @@ from scex_sumo.base.arrays import IntArray, distinct
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import Behavior, Sight
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
-from scex_sumo.behaviors.guard.guarded import Guarded
-from scex_sumo.behaviors.plug_in.fallback import Fallible
+from scex_sumo.humans.guard.guarded import Guarded
+from scex_sumo.plug_in.fallback import Fallible
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 

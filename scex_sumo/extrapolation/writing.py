@@ -15,9 +15,6 @@ import pyarrow as pa
 from scex_sumo.base.errors import listed
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.datasets.writer import write_tracks
-from scex_sumo.evaluation.encounters import ENCOUNTERS, encounters_table, outcomes_table
-from scex_sumo.evaluation.outcomes import COLLISIONS, collided, encounters_of_rows
-from scex_sumo.evaluation.plans import PLANS, plans_table
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import Recorded, handover_jumps, overlapping_at_first
@@ -26,11 +23,14 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers, succeeded
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
+from scex_sumo.results.encounters import ENCOUNTERS, encounters_table, outcomes_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
+from scex_sumo.results.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.results.parts import Part, joined_parts
+from scex_sumo.results.plans import PLANS, plans_table
 from scex_sumo.results.run import PAIR_OUTCOMES
-from scex_sumo.results.under_test import UNDER_TEST
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
+from scex_sumo.studies.under_test.results import UNDER_TEST
 
 ROWS_AT_ONCE = 1 << 18  # of tracks, in a row group of Parquet
 

@@ -19,7 +19,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.cleaning.heading import FORWARD_MPS
 from scex_sumo.converters.lanelet.file import read_map_file
 from scex_sumo.converters.lanelet.origin import on_earth
 from scex_sumo.converters.lanelet.projection import to_degrees
@@ -38,6 +37,7 @@ from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import TrackTable, track_table
 from scex_sumo.formats.boxes import one_line
+from scex_sumo.formats.cleaning.heading import FORWARD_MPS
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
 

@@ -18,13 +18,13 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import beginning
-from scex_sumo.converters.net.plan.layout import NetLayout
-from scex_sumo.converters.net.plan.lights import Programme
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import box_table, checked, one_line, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.spat import lane_programme
+from scex_sumo.lanelet2sumo.plan.layout import NetLayout
+from scex_sumo.lanelet2sumo.plan.lights import Programme
 from scex_sumo.road import Road
 
 SYNC, MAP = "sync.arrow", "map.arrow"

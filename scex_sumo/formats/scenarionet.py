@@ -22,8 +22,6 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
 from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import beginning, map_name, open_binary
-from scex_sumo.converters.net.plan.layout import NetLayout
-from scex_sumo.converters.net.plan.lights import Programme
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
@@ -31,6 +29,8 @@ from scex_sumo.formats.boxes import box_table, one_line
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.geometry.polylines import samples
+from scex_sumo.lanelet2sumo.plan.layout import NetLayout
+from scex_sumo.lanelet2sumo.plan.lights import Programme
 from scex_sumo.road import Road
 
 MPH, KMH = 0.44704, 1 / 3.6

@@ -18,10 +18,10 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.projection import to_local
-from scex_sumo.converters.net.plan.layout import Connection, NetLayout
-from scex_sumo.converters.net.plan.lights import Programme, state
 from scex_sumo.converters.registries import SignalFormat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
+from scex_sumo.lanelet2sumo.plan.layout import Connection, NetLayout
+from scex_sumo.lanelet2sumo.plan.lights import Programme, state
 
 # SAE J2735 movement states in SUMO's letters.
 LETTERS = {

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from scex_sumo.evaluation.encounters import ENCOUNTERS, criticality, event_of, in_words, percent_of
+from scex_sumo.results.encounters import ENCOUNTERS, criticality, event_of, in_words, percent_of
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 

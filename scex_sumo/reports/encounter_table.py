@@ -10,11 +10,11 @@ import numpy as np
 import pyarrow as pa
 from rich.console import Console
 
-from scex_sumo.evaluation.outcomes import collided
-from scex_sumo.exact.tables import InfluenceTable
+from scex_sumo.certainty.tables import InfluenceTable
 from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import Head, console_table, counted, print_line, print_table
 from scex_sumo.results.exact import EVENTS, Encounter, Exact, TooFewFuturesError
+from scex_sumo.results.outcomes import collided
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 

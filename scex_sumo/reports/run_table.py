@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.evaluation.encounters import ENCOUNTERS
 from scex_sumo.extrapolation.rollout import fallback_lines
 from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of
 from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
 from scex_sumo.results.design import is_critical
+from scex_sumo.results.encounters import ENCOUNTERS
 from scex_sumo.results.exact import CollisionShare
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval

@@ -16,7 +16,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic
-from scex_sumo.exact.tables import InfluenceTable, Weights, shares_of, union_probability
+from scex_sumo.certainty.tables import InfluenceTable, Weights, shares_of, union_probability
 from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.statistics.density import Interval

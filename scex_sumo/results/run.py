@@ -29,10 +29,10 @@ from scex_sumo.results.tables import (
     read_table,
     with_own_collisions,
 )
-from scex_sumo.results.under_test import BASELINE, UNDER_TEST, Driven, UnderTest
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
+from scex_sumo.studies.under_test.results import BASELINE, UNDER_TEST, Driven, UnderTest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

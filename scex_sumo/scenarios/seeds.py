@@ -109,8 +109,8 @@ def synthetic_seed(
         3
     """
     from scex_sumo.converters.maps import read_map
-    from scex_sumo.converters.net.convert import converted
-    from scex_sumo.scenarios.synthetic import synthetic_scene
+    from scex_sumo.generators.synthetic import synthetic_scene
+    from scex_sumo.lanelet2sumo.convert import converted
 
     if like not in ("sumo", "recorded"):
         raise UsageError(f"--as {like}: unknown; known: sumo, recorded")
@@ -119,8 +119,8 @@ def synthetic_seed(
     map_path = Path(map_path)
     road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
     if like == "recorded":
-        from scex_sumo.scenarios.generate import generated_scene
-        from scex_sumo.scenarios.scene_model import load_scenes
+        from scex_sumo.generators.generate import generated_scene
+        from scex_sumo.generators.scene_model import load_scenes
 
         warn_notes(road.notes)
         return generated_scene(road, load_scenes(), vehicles=vehicles, speed=speed, seed=seed)

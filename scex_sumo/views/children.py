@@ -16,8 +16,8 @@ from scex_sumo.base.files import write_atomic, writing
 from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
+from scex_sumo.views.drawings import ChildView
 from scex_sumo.views.replay import ReadNet, write_view
-from scex_sumo.world.gui_drawings import ChildView
 
 
 def write_critical(run: Run) -> list[Path]:

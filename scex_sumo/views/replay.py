@@ -24,8 +24,7 @@ from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.colors import Rgb
 from scex_sumo.converters.net.reader import net_root, points_of
 from scex_sumo.scene import STEP_S, SeedScene
-from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
-from scex_sumo.world.gui_drawings import (
+from scex_sumo.views.drawings import (
     OTHER_RGB,
     WINDOW_SIZE,
     ChildView,
@@ -40,6 +39,7 @@ from scex_sumo.world.gui_drawings import (
     readable,
     write_view_settings,
 )
+from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 

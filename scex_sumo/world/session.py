@@ -17,7 +17,7 @@ from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import writing
 from scex_sumo.base.programs import checked_path, program
 from scex_sumo.scene import STEP_S
-from scex_sumo.world.gui_drawings import LETTER_M, WINDOW_SIZE, draw_legend, frame_of, write_view_settings
+from scex_sumo.views.drawings import LETTER_M, WINDOW_SIZE, draw_legend, frame_of, write_view_settings
 from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, template_of, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 

@@ -158,7 +158,7 @@ def test_the_package_unpickles_nothing_but_answers_of_its_own_processes() -> Non
 def test_a_populated_map_is_the_same_from_the_cache(monkeypatch: pytest.MonkeyPatch) -> None:
     path = example_path("roundabout")
     scenes = [synthetic_seed(path, vehicles=4, seed=3, cache=cache) for cache in (False, True)]
-    monkeypatch.setattr("scex_sumo.scenarios.synthetic.record", None)  # SUMO is not asked again
+    monkeypatch.setattr("scex_sumo.generators.synthetic.record", None)  # SUMO is not asked again
     scenes.append(synthetic_seed(path, vehicles=4, seed=3))
     made, first, again = (dataclasses.asdict(dataclasses.replace(scene, road=None)) for scene in scenes)
     np.testing.assert_equal(again, first)

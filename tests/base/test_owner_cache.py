@@ -12,12 +12,12 @@ from scex_sumo.base import cache as module
 from scex_sumo.base.cache import MAX_OWNERS, owner_cache
 from scex_sumo.behaviors.driving.motion import curve_speeds
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.guard.corridors import expected
-from scex_sumo.behaviors.learned.raster import raster_of
-from scex_sumo.behaviors.learned.surface import path_room
 from scex_sumo.behaviors.models.idm import desired_speeds
-from scex_sumo.behaviors.plug_in.inputs import lane_pieces
-from scex_sumo.behaviors.scene_graph.graph import scene_graph
+from scex_sumo.humans.guard.corridors import expected
+from scex_sumo.learned.raster import raster_of
+from scex_sumo.learned.scene_graph.graph import scene_graph
+from scex_sumo.learned.surface import path_room
+from scex_sumo.plug_in.inputs import lane_pieces
 from tests.behaviors import roads
 
 

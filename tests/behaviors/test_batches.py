@@ -12,7 +12,7 @@ from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.registry import DEFAULTS, LEARNED, build, parse_models
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
-from tests.behaviors.learned import nets
+from tests.learned import nets
 
 NAMES = [*DEFAULTS, "sumo:EIDM", "constant_velocity:guard=true", "risky_driver:path=random:guard=true"]
 ROAD = roads.fork()

@@ -15,7 +15,6 @@ from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.plug_in.user_model import SingleVehicle
 from scex_sumo.behaviors.registry import (
     DEFAULT_MODELS,
     DEFAULTS,
@@ -26,6 +25,7 @@ from scex_sumo.behaviors.registry import (
     known_names,
     parse_models,
 )
+from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
 from tests.behaviors import roads

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.evaluation.outcomes import Severity, injury_probability, masses, severity_of
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
+from scex_sumo.results.outcomes import Severity, injury_probability, masses, severity_of
 from scex_sumo.road import Lane, Regulation, Road
 from tests.metrics.straight import straight
 

@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import ResultError, TrackError, UsageError
-from scex_sumo.commands.metrics import metrics_command
 from scex_sumo.converters.tracks.reader import TrackTable, read_tracks
 from scex_sumo.evaluation import blocks as recording
 from scex_sumo.evaluation.blocks import blocks
+from scex_sumo.evaluation.command import metrics_command
 from scex_sumo.evaluation.sources import read_source
 from scex_sumo.evaluation.tables import LEVELS, recording_table, worst_table
 from scex_sumo.metrics.base import PlannedPaths

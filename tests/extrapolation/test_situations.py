@@ -18,8 +18,8 @@ from scex_sumo.extrapolation.situations import plan_inputs_of, plan_once, plans_
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 from tests.behaviors import roads
-from tests.behaviors.learned import nets
 from tests.behaviors.test_batches import ROAD, SCENE, history
+from tests.learned import nets
 
 NAMES = [*DEFAULTS, "sumo:EIDM", "constant_velocity:guard=true", "standard_driver:guard=true"]
 RANDOM = [f"{name}:path=random" for name in (*DEFAULTS, "sumo:EIDM", "risky_driver:guard=true")]

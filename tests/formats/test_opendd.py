@@ -12,8 +12,8 @@ import pytest
 from scex_sumo import extrapolate, find_recordings, load_recording, read_map, read_seed
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
-from scex_sumo.converters.net.convert import convert
-from scex_sumo.judge.report import check_net
+from scex_sumo.lanelet2sumo.convert import convert
+from scex_sumo.lanelet2sumo.judge.report import check_net
 from tests.formats import streets
 
 EAST_M, NORTH_M = 619_300.0, 5_809_100.0

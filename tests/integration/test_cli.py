@@ -377,7 +377,7 @@ def test_a_run_does_not_import_torch_nor_networks_that_it_does_not_use(
         f"run = scex_sumo.extrapolate(seed, children=2, models={models!r})\n"
         "assert run.children == 2 and run.p_critical('wttc').low >= 0\n"
         "assert 'torch' not in sys.modules\n"
-        f"assert ('scex_sumo.behaviors.learned.driver' in sys.modules) == {learned}\n"
+        f"assert ('scex_sumo.learned.driver' in sys.modules) == {learned}\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path

@@ -13,7 +13,7 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
-from tests.exact.queues import queues
+from tests.certainty.queues import queues
 from tests.integration.test_cli import refused, scex
 
 RULES = "standard_driver,risky_driver,constant_velocity,emergency_brake"

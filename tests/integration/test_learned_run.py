@@ -11,7 +11,7 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
-from tests.behaviors.learned import nets
+from tests.learned import nets
 
 CHILDREN = 9
 

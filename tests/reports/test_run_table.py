@@ -13,10 +13,9 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from scex_sumo.evaluation.encounters import QUESTIONS, SCHEMA
 from scex_sumo.metrics.registry import METRICS
+from scex_sumo.page.tables import encounter_table
 from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
-from scex_sumo.reports.page.tables import encounter_table
 from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
@@ -26,6 +25,7 @@ from scex_sumo.reports.run_table import (
     shown_columns,
     summary_table,
 )
+from scex_sumo.results.encounters import QUESTIONS, SCHEMA
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.density import wilson
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.scene import States
-from scex_sumo.world.gui_drawings import (
+from scex_sumo.views.drawings import (
     ChildView,
     TiledChild,
     draw_children,

@@ -13,13 +13,6 @@ import numpy as np
 
 from scex_sumo.base.errors import TrackError, listed
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.cleaning.align import Evidence, evidence, on_lanes
-from scex_sumo.converters.cleaning.mismatch import (
-    MIN_SHARE_ON_LANES,
-    doubt_place,
-    explain_mismatch,
-    on_closed_lanes,
-)
 from scex_sumo.converters.datasets.find import find_recordings, find_tracks
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.reader import read_clean
@@ -28,6 +21,13 @@ from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.maps import LANELET2, read_map
 from scex_sumo.converters.registries import Recording, Window, dataset_of, map_format, place_name
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.cleaning.align import Evidence, evidence, on_lanes
+from scex_sumo.formats.cleaning.mismatch import (
+    MIN_SHARE_ON_LANES,
+    doubt_place,
+    explain_mismatch,
+    on_closed_lanes,
+)
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene

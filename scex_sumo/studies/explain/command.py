@@ -11,12 +11,12 @@ from typer import Option
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import progress_bar
-from scex_sumo.commands.metrics import write_table
 from scex_sumo.commands.options import Result, metric_option
 from scex_sumo.commands.shared import Answer
+from scex_sumo.evaluation.command import write_table
 
 if TYPE_CHECKING:
-    from scex_sumo.exact.tables import InfluenceTable
+    from scex_sumo.certainty.tables import InfluenceTable
     from scex_sumo.results.run import Run
     from scex_sumo.studies.explain.effects import Effect
     from scex_sumo.studies.explain.explain import Explanation

@@ -97,7 +97,7 @@ def _print_top(ranking: Ranking) -> None:
     from pyarrow.compute import is_in
 
     from scex_sumo.commands.console import output_console
-    from scex_sumo.reports.page.study import print_columns
+    from scex_sumo.page.study import print_columns
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.studies.rank.table import printed_columns
 

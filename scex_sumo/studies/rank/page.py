@@ -18,12 +18,12 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.engine import RunOptions, run_scene
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.registry import COLLISION
-from scex_sumo.reports.page.charts import Plane
-from scex_sumo.reports.page.contents import report_contents
-from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.report import filled_report, percent
-from scex_sumo.reports.page.scene import scene_svg
-from scex_sumo.reports.page.study import card, failure_card, page_table, table_place, write_study
+from scex_sumo.page.charts import Plane
+from scex_sumo.page.contents import report_contents
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.report import filled_report, percent
+from scex_sumo.page.scene import scene_svg
+from scex_sumo.page.study import card, failure_card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.moments.run import MomentTask, unpack_road, written

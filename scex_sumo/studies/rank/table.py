@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.metrics.registry import metric_of, side_of
-from scex_sumo.reports.page.study import Column, Row
+from scex_sumo.page.study import Column, Row
 from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals

@@ -12,7 +12,6 @@ from typer import Option
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import progress_bar, warn
-from scex_sumo.commands.metrics import write_table
 from scex_sumo.commands.options import (
     Case,
     MapPath,
@@ -27,6 +26,7 @@ from scex_sumo.commands.options import (
     Tracks,
 )
 from scex_sumo.commands.seed import seed_scene
+from scex_sumo.evaluation.command import write_table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -149,7 +149,7 @@ def _answers(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _print(rows: list[dict[str, Any]], run: Run, draws: int, console: Console) -> None:
-    from scex_sumo.reports.page.study import Column, print_columns
+    from scex_sumo.page.study import Column, print_columns
     from scex_sumo.studies.sample_size.page import COLUMNS
 
     about = (

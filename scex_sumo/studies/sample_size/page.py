@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.reports.page.charts import Plane, density_plot, line_legend, metric_title, value_range
-from scex_sumo.reports.page.html import Html
-from scex_sumo.reports.page.study import Column, card, page_table, plots, table_place, write_study
+from scex_sumo.page.charts import Plane, density_plot, line_legend, metric_title, value_range
+from scex_sumo.page.html import Html
+from scex_sumo.page.study import Column, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density, density, dkw_half_width

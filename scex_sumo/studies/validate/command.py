@@ -55,7 +55,7 @@ def validate_command(
 
 def _print_scores(done: Validation) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.reports.page.study import Column, print_columns
+    from scex_sumo.page.study import Column, print_columns
     from scex_sumo.reports.run_table import counted, print_line
     from scex_sumo.studies.validate.page import collisions_in, printed_name
 

@@ -19,17 +19,17 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ResultError, TrackError, UsageError
-from scex_sumo.behaviors.models.population import population_digest
 from scex_sumo.converters.datasets.moment import PARTS, Moment, Split, split_moments
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, recording_moments
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.evaluation.outcomes import collided
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.humans.population import population_digest
 from scex_sumo.metrics.collisions import OVERLAP_M2
+from scex_sumo.results.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder, damaged, read_table, write_table
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared

@@ -11,9 +11,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.converters.cleaning.smooth import smooth
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.extrapolation.rollout import Rollout
+from scex_sumo.formats.cleaning.smooth import smooth
 from scex_sumo.scene import SeedScene, States
 
 STEPS = 30 + PLAN_STEPS  # after the seed scene: as far as a plan of the last second reaches

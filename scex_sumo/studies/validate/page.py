@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.metrics.registry import known_metrics
-from scex_sumo.reports.page.charts import Plane, metric_title
-from scex_sumo.reports.page.html import Html, element
-from scex_sumo.reports.page.study import Column, card, page_table, plots, table_place, write_study
+from scex_sumo.page.charts import Plane, metric_title
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.study import Column, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted
 
 HTML = "validation.html"

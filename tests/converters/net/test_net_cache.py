@@ -10,8 +10,8 @@ import pytest
 import scex_sumo
 from scex_sumo.base.files import cache_folder
 from scex_sumo.converters.net import convert as converting
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES
 

@@ -1,1 +1,0 @@
-"""Extra futures of a run for exact probabilities."""

@@ -1,0 +1,1 @@
+"""Generated seed scenes: SUMO's demand, and scenes as recorded ones look."""

@@ -1,0 +1,147 @@
+"""``scex-sumo generate``: seed scenes on a map as recorded ones look, as cases in INTERACTION's format."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from typer import Option
+
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.files import write_atomic
+from scex_sumo.commands.console import progress_bar, warn
+from scex_sumo.commands.options import MapPath, Origin, Overwrite, Seed, Speed
+
+if TYPE_CHECKING:
+    from scex_sumo.base.progress import Progress
+    from scex_sumo.scene import SeedScene
+
+MAX_COUNT = 10_000
+EACH = 5  # candidates for each scene of --critical
+MEANING = (
+    "Weights of cases with a property add up to its estimated share among scenes without --critical. "
+    "critical_encounters: of a future, on average."
+)
+EXAMPLE = "k733.osm --vehicles 12 --count 20 -o out/k733_scenes"
+
+
+def generate_command(
+    map_path: MapPath,
+    vehicles: Annotated[
+        int | None, Option(metavar="N", help="Vehicles of a scene; default: drawn as recorded.")
+    ] = None,
+    speed: Speed = None,
+    count: Annotated[int, Option(help="Number of scenes.")] = 20,
+    scenes: Annotated[
+        Path | None, Option(metavar="FILE", help="Scene model of 'train scenes'; default: the shipped one.")
+    ] = None,
+    region: Annotated[
+        str | None,
+        Option(metavar="X,Y,R", help="Vehicles in this circle only, m; default: on the whole map."),
+    ] = None,
+    origin: Origin = None,
+    critical: Annotated[
+        bool,
+        Option(
+            "--critical",
+            help="Draw more scenes whose futures have critical encounters. The weight of a case is the share "
+            "of the scenes without this option that it stands for.",
+        ),
+    ] = False,
+    candidates: Annotated[
+        int | None,
+        Option(metavar="M", help="Of --critical: scenes to draw from; default: 5 for each of --count."),
+    ] = None,
+    seed: Seed = 0,
+    overwrite: Overwrite = False,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="DIR", help="Folder for map and cases.")
+    ] = None,
+) -> None:
+    """Generate seed scenes on a map as recorded ones look: cases that every command takes."""
+    from scex_sumo.converters.datasets.writer import write_tracks
+    from scex_sumo.converters.lanelet.origin import META_DATA, parse_origin
+    from scex_sumo.converters.maps import LANELET2, read_map
+    from scex_sumo.converters.naming import map_name
+    from scex_sumo.converters.registries import map_format
+    from scex_sumo.generators.generate import generated_scene
+    from scex_sumo.generators.scene_context import lane_cells
+    from scex_sumo.generators.scene_model import SHIPPED, load_scenes
+    from scex_sumo.results.region import parse_region
+
+    if not 1 <= count <= MAX_COUNT:
+        raise UsageError(f"--count: got {count:,}, needs 1 to {MAX_COUNT:,}")
+    if candidates is not None and not critical:
+        raise UsageError("--candidates: needs --critical")
+    if candidates is not None and not count <= candidates <= MAX_COUNT:
+        raise UsageError(f"--candidates: got {candidates:,}, needs {count:,} (--count) to {MAX_COUNT:,}")
+    number = candidates or (min(EACH * count, MAX_COUNT) if critical else count)
+    model = load_scenes(scenes or SHIPPED)
+    road = read_map(map_path, origin=parse_origin(origin) if origin is not None else None, own_corner=True)
+    warn(road.notes)
+    folder = out if out is not None else Path("out") / f"{road.name}_generated"
+    cases = folder / f"{map_name(map_path)}.csv"
+    if folder.is_file():
+        raise UsageError(f"-o {folder}: is a file; name a folder")
+    if cases.exists() and not overwrite:
+        raise ResultError(f"{cases}: exists; --overwrite replaces it")
+    made, cells, circle = [], None, parse_region(region, None).circle
+    if circle is not None and road.vehicle_lanes:
+        x, y, _ = lane_cells(road).cell_pose
+        cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]
+    one = partial(generated_scene, road, model, vehicles=vehicles, speed=speed, seed=seed, cells=cells)
+    with progress_bar(f"generating {road.name}") as tick:
+        for k in range(number):
+            if tick is not None:
+                tick(k, number)
+            made.append(one(number=k))
+    about: dict[str, Any] = {}
+    if critical:
+        with progress_bar(f"running {road.name}") as tick:
+            made, about = _drawn(made, count, seed, tick)
+    folder.mkdir(parents=True, exist_ok=True)
+    target = folder / map_path.name
+    if target.resolve() != map_path.resolve():
+        shutil.copyfile(map_path, target)
+    if map_format(map_path).read is LANELET2.read and road.origin != (0.0, 0.0):
+        lat, lon = road.origin
+        write_atomic(folder / META_DATA, f"originLat,originLon\n{lat!r},{lon!r}\n".encode())
+    weights = cases.with_suffix(".weights.json")
+    weights.unlink(missing_ok=True)
+    write_tracks(cases, *made)
+    print(f"cases:  {cases} ({count} scenes)")
+    if about:
+        write_atomic(weights, (json.dumps(about, indent=1) + "\n").encode())
+        means = (f"{value:.2f} {name}" for name, value in about["critical_encounters"].items())
+        print(f"weight: {weights} (critical encounters of a future: {', '.join(means)})")
+    print(f"run:    scex-sumo run {shlex.quote(str(target))} --tracks {shlex.quote(str(cases))} --case 1")
+
+
+def _drawn(
+    candidates: list[SeedScene], count: int, seed: int, tick: Progress | None
+) -> tuple[list[SeedScene], dict[str, Any]]:
+    """Return scenes drawn by their critical encounters, and the content of the file of weights."""
+    from scex_sumo.generators.critical_scenes import FUTURES, MODELS, encounter_scores
+    from scex_sumo.statistics.sampling import sample_by_score
+
+    scores = encounter_scores(candidates, seed=seed, progress=tick)
+    if not scores.any():
+        warn(["warning: no candidate has a critical encounter, so all weights are equal; raise --candidates"])
+    drawn, weight = sample_by_score(scores, count, np.random.default_rng(seed))
+    means = {"candidates": scores.mean(), "cases": scores[drawn].mean(), "weighted": weight @ scores[drawn]}
+    return [candidates[k] for k in drawn], {
+        "meaning": MEANING,
+        "candidates": len(candidates),
+        "models": MODELS,
+        "futures": FUTURES,
+        "critical_encounters": {name: round(float(value), 4) for name, value in means.items()},
+        "cases": {
+            f"{case}.0": {"weight": round(float(w), 6), "critical_encounters": float(scores[k])}
+            for case, (k, w) in enumerate(zip(drawn, weight, strict=True), 1)
+        },
+    }

@@ -1,0 +1,196 @@
+"""Recording of random traffic that SUMO drives."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import SimulationError
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.programs import environment, program
+from scex_sumo.generators.demand import Network, Trip, random_trips, write_curve_limits, write_trips
+from scex_sumo.generators.kinematics import body_states
+from scex_sumo.roads.conflicts import runs
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, States
+
+LANE_CHANGE_S = 4.0
+TELEPORT_S = 20.0
+MIN_ORIGINS = 60
+MAX_DELAY_S = 15.0
+JUMP_M = 0.5  # beyond the driven way: SUMO moved the vehicle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drive:
+    """Vehicles of a SUMO run.
+
+    Attributes:
+        number: (K,) index among all trips, ascending.
+        trips: (K,) vehicles that entered the map.
+        present: (T, K).
+        front: (T, K, 2) front bumper, m; NaN where absent.
+        angle: (T, K) SUMO's heading as ours, rad.
+        speed: (T, K) SUMO's speed, m/s.
+    """
+
+    number: IntArray
+    trips: list[Trip]
+    present: BoolArray
+    front: FloatArray
+    angle: FloatArray
+    speed: FloatArray
+
+    @cached_property
+    def driven(self) -> BoolArray:
+        """Whether a vehicle came to its place by driving, (T, K)."""
+        moved = np.hypot(*np.moveaxis(np.diff(self.front, axis=0), -1, 0))
+        fine = self.present.copy()
+        fine[1:] &= ~(moved > self.speed[1:] * STEP_S + JUMP_M)
+        return fine
+
+    def steady(self) -> BoolArray:
+        """Return whether a vehicle drove for the last 10 steps and was present before, (T, K)."""
+        fine = self.driven
+        ready = fine.copy()
+        for back in range(1, HISTORY_STEPS):
+            ready[back:] &= fine[:-back]
+        ready[HISTORY_STEPS:] &= self.present[:-HISTORY_STEPS]
+        ready[:HISTORY_STEPS] = False
+        return ready
+
+    def drive(self, vehicle: int, step: int) -> tuple[int, States]:
+        """Return first step and states of a vehicle's uninterrupted drive around a step."""
+        steps = np.flatnonzero(self.stretch[:, vehicle] == self.stretch[step, vehicle])
+        return int(steps[0]), self.states[steps, vehicle]
+
+    @property
+    def stretch(self) -> IntArray:
+        """Number of a vehicle's uninterrupted drive, (T, K); -1 without one."""
+        return self._drives[0]
+
+    @property
+    def states(self) -> States:
+        """States of the vehicles on their drives, (T, K); NaN elsewhere."""
+        return self._drives[1]
+
+    @cached_property
+    def _drives(self) -> tuple[IntArray, States]:
+        ranges = []
+        for vehicle, driven in enumerate(self.driven.T):
+            for first, last in runs(driven):
+                jumped = first > 0 and self.present[first - 1, vehicle]
+                ranges.append((vehicle, first - 1 if jumped else first, last + 1))
+        states = body_states(
+            [self.front[first:end, vehicle] for vehicle, first, end in ranges],
+            [self.angle[first, vehicle] for vehicle, first, _ in ranges],
+            [self.trips[vehicle].length_m for vehicle, _, _ in ranges],
+        )
+        stretch = np.full(self.present.shape, -1)
+        columns = {name: np.full(self.present.shape, np.nan) for name in ("x", "y", "heading", "speed")}
+        for number, ((vehicle, first, end), driven) in enumerate(zip(ranges, states, strict=True)):
+            stretch[first:end, vehicle] = number
+            for name, column in columns.items():
+                column[first:end, vehicle] = getattr(driven, name)
+        return stretch, States(**columns)
+
+
+def record(
+    net_path: Path,
+    *,
+    at_most: int,
+    duration_s: float,
+    every_s: tuple[float, float],
+    rng: np.random.Generator,
+    also: Sequence[Trip] = (),
+    check: Callable[[], None] = lambda: None,
+) -> Drive:
+    """Record random traffic that SUMO drives over a net.
+
+    Args:
+        at_most: vehicles on the map at any time; others wait outside.
+        every_s: mean time between vehicles on an entry lane, at the beginning and at the end.
+        check: called often; may raise.
+    """
+    origins = max(MIN_ORIGINS, at_most // 2)
+    trips = random_trips(
+        Network(net_path), until_s=duration_s, every_s=every_s, rng=rng, most_origins=origins, check=check
+    )
+    trips = sorted([*trips, *also], key=lambda trip: trip.depart_s)
+    with TemporaryFolder() as folder:
+        net, routes, fcd = (Path(folder) / name for name in ("map.net.xml", "traffic.rou.xml", "fcd.csv"))
+        write_curve_limits(net_path, net)
+        write_trips(routes, trips)
+        options = {"end": duration_s, "seed": int(rng.integers(2**31)), "max-num-vehicles": at_most}
+        _simulate(Path(folder), {"net-file": net, "route-files": routes, "fcd-output": fcd} | options, check)
+        return _read(fcd, trips, round(duration_s / STEP_S) + 1)
+
+
+def _simulate(folder: Path, options: dict[str, Any], check: Callable[[], None]) -> None:
+    options |= {
+        "fcd-output.attributes": "x,y,angle,speed",
+        "precision": 6,
+        "begin": 0,
+        "step-length": STEP_S,
+        "max-depart-delay": MAX_DELAY_S,
+        "lanechange.duration": LANE_CHANGE_S,
+        "time-to-teleport": TELEPORT_S,
+        "time-to-teleport.remove": "true",
+        "collision.action": "none",
+        "xml-validation": "never",
+        "no-step-log": "true",
+        "no-warnings": "true",
+    }
+    command = [
+        program("sumo"),
+        *(word for key, value in options.items() for word in (f"--{key}", str(value))),
+    ]
+    with (
+        (folder / "said.txt").open("w+", encoding="utf-8", errors="replace") as said,
+        subprocess.Popen(command, stdout=said, stderr=said, env=environment()) as sumo,
+    ):
+        try:
+            while sumo.poll() is None:
+                check()
+                with suppress(subprocess.TimeoutExpired):
+                    sumo.wait(0.2)
+        except BaseException:
+            sumo.kill()
+            raise
+        said.seek(0)
+        errors = [line.strip() for line in said if line.startswith("Error")]
+    if sumo.returncode:
+        reason = errors[0] if errors else f"exit status {sumo.returncode}"
+        raise SimulationError(f"{options['net-file'].name}: SUMO cannot populate it: {reason}")
+
+
+def _read(fcd: Path, trips: list[Trip], steps: int) -> Drive:
+    with fcd.open(encoding="utf-8") as file:
+        names = file.readline().strip().split(";")
+        rows = [line for line in file if ";;" not in line]  # steps without vehicles
+    wanted = ("timestep_time", "vehicle_id", "vehicle_x", "vehicle_y", "vehicle_angle", "vehicle_speed")
+    columns = [names.index(name) for name in wanted]
+    values = np.loadtxt(rows, delimiter=";", usecols=columns, ndmin=2) if rows else np.empty((0, 6))
+    step = np.rint(values[:, 0] / STEP_S).astype(np.int64)
+    number, vehicle = np.unique(values[:, 1].astype(np.int64), return_inverse=True)
+    front = np.full((steps, len(number), 2), np.nan)
+    angle, speed = np.full(front.shape[:2], np.nan), np.full(front.shape[:2], np.nan)
+    front[step, vehicle] = values[:, 2:4]
+    # SUMO: degrees clockwise from north; ours: counter-clockwise from east.
+    angle[step, vehicle] = np.pi / 2 - np.radians(values[:, 4])
+    speed[step, vehicle] = values[:, 5]
+    return Drive(
+        number=number,
+        trips=[trips[i] for i in number],
+        present=~np.isnan(speed),
+        front=front,
+        angle=angle,
+        speed=speed,
+    )

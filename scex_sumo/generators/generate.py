@@ -1,0 +1,189 @@
+"""Generated scenes: vehicles placed one after another as in recordings, given those already there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.generators.scene_context import (
+    MIN_PACE_MPS,
+    NO_VEHICLES,
+    LaneCells,
+    Placed,
+    demands,
+    lane_cells,
+    needed_deceleration,
+    place_features,
+    states_of,
+)
+from scex_sumo.generators.scene_model import KINDS, SceneModel
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
+
+MAX_VEHICLES, MAX_SPEED_MPS = 500, 70.0
+CANDIDATES, PARTS = 512, 8  # places that are compared, and parts of the chosen one's surroundings
+TRIES, AT_ONCE = 10, 12
+SWEEPS = 1  # in which each vehicle is drawn anew, given all others
+CLEAR_M = 0.1
+FASTER = 1.1  # than it shall be, a scene may be
+CHECKED_S = np.array([-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0])
+
+
+def generated_scene(
+    road: Road,
+    model: SceneModel,
+    *,
+    vehicles: int | None = None,
+    speed: float | None = None,
+    seed: int = 0,
+    number: int = 0,
+    cells: BoolArray | None = None,
+) -> SeedScene:
+    """Return a scene as recorded ones look, with 10 steps of history and no future.
+
+    Vehicles do not overlap from 1 s before the moment to 2 s after it, if they follow their lanes at constant
+    speed. None needs to brake harder for its leader than 99.5 % of the recorded vehicles.
+
+    Args:
+        vehicles: None draws the number, too.
+        speed: mean speed, m/s; None draws that of a recorded scene with similar roads and density.
+        number: of the scene, among those with one seed.
+        cells: (K,) cells of `lane_cells` on which vehicles may be; None for all.
+
+    Raises:
+        UsageError: no lanes for vehicles, a number below 1 or above 500, or a speed above 70 m/s.
+        SimulationError: the lanes have no room for so many.
+    """
+    if vehicles is not None and not 1 <= vehicles <= MAX_VEHICLES:
+        raise UsageError(f"--vehicles: got {vehicles:,}, needs 1 to {MAX_VEHICLES}")
+    if speed is not None and not 0 <= speed <= MAX_SPEED_MPS:
+        raise UsageError(f"--speed: got {speed:g}, needs 0 to {MAX_SPEED_MPS:g} m/s")
+    if not road.vehicle_lanes:
+        raise UsageError(f"{road.name}: the map has no lane for vehicles; give another map")
+    if seed < 0:
+        raise UsageError(f"--seed: got {seed}, needs 0 or more")
+    rng, table = np.random.default_rng([seed, number, vehicles or 0]), lane_cells(road)
+    part = table.cell_m if cells is None else table.cell_m * cells
+    ends = np.cumsum(part)
+    if ends[-1] <= 0:
+        raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
+    count = vehicles or min(model.count(ends[-1], rng), MAX_VEHICLES)
+    if speed is None:
+        speed = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], ends[-1], rng)
+    pace = max(speed, MIN_PACE_MPS)
+    scene, motion = NO_VEHICLES, _motion(table, NO_VEHICLES)
+    for k in range(count * (1 + SWEEPS)):
+        others, moving = (scene, motion) if k < count else (scene[1:], motion[1:])
+        one = _drawn(table, ends, model, others, moving, count, pace, rng)
+        if one is None and k < count:
+            raise SimulationError(
+                f"{road.name}: no room for vehicle {k + 1} of {count} "
+                f"on {ends[-1] / 1000:.2f} km of lanes; ask for fewer"
+            )
+        one = scene[:1] if one is None else one
+        scene, motion = others.joined_with(one), States.concatenate([moving, _motion(table, one)], 0)
+    # Slower by one factor, vehicles are at the same places later: so none comes closer to another.
+    slower = min(1.0, FASTER * pace / scene.pace)
+    scene = replace(scene, speed=scene.speed * slower, acceleration=scene.acceleration * slower**2)
+    history = states_of(table, scene, STEP_S * np.arange(-HISTORY_STEPS, 1.0))
+    return SeedScene(
+        name=f"{road.name}_generated{count}_s{seed}" + (f"_{number}" if number else ""),
+        location=road.name,
+        time_s=1.0,
+        track_ids=np.arange(1, count + 1),
+        types=tuple(KINDS[k] for k in scene.kind),
+        length=scene.length.round(2),
+        width=scene.width.round(2),
+        history=replace(history, speed=_speeds(history)),
+        recorded_steps=np.full(count, HISTORY_STEPS, dtype=np.int64),
+        source={"generated": "scene model", "scenes_sha256": model.meta.get("sha256", ""), "seed": seed},
+        road=road,
+    )
+
+
+def _speeds(states: States) -> FloatArray:
+    """Return (n, T) speeds of positions; in curves those beside the centreline drive further or less."""
+    middle = states.heading[:, 1:] - wrap(np.diff(states.heading)) / 2
+    way = np.diff(states.x) * np.cos(middle) + np.diff(states.y) * np.sin(middle)
+    return np.maximum(np.concatenate([way[:, :1], way], axis=1) / STEP_S, 0.0)
+
+
+def _drawn(
+    table: LaneCells,
+    ends: FloatArray,
+    model: SceneModel,
+    others: Placed,
+    motion: States,
+    count: int,
+    pace: float,
+    rng: np.random.Generator,
+) -> Placed | None:
+    """Draw one vehicle given the others and their `_motion`; None if no free place is found."""
+    number = min(CANDIDATES, len(table.cell_lane))
+    step_m = ends[-1] / number
+
+    def at(way: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        cell = np.minimum(np.searchsorted(ends, way, side="right"), len(ends) - 1)
+        lane = table.cell_lane[cell]
+        s = table.cell_s[cell] + way - (ends[cell] - table.cell_m[cell] / 2)
+        return lane, s, place_features(table, lane, s, others, vehicles=count, total_m=ends[-1], pace=pace)
+
+    ways = (np.arange(number) + rng.random()) * step_m
+    scores = model.place_scores(at(ways)[2])
+    for k in range(TRIES):  # the later, the less a place's score counts
+        chosen = np.argsort(-(scores / (1 + k / 2) + rng.gumbel(size=number)), kind="stable")[:AT_ONCE]
+        near = ways[chosen][:, None] + step_m * ((np.arange(PARTS) + rng.random()) / PARTS - 0.5)
+        near = np.clip(near, 0.0, ends[-1] - 1e-6)
+        finer = model.place_scores(at(near.ravel())[2]).reshape(near.shape)
+        pick = (finer + rng.gumbel(size=finer.shape)).argmax(axis=1)
+        lane, s, features = at(near[np.arange(len(chosen)), pick])
+        values = model.draw(features, rng)
+        speed = values["speed"] * pace
+        tries = Placed(
+            lane=lane,
+            s=s,
+            offset=values["offset"],
+            turn=values["turn"],
+            speed=speed,
+            acceleration=np.where(speed > 0, values["acceleration"], 0.0),
+            length=values["length"],
+            width=values["width"],
+            kind=values["kind"].astype(np.int64),
+        )
+        bounds = model.meta["bounds"]
+        usual = [value <= bounds[name] for name, value in demands(table, tries).items()]
+        tries = tries[np.all(usual, axis=0)]
+        tries = tries[_free(table, tries, others, motion, bounds["deceleration"])]
+        if len(tries.lane):
+            return tries[:1]
+    return None
+
+
+def _motion(table: LaneCells, vehicles: Placed) -> States:
+    """Return (n, 7) states of vehicles: as they came, and at constant speed from now on."""
+    past = states_of(table, vehicles, CHECKED_S[CHECKED_S <= 0])
+    steady = replace(vehicles, acceleration=np.zeros_like(vehicles.speed))
+    return States.concatenate([past, states_of(table, steady, CHECKED_S[CHECKED_S > 0])], 1)
+
+
+def _free(table: LaneCells, tries: Placed, others: Placed, motion: States, most_mps2: float) -> BoolArray:
+    """Return (n,) whether each of the tried vehicles keeps off the others, and none must brake hard."""
+    free = np.asarray((needed_deceleration(table, tries, others) <= most_mps2).all(axis=1))
+    own = _motion(table, tries)
+    one, two = np.nonzero(np.broadcast_to(free[:, None], (len(free), len(others.lane))))
+    way = own.speed.max(axis=1)[one] + motion.speed.max(axis=1)[two]
+    far = np.hypot(own.x[one, 2] - motion.x[two, 2], own.y[one, 2] - motion.y[two, 2])
+    near = far < 2.0 * way + (tries.length[one] + others.length[two]) + CLEAR_M
+    one, two = one[near], two[near]
+    boxes = (
+        Rectangles.of(states[k], v.length[k, None], v.width[k, None])
+        for states, v, k in ((own, tries, one), (motion, others, two))
+    )
+    touch = (rectangle_distance(*boxes) <= CLEAR_M).any(axis=1)
+    free[one[touch]] = False
+    return free

@@ -1,0 +1,190 @@
+"""Synthetic seed scenes: a net, populated by SUMO's demand and car-following."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.generators.drive import Drive, record
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
+
+WARM_UP_S = 30.0
+FUTURE_STEPS = 100
+# Duration, and time between vehicles on an entry lane at the beginning and at the end, s.
+_ATTEMPTS = ((150.0, (40.0, 3.0)), (240.0, (6.0, 1.5)))
+MAX_MOMENTS, MAX_ALIKE = 500, 100  # per attempt, and per number of vehicles
+CHECKED_STEPS, CHECKED_STRIDE = 30, 2
+MAX_CURVATURE = 0.25  # 1/m; a car's turning radius is 5 m
+SLOW_M = 0.1  # per step: 1 m/s
+MAX_VEHICLES = 5_000
+LIMIT_S = 10
+DENSE, DENSE_EVERY_S = 40, (5.0, 2.0)  # vehicles on the map, and s between two on an entry lane, at most
+FILLED_STEPS = 150  # in which the first vehicles reach crossings
+
+
+def synthetic_scene(
+    road: Road,
+    net: Path,
+    *,
+    vehicles: int,
+    seed: int = 0,
+    name: str,
+    progress: Callable[[int, int], None] | None = None,
+) -> SeedScene:
+    """Populate a road's SUMO net and return one moment, with 10 steps of history and up to 100 of future.
+
+    Ever denser traffic enters on all lanes into the map, with random routes and drivers (EIDM). The moment is
+    drawn among the faster half of those with just enough vehicles; if all have more, vehicles are drawn.
+
+    Args:
+        progress: called with the seconds spent and their limit.
+    """
+    if vehicles < 1:
+        raise UsageError(f"--synthetic: got {vehicles}, needs at least 1 vehicle")
+    if vehicles > MAX_VEHICLES:
+        raise UsageError(f"--synthetic: got {vehicles:,}, at most {MAX_VEHICLES:,} vehicles are placed")
+    if seed < 0:
+        raise UsageError(f"--seed: got {seed}, needs 0 or more")
+    rng = np.random.default_rng([seed, vehicles])
+    most, tried, spare, begun = 0, 0, None, time.monotonic()
+
+    def check() -> None:
+        spent = time.monotonic() - begun
+        if progress is not None:
+            progress(min(int(spent), LIMIT_S), LIMIT_S)
+        if spent > LIMIT_S:
+            raise SimulationError(
+                f"{road.name}: no moment with {vehicles} vehicles within {LIMIT_S} s ({tried} tried); "
+                "ask for fewer, or give a smaller map"
+            )
+
+    for duration_s, every_s in _ATTEMPTS:
+        at_most = vehicles + max(3, vehicles // 2)
+        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng, check=check)
+        ready = recording.steady()
+        usable = ready[int(WARM_UP_S / STEP_S) : len(ready) - FUTURE_STEPS]
+        most = max(most, int(usable.sum(axis=1).max(initial=0)))
+        for step, chosen in _moments(recording, ready, vehicles, rng):
+            tried += 1
+            check()
+            scene = _scene(recording, step, chosen, name=name, location=road.name)
+            sharp = _sharpest(scene) > MAX_CURVATURE
+            if (sharp and spare is not None) or _overlap(scene):
+                continue
+            if not sharp:
+                return scene
+            spare = scene
+    if spare is not None:
+        return spare
+    if tried:
+        raise SimulationError(
+            f"{road.name}: some of {vehicles} vehicles overlap at all {tried} moments tried, because SUMO "
+            "misses conflicts of this map's lanes; ask for fewer"
+        )
+    raise SimulationError(
+        f"{road.name}: SUMO gets at most {most} vehicles onto the map at once, not {vehicles}; ask for fewer"
+    )
+
+
+def simulated_scenes(
+    road: Road, net: Path, *, seconds: float, every_s: float, seed: int = 0
+) -> list[SeedScene]:
+    """Return moments of dense traffic that SUMO drives over a net, each as `synthetic_scene`.
+
+    Drivers differ in desired speed, gaps, acceleration and impatience at crossings. Moments are left out in
+    which two vehicles overlap from 1 s before to 3 s after, because SUMO missed a conflict of lanes.
+    """
+    rng = np.random.default_rng([seed, zlib.crc32(road.name.encode())])
+    drive = record(net, at_most=DENSE, duration_s=seconds, every_s=DENSE_EVERY_S, rng=rng)
+    ready, scenes = drive.steady(), []
+    for step in range(FILLED_STEPS, len(ready) - FUTURE_STEPS, round(every_s / STEP_S)):
+        chosen = np.flatnonzero(ready[step])
+        if len(chosen):
+            name = f"{road.name}_simulated{step * STEP_S:g}"
+            scene = _scene(drive, step, chosen, name=name, location=road.name)
+            scenes += [] if _overlap(scene) else [replace(scene, road=road)]
+    return scenes
+
+
+def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location: str) -> SeedScene:
+    steps = np.arange(step - HISTORY_STEPS, step + FUTURE_STEPS + 1)[:, None]
+    driven = recording.stretch[steps, chosen] == recording.stretch[step, chosen]
+    last = driven.sum(axis=0) - 1
+    states = recording.states[steps, chosen]
+    end = states[last, np.arange(len(chosen))]
+    ahead = STEP_S * (np.arange(len(steps))[:, None] - last) * end.speed
+    onwards = States(
+        x=end.x + ahead * np.cos(end.heading),
+        y=end.y + ahead * np.sin(end.heading),
+        heading=end.heading,
+        speed=end.speed,
+    )
+    states = States.joined([states, onwards], lambda parts: np.where(driven, *parts).T.copy())
+    now = HISTORY_STEPS + 1
+    trips = [recording.trips[k] for k in chosen]
+    return SeedScene(
+        name=name,
+        location=location,
+        time_s=round(step * STEP_S, 1),
+        track_ids=recording.number[chosen] + 1,
+        types=tuple(trip.kind for trip in trips),
+        length=np.array([round(trip.length_m, 2) for trip in trips]),
+        width=np.array([round(trip.width_m, 2) for trip in trips]),
+        history=states[:, :now],
+        recorded_steps=np.full(len(chosen), HISTORY_STEPS, dtype=np.int64),
+        future=states[:, now:],
+        future_valid=driven[now:].T.copy(),
+        source={"synthetic": "SUMO demand and car-following (EIDM)"},
+    )
+
+
+def _moments(
+    recording: Drive, ready: BoolArray, vehicles: int, rng: np.random.Generator
+) -> Iterator[tuple[int, IntArray]]:
+    """Yield moments with enough vehicles and the chosen ones, by surplus, then at random."""
+    steps = np.arange(round(WARM_UP_S / STEP_S), len(ready) - FUTURE_STEPS)
+    steps = steps[ready[steps].sum(axis=1) >= vehicles]
+    if not len(steps):
+        return
+    surplus = recording.present[steps].sum(axis=1) - vehicles
+    speed = np.nanmean(recording.speed[steps], axis=1)
+    left = MAX_MOMENTS
+    for extra in np.unique(surplus):
+        of_these = steps[surplus == extra]
+        fast = of_these[speed[surplus == extra] >= np.median(speed[surplus == extra])]
+        for step in rng.permutation(fast)[: min(MAX_ALIKE, left)]:
+            left -= 1
+            yield int(step), np.sort(rng.choice(np.flatnonzero(ready[step]), vehicles, replace=False))
+
+
+def _sharpest(scene: SeedScene) -> float:
+    assert scene.future is not None
+    states = States.concatenate([scene.history, scene.future], 1)
+    turned = np.abs(np.angle(np.exp(1j * np.diff(states.heading))))
+    driven = states.speed[:, 1:] * STEP_S
+    return float((turned / np.maximum(driven, SLOW_M)).max())
+
+
+def _overlap(scene: SeedScene) -> bool:
+    """Return whether two vehicles overlap from 1 s before the moment to 3 s after it."""
+    assert scene.future is not None
+    states = States.concatenate([scene.history, scene.future[:, :CHECKED_STEPS]], 1)[:, ::CHECKED_STRIDE]
+    length, width = scene.length[:, None], scene.width[:, None]
+    first, second = np.triu_indices(scene.vehicles, 1)
+    near = np.full(len(first), True)
+    for place in (states.x, states.y):
+        reach = np.hypot(scene.length, scene.width) / 2
+        low, high = place.min(axis=1) - reach, place.max(axis=1) + reach
+        near &= (low[first] <= high[second]) & (low[second] <= high[first])
+    pairs = first[near], second[near]
+    one, two = (Rectangles.of(states[side], length[side], width[side]) for side in pairs)
+    return bool((rectangle_distance(one, two) <= 0.0).any())

@@ -1,0 +1,1 @@
+"""Human-like drivers: what they see, how they drive, how they differ; their guard."""

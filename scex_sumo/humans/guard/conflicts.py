@@ -1,0 +1,370 @@
+"""Conflicts: leaders in a corridor, and crossings that another vehicle reaches first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, between
+from scex_sumo.behaviors.driving.beside import box_distances
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.humans.guard.corridors import (
+    SAMPLE_S,
+    SAMPLES,
+    Expected,
+    GuardProfile,
+    PlannedWays,
+    expected,
+    onto_ways,
+)
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, SceneHistory, States, VehicleIndex
+
+MAX_PAIRS = 1024  # at a time: bounds the memory, and fits the processor's cache
+SAME_WAY = 0.5  # cosine above which one vehicle follows the other instead of waiting for it
+TOWARDS = -0.5  # cosine below which two vehicles approach each other head-on
+ORDER_DOUBT_M = 0.5
+AT_ONCE_M = 0.5
+SAFE_S, SAFE_STOP_S, SAFE_STEP_S = 1.5, 3.0, 0.25  # of others that go the same way, and of all others
+SAFE_M = 0.3  # margin between two boxes
+KEPT_SHARE = 0.8  # of a smaller present margin
+CONTACT_M = 0.1
+LEAST_WAY_M = 0.5
+GIVES_WAY = 0.25  # one that needs less than this share of the other's braking stops first
+CROSSING_M = 0.5  # the crossing is where the offset is this near to the smallest one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StopLines:
+    """P moving stop lines of n vehicles, sorted by row.
+
+    The vehicle's centre stays behind position + speed·t - deceleration·t²/2.
+    """
+
+    row: IntArray  # (P,) the vehicle
+    position: FloatArray  # (P,) m along its plan
+    speed: FloatArray  # (P,) m/s, at least 0
+    deceleration: FloatArray  # (P,) m/s², at least 0
+    stop_time: FloatArray  # (P,) when the line stands, s; inf: never
+    enter: FloatArray  # (P,) when the other enters the corridor, s; 0: is inside
+    until: FloatArray  # (P,) when the line ends, s
+    firm: BoolArray  # (P,) hard braking is allowed
+    safe: BoolArray  # (P,) both stay apart for a while with constant velocity and heading
+
+    def joined_by(self, rows: IntArray) -> StopLines:
+        """Add lines without effect for further vehicles."""
+        further = np.setdiff1d(rows, self.row)
+        if not len(further):
+            return self
+        order = np.argsort(np.concatenate([self.row, further]), kind="stable")
+        idle = np.zeros(len(further))
+        values = {f.name: np.concatenate([getattr(self, f.name), idle])[order] for f in fields(self)}
+        values["row"] = np.concatenate([self.row, further])[order]
+        values |= {name: values[name].astype(np.bool_) for name in ("firm", "safe")}
+        return StopLines(**values)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """Arguments of the search for stop lines of n vehicles."""
+
+    paths: PlannedWays
+    around: Expected
+    history: SceneHistory
+    who: VehicleIndex
+    profile: GuardProfile
+
+
+def find_stop_lines(
+    paths: PlannedWays, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile
+) -> StopLines:
+    """Find all stop lines of n vehicles with planned ways.
+
+    With `GuardProfile.contact_time`, they include the places where planned and expected boxes first touch.
+    """
+    view = _View(paths=paths, around=expected(history, road), history=history, who=who, profile=profile)
+    i, j = _near_pairs(view)
+    parts = [
+        _stop_lines_of(view, i[k : k + MAX_PAIRS], j[k : k + MAX_PAIRS])
+        for k in range(0, max(1, len(i)), MAX_PAIRS)
+    ]
+    lines = _joined(parts)
+    if not profile.contact_time:
+        return lines
+    lines = _joined([lines, _contacts(view, i, j)])
+    order = np.argsort(lines.row, kind="stable")
+    return StopLines(**{f.name: getattr(lines, f.name)[order] for f in fields(StopLines)})
+
+
+def _joined(parts: Sequence[StopLines]) -> StopLines:
+    return StopLines(
+        **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(StopLines)}
+    )
+
+
+def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
+    """Return the places where pairs apart first touch, if the other is ahead then."""
+    paths, around, scene, steps = view.paths, view.around, view.history.scene, round(SAMPLE_S / STEP_S)
+    samples = int(view.profile.contact_time / SAMPLE_S) + 1
+    child, vehicle = view.who.child[i], view.who.vehicle[i]
+    sizes = (
+        (scene.length[vehicle], scene.width[vehicle]),
+        (around.others.length[j], around.others.width[j]),
+    )
+    reach = sum(np.hypot(*size) for size in sizes) / 2
+    own = slice(0, samples * steps, steps)
+    dx = around.x[child, j, :samples] - paths.x[i, own]
+    dy = around.y[child, j, :samples] - paths.y[i, own]
+    speed = paths.start_speed[i] + np.maximum(around.others.states.speed[child, j], 0.0)
+    near = np.flatnonzero((np.hypot(dx, dy) < (reach + speed * SAMPLE_S / 2)[:, None]).any(axis=1))
+    i, j, child = i[near], j[near], child[near]
+    own_size, size = ((length[near, None], width[near, None]) for length, width in sizes)
+    time = np.arange((samples - 1) * steps + 1)
+    one = States(
+        x=paths.x[i][:, time],
+        y=paths.y[i][:, time],
+        heading=paths.heading[i][:, time],
+        speed=np.zeros((len(i), len(time))),
+    )
+    x, y, heading = (
+        between(a[child, j, :samples], time / steps) for a in (around.x, around.y, around.heading)
+    )
+    other = States(x=x, y=y, heading=heading, speed=one.speed)
+    boxes = Rectangles.of(one, *own_size), Rectangles.of(other, *size)
+    distance = rectangle_distance(*boxes)
+    touches = distance <= np.minimum(CONTACT_M, distance[:, :1] / 2)
+    touches[:, 0] = False
+    first, k = touches.argmax(axis=1), np.arange(len(i))
+    cos, sin = np.cos(one.heading[k, first]), np.sin(one.heading[k, first])
+    ahead = cos * (x - one.x)[k, first] + sin * (y - one.y)[k, first] > 0
+    k = np.flatnonzero(touches.any(axis=1) & ahead & (distance[:, 0] > 0))
+    k = k[~_gives_way(view, i[k], j[k], first[k], *(box.part(k) for box in boxes))]
+    first, i, j, child = first[k], i[k], j[k], child[k]
+    along = np.cos(heading[k, first] - one.heading[k, first])
+    line = np.maximum(around.others.states.speed[child, j] * along, 0.0)
+    braking = np.where(line > 0, np.minimum(around.braking[child, j], view.profile.comfort_deceleration), 0.0)
+    none = np.zeros(len(k))
+    return StopLines(
+        row=i,
+        position=paths.arc[i, first] - line * STEP_S * first,
+        speed=line,
+        deceleration=braking,
+        stop_time=np.where(braking > 0, line / np.maximum(braking, 1e-9), np.inf),
+        enter=none,
+        until=none + np.inf,
+        firm=none == 0,
+        safe=none != 0,
+    )
+
+
+def _gives_way(
+    view: _View, i: IntArray, j: IntArray, first: IntArray, one: Rectangles, other: Rectangles
+) -> BoolArray:
+    """Return (P,) whether others j stop before they touch the plans of vehicles i, as that is easy for them.
+
+    Args:
+        first: (P,) step at which the boxes (P, T) touch.
+    """
+    others, k = view.around.others, np.arange(len(i))
+    speed = np.maximum(others.states.speed[view.who.child[i], j], 0.0)
+    needs = view.paths.start_speed[i] ** 2 / np.maximum(view.paths.arc[i, first], LEAST_WAY_M)
+    other_needs = speed**2 / np.maximum(speed * STEP_S * first, LEAST_WAY_M)
+    along = np.cos(other.heading[k, first] - one.heading[k, first]) >= SAME_WAY
+    in_way = (rectangle_distance(one, other.part(np.s_[:, :1])) <= CONTACT_M).any(axis=1)
+    return ~others.obstacle[j] & ~along & ~in_way & (other_needs < GIVES_WAY * needs)
+
+
+def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
+    """Return pairs whose motions have overlapping bounds."""
+    paths, around, scene, who = view.paths, view.around, view.history.scene, view.who
+    others = around.others
+    half = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.profile.margin
+    reach = half[:, None] + np.sqrt(others.length**2 + others.width**2) / 2
+    near = others.present[who.child] & (paths.arc[:, -1] > 0.0)[:, None]
+    for planned, other in ((paths.corner_x, around.x), (paths.corner_y, around.y)):
+        low, high = other.min(axis=2)[who.child], other.max(axis=2)[who.child]
+        near &= low - reach <= planned.max(axis=1)[:, None]
+        near &= high + reach >= planned.min(axis=1)[:, None]
+    near[np.arange(len(who)), who.vehicle] = False
+    if view.profile.touching > 0:
+        near[:, : scene.vehicles] &= (box_distances(scene) >= view.profile.touching)[who.vehicle]
+    i, j = np.nonzero(near)
+    return i, j
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Blocked:
+    """Others in corridors at K moments, (K, P)."""
+
+    inside: BoolArray
+    s: FloatArray  # arc length of the other's centre, m
+    offset: FloatArray  # from the middle line, m, left positive
+    cos: FloatArray  # of its heading against the corridor's
+    low: FloatArray  # place of the vehicle's centre where its front touches the other, m
+    high: FloatArray  # place where its rear leaves the other, m
+
+
+def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
+    """Return the stop lines of pairs: vehicle i of the n, other j of the M."""
+    paths, around, who, profile = view.paths, view.around, view.who, view.profile
+    blocked = _blocked(view, i, j)
+    some = blocked.inside.any(axis=0)
+    i, j = i[some], j[some]
+    blocked = _Blocked(**{f.name: getattr(blocked, f.name)[:, some] for f in fields(_Blocked)})
+    v, v_other = paths.start_speed[i], np.maximum(around.others.states.speed[who.child[i], j], 0.0)
+    meeting = _meetings(blocked, v, v_other, profile)
+    obstacle = around.others.obstacle[j]
+    yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], profile)
+    # A vehicle that is through before the other one comes need not wait.
+    before = (meeting.enter - profile.time_margin) / STEP_S
+    before = np.clip(before, 0, paths.arc.shape[1] - 1).astype(np.int64)
+    yields &= (meeting.enter == 0) | (paths.arc[i, before] <= meeting.high)
+    k = np.flatnonzero(yields)
+    speed, in_front = meeting.speed[k], meeting.enter[k] == 0
+    braking = np.minimum(around.braking[who.child[i], j], profile.comfort_deceleration)[k]
+    braking = np.where(in_front & (speed > 0), braking, 0.0)
+    return StopLines(
+        row=i[k],
+        position=meeting.position[k],
+        speed=speed,
+        deceleration=braking,
+        stop_time=np.where(braking > 0, speed / np.maximum(braking, 1e-9), np.inf),
+        enter=meeting.enter[k],
+        until=meeting.leave[k] + profile.time_margin,
+        firm=in_front | (speed == 0) | meeting.stops[k],
+        safe=_stay_apart(view, i[k], j[k], np.where(speed > 0, SAFE_S, SAFE_STOP_S)),
+    )
+
+
+def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> BoolArray:
+    """Return (P,) whether pairs stay apart for (P,) s with constant headings, own speed and other's braking.
+
+    A small present margin may shrink a little.
+    """
+    around, who, scene = view.around, view.who, view.history.scene
+    child, vehicle = who.child[i], who.vehicle[i]
+    one, two = view.history.now[child, vehicle], around.others.states[child, j]
+    braking = around.braking[child, j]
+    t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
+    braked = np.minimum(t, (np.maximum(two.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
+    ways = (
+        np.maximum(one.speed, 0.0)[:, None] * t,
+        np.maximum(two.speed, 0.0)[:, None] * braked - braking[:, None] / 2 * braked**2,
+    )
+    sizes = (scene.length[vehicle], scene.width[vehicle]), (around.others.length[j], around.others.width[j])
+    boxes = [
+        Rectangles.of(
+            States(
+                x=now.x[:, None] + way * np.cos(now.heading)[:, None],
+                y=now.y[:, None] + way * np.sin(now.heading)[:, None],
+                heading=np.repeat(now.heading[:, None], len(t), axis=1),
+                speed=way,
+            ),
+            length[:, None],
+            width[:, None],
+        )
+        for now, way, (length, width) in zip((one, two), ways, sizes, strict=True)
+    ]
+    distance = np.where(t <= time_s[:, None], rectangle_distance(*boxes), np.inf)
+    least: BoolArray = distance.min(axis=1) >= np.minimum(SAFE_M, KEPT_SHARE * distance[:, 0])
+    return least & (distance[:, 0] > 0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Meeting:
+    """Meetings of P pairs, (P,); places of the vehicle's centre, m along the plan."""
+
+    enter: FloatArray  # when the other enters the corridor, s
+    leave: FloatArray  # when it has left, s; inf after the last sample
+    position: FloatArray  # of the moving stop line now
+    speed: FloatArray  # of that line, m/s; 0 if the other crosses
+    entry: FloatArray  # place to stop at before the other enters
+    high: FloatArray  # place from which the vehicle is through
+    lead: FloatArray  # way ahead of the other at the crossing, m
+    stops: BoolArray  # the vehicle can stop before the entry
+
+
+def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, profile: GuardProfile) -> _Meeting:
+    """Find where and when pairs meet."""
+    inside, pair = blocked.inside, np.arange(len(v))
+    enter = inside.argmax(axis=0)
+    leave = SAMPLES - inside[::-1].argmax(axis=0)
+    distance = np.where(inside, np.abs(blocked.offset), np.inf)
+    crossing = (distance <= distance.min(axis=0) + CROSSING_M).argmax(axis=0)
+    crossing = np.where(enter == 0, 0, crossing)
+    cos = blocked.cos[crossing, pair]
+    speed = np.where(cos > SAME_WAY, v_other * cos, 0.0)
+    # The line below all places where the other is in the way.
+    line = np.where(inside, blocked.low - speed * (SAMPLE_S * np.arange(SAMPLES))[:, None], np.inf)
+    position = line.min(axis=0)
+    entry = np.where(speed > 0, blocked.low[enter, pair], position)
+    # Vehicles that approach each other share the way between them.
+    share = blocked.low[0] * v / np.maximum(v + v_other, 0.1)
+    towards = (enter == 0) & (cos < TOWARDS)
+    return _Meeting(
+        enter=SAMPLE_S * enter,
+        leave=np.where(leave == SAMPLES, np.inf, SAMPLE_S * leave),
+        position=np.where(towards, np.maximum(position, share), position),
+        speed=speed,
+        entry=entry,
+        high=np.where(inside, blocked.high, -np.inf).max(axis=0),
+        lead=v * (SAMPLE_S * crossing) - blocked.s[crossing, pair],
+        # Behind one that goes the same way, it is enough to reach its speed.
+        stops=np.maximum(entry, AT_ONCE_M)
+        >= np.maximum(v - speed, 0.0) ** 2 / (2 * profile.yield_deceleration),
+    )
+
+
+def _yields(
+    meeting: _Meeting,
+    v: FloatArray,
+    v_other: FloatArray,
+    gives_way: BoolArray,
+    other_first: BoolArray,
+    profile: GuardProfile,
+) -> BoolArray:
+    """Return (P,) whether the vehicle gives way.
+
+    It does to one inside the corridor and not behind. Else the only one that can stop gives way; if both or
+    neither can, the later one at the crossing, and close cases by number; see `GuardProfile.braking_margin`.
+
+    Args:
+        gives_way: (P,) whether the other ever gives way.
+        other_first: (P,) whether the other's number is smaller.
+    """
+    faster = np.where(meeting.speed > 0, np.maximum(v_other - v, 0.0), v_other)
+    other_stops = gives_way & (meeting.enter >= faster / (2 * profile.yield_deceleration))
+    # So they never both go, although each sees the other's way a little differently.
+    margin = profile.order_margin
+    later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
+    if profile.braking_margin:
+        needs = v**2 / np.maximum(meeting.entry, LEAST_WAY_M) / 2
+        other_needs = v_other / np.maximum(meeting.enter, STEP_S) / 2
+        less = needs < other_needs + np.where(other_first, 1, -1) * profile.braking_margin
+        later = np.where((meeting.speed == 0) & gives_way, less, later)
+    yields = np.where(meeting.stops == other_stops, later, meeting.stops)
+    result: BoolArray = np.where(meeting.enter == 0, meeting.lead < 0, yields)
+    return result
+
+
+def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
+    """Project the others j onto the corridors of the vehicles i."""
+    paths, around, profile = view.paths, view.around, view.profile
+    child, vehicle = view.who.child[i], view.who.vehicle[i]
+    # Pairs are the last axis, so that operations run along memory.
+    x, y, heading = (np.ascontiguousarray(a[child, j].T) for a in (around.x, around.y, around.heading))
+    s, offset, line_cos, line_sin, swing = onto_ways(paths, i, x, y)
+    ahead, left = np.cos(heading), np.sin(heading)
+    cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
+    half_length, half_width = around.others.length[j] / 2, around.others.width[j] / 2
+    length, width = view.history.scene.length[vehicle], view.history.scene.width[vehicle]
+    extent = np.abs(cos) * half_length + np.abs(sin) * half_width + length / 2
+    body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width - width / 2
+    low, high = s - extent, s + extent
+    # Alongside or head-on, the full margin would stop vehicles that pass within their lanes.
+    beside = (low[0] < 0) & (high[0] > 0)
+    margin = np.where(beside | (cos < TOWARDS), profile.alongside_margin, profile.margin)
+    inside = (body <= margin + swing) & (low <= paths.corner_arc[i, -1])
+    return _Blocked(inside=inside, s=s, offset=offset, cos=cos, low=low, high=high)

@@ -1,0 +1,136 @@
+"""Command ``scex-sumo convert``: a map as a SUMO net, and the judge of such nets."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.files import writing
+from scex_sumo.commands.console import warn
+from scex_sumo.commands.options import Origin
+
+if TYPE_CHECKING:
+    from scex_sumo.lanelet2sumo.convert import SumoNet
+    from scex_sumo.lanelet2sumo.judge.report import FidelityReport
+    from scex_sumo.road import Road
+
+
+EXAMPLE = "DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"
+
+
+def convert_command(
+    map_path: Annotated[
+        Path | None, Argument(metavar="MAP.osm", help="Lanelet2 map (CommonRoad: .xml).")
+    ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="NET.net.xml", help="SUMO net to write.")
+    ] = None,
+    origin: Origin = None,
+    signals: Annotated[
+        Path | None, Option(metavar="CSV", help="Recorded signal phases (SPaT csv; its kml beside it).")
+    ] = None,
+    check: Annotated[
+        Path | None, Option(metavar="NET", help="Judge this net against --map instead of converting.")
+    ] = None,
+    check_map: Annotated[
+        Path | None, Option("--map", metavar="MAP.osm", help="Map that --check compares with.")
+    ] = None,
+    drive: Annotated[
+        bool, Option("--drive", help="With --check: let 120 of SUMO's cars drive all routes, too.")
+    ] = False,
+    json_report: Annotated[bool, Option("--json-report", help="Print the fidelity figures as JSON.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Fail if anything of the map is lost.")] = False,
+    country: Annotated[
+        str | None,
+        Option(metavar="CODE", help="Country whose speed limits hold where the map gives none, e.g. us."),
+    ] = None,
+) -> None:
+    """Convert a map to a SUMO net and judge it, or judge a net."""
+    source = check_map or map_path
+    if check is not None and source is None:
+        raise UsageError("--check: needs the map too, with --map MAP.osm")
+    if drive and check is None:
+        raise UsageError("--drive: needs a net to drive on, with --check NET --map MAP")
+    if source is None:
+        raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
+    from scex_sumo.converters.lanelet.origin import parse_origin
+    from scex_sumo.converters.lanelet.tags import parse_country
+    from scex_sumo.converters.maps import read_map
+    from scex_sumo.lanelet2sumo.judge.report import check_net
+
+    started = time.perf_counter()
+    place = parse_origin(origin) if origin is not None else None
+    limits = parse_country(country) if country is not None else None
+    road = read_map(source, origin=place, country=limits)
+    if check is not None:
+        report, losses, lines = _check(check, road, drive=drive), road.losses, []
+    else:
+        net = _convert(road, out, signals)
+        seconds = time.perf_counter() - started
+        report, losses = check_net(net.path, road, net.lanes), net.losses
+        lanes = len(road.vehicle_lanes)
+        lines = [
+            f"{net.path}: {lanes} lanelets for vehicles, {len(road.lanes) - lanes} others, {seconds:.2f} s"
+        ]
+        lines += [f"look: sumo-gui -n {net.path} -a {net.extras}"] if net.extras is not None else []
+    problems = report.problems()
+    if json_report:
+        timing = {} if check is not None else {"seconds": round(seconds, 3)}
+        print(json.dumps({**report.to_dict(), **timing}, indent=2))
+    else:
+        if check is not None:
+            _print_figures(report)
+        lines += [f"- {problem}" for problem in problems]
+        lines += [f"{'warning: ' if loss.large else ''}lost: {loss}" for loss in losses]
+        faithful = "faithful: nothing of the map is lost, all figures are within their bounds"
+        print("\n".join(lines if problems or losses else [*lines, faithful]))
+    judged = check or net.path
+    if problems:
+        raise MapError(f"{judged}: not faithful to the map: {len(problems)} figures are out of bounds")
+    if strict and losses:
+        lost = ", ".join(f"{len(loss.elements)} {loss.kind} {loss.why}" for loss in losses)
+        raise MapError(f"{judged}: --strict, and the map lost {lost}; mend the map, or leave --strict out")
+
+
+def _convert(road: Road, out: Path | None, signals: Path | None) -> SumoNet:
+    from scex_sumo.lanelet2sumo.convert import convert
+
+    warn(road.notes)
+    net_path = out if out is not None else Path(f"{road.name}.net.xml")
+    with writing(net_path):
+        net_path.parent.mkdir(parents=True, exist_ok=True)
+        net = convert(road, net_path, signals=signals)
+    warn(net.notes)
+    return net
+
+
+def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
+    from scex_sumo.converters.net.allowed import allowed_copy
+    from scex_sumo.converters.net.sumo_net import LaneTable, net_file
+    from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
+
+    if not net_path.is_file():
+        raise MapError(f"{net_path}: no such file; give the SUMO net to judge")
+    table_path = net_file(net_path, ".lanes.csv")
+    table = LaneTable.read(table_path) if table_path.is_file() else None
+    with allowed_copy(net_path) as allowed:
+        report = check_net(allowed, road, table)
+        report.figures["net"] = net_path.name
+        return replace(report, driving=drive_net(allowed)) if drive else report
+
+
+def _print_figures(report: FidelityReport) -> None:
+    from rich.table import Table
+
+    from scex_sumo.commands.console import output_console
+
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for row in report.rows():
+        table.add_row(*row)
+    output_console().print(table)

@@ -1,0 +1,174 @@
+"""Loading figures of a net: messages of sumo, sumolib and netconvert, and places by moveToXY.
+
+SUMO runs in its own process, because libsumo allows one simulation per process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import subprocess
+import threading
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import SimulationError
+from scex_sumo.base.programs import checked_path, program
+from scex_sumo.converters.net.reader import NetContent
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.lanelet2sumo.judge.matching import AHEAD_RAD, Matching, sample_headings, sample_line
+from scex_sumo.road import Road
+
+PROBE_STEP_M = 2.0
+MAX_PROBES = 20_000  # on longer maps points are left out evenly
+PROBE_END_M = 0.3  # at its very ends a lanelet and its neighbours in line share their points
+MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it finds worse lanes at times
+SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is the mapped lane there
+LOAD_LIMIT_S = 60.0
+PROBES_LIMIT_S = 300.0  # SUMO may never end on a damaged net
+RETRY_S = 0.05
+RETRIES = int(LOAD_LIMIT_S / RETRY_S)
+
+
+class Loading:
+    """What sumo, sumolib and netconvert say about a net, and where SUMO puts cars on lanelets' centrelines.
+
+    Attributes:
+        probes: number of places; ``lost`` are those that SUMO puts onto other lanes, as (lanelet, places).
+    """
+
+    def __init__(self, matching: Matching) -> None:
+        net, limit = matching.net, LOAD_LIMIT_S
+        path, nowhere = checked_path(net.path.name), os.devnull
+        options = ("-n", path, "--no-step-log", "--end", "1", "--xml-validation", "never")
+        self.sumo = run(net.path.parent, limit, "sumo", *options)
+        refused = run(
+            net.path.parent, limit, "netconvert", "-s", path, "-o", nowhere, "--offset.disable-normalization"
+        )
+        self.netconvert = [line for line in refused if line.startswith("Error")]
+        self.sumolib = _sumolib_warnings(net.path)
+        points, owners, directions = _probe_points(matching.road)
+        fatal = any(line.startswith("Error") for line in self.sumo)
+        found = [""] * len(owners) if fatal else _ask_sumo(net, points, directions)
+        misses = Counter(
+            owner
+            for point, direction, owner, lane in zip(points, directions, owners, found, strict=True)
+            if not _mapped(matching, owner, lane, point, direction)
+        )
+        self.probes = len(owners)
+        self.lost = sorted(misses.items(), key=lambda entry: (-entry[1], entry[0]))
+
+
+def run(folder: Path, limit_s: float, name: str, *options: str) -> tuple[str, ...]:
+    """Run a program of SUMO in a folder; return what it complains about, errors as ``Error: ...``."""
+    command = [program(name), *options]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=limit_s, check=False, cwd=folder
+        )
+    except subprocess.TimeoutExpired:
+        return (f"Error: {name} was stopped after {limit_s:.0f} s",)
+    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    if done.returncode != 0 and not any(line.startswith("Error") for line in lines):
+        lines.append(f"Error: {name} ended with status {done.returncode}")
+    return tuple(lines)
+
+
+def _sumolib_warnings(path: Path) -> tuple[str, ...]:
+    import sumolib
+
+    heard = io.StringIO()
+    with warnings.catch_warnings(record=True) as caught, contextlib.redirect_stderr(heard):
+        warnings.simplefilter("always")
+        try:
+            sumolib.net.readNet(str(path), withInternal=True)
+        except (LookupError, ValueError, AttributeError, TypeError, ElementTree.ParseError) as error:
+            return (f"Error: sumolib cannot read it: {type(error).__name__}: {error}",)
+    said = [str(one.message) for one in caught if not issubclass(one.category, DeprecationWarning)]
+    return (*said, *filter(str.strip, heard.getvalue().splitlines()))
+
+
+def _probe_points(road: Road) -> tuple[FloatArray, list[int], FloatArray]:
+    parts: list[tuple[FloatArray, ...]] = [(np.empty((0, 2)), np.empty(0, np.int64), np.empty(0))]
+    for lane_id, lane in road.vehicle_lanes.items():
+        line = shapely.LineString(lane.centreline)
+        end = min(PROBE_END_M, 0.25 * line.length)
+        at = np.linspace(end, line.length - end, max(int(line.length / PROBE_STEP_M), 1) + 1)
+        points, before = (
+            shapely.get_coordinates(shapely.line_interpolate_point(line, s)) for s in (at, at - 0.5 * end)
+        )
+        parts.append((points, np.full(len(at), lane_id), np.arctan2(*(points - before).T[::-1])))
+    points, owners, directions = map(np.concatenate, zip(*parts, strict=True))
+    some = slice(None, None, len(owners) // MAX_PROBES + 1)  # a damaged map may have endless lanes
+    return points[some], owners[some].tolist(), directions[some]
+
+
+def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> list[str]:
+    import sumolib
+    import traci
+
+    edge = next((lane.edge_id for lane in net.car_lanes.values() if not lane.internal), None)
+    if edge is None:
+        return [""] * len(points)
+    command = [program("sumo"), "-n", net.path.name, "--no-step-log", "--no-warnings", "--step-length", "0.1"]
+    port = sumolib.miscutils.getFreeSocketPort()
+    command += ["--collision.action", "none", "--remote-port", str(port)]
+    nowhere, folder = subprocess.DEVNULL, net.path.parent
+    with subprocess.Popen(command, stdout=nowhere, stderr=nowhere, cwd=folder) as server:
+        stop = threading.Timer(PROBES_LIMIT_S, server.kill)
+        stop.start()
+        try:
+            with contextlib.redirect_stdout(io.StringIO()):  # traci prints each attempt to reach its server
+                connection = traci.connect(port, RETRIES, proc=server, waitBetweenRetries=RETRY_S)
+            found = _drop_cars(connection, edge, points + net.offset, directions)
+            connection.close()
+        except traci.exceptions.TraCIException as error:
+            raise SimulationError(f"{net.path}: sumo broke off with cars placed on it: {error}") from None
+        finally:
+            stop.cancel()
+            server.kill()  # no-op where it has ended
+    return found
+
+
+def _drop_cars(connection: Any, edge: str, points: FloatArray, directions: FloatArray) -> list[str]:
+    found = []
+    connection.route.add("r", [edge])
+    for number, ((x, y), direction) in enumerate(zip(points.tolist(), directions, strict=True)):
+        name = str(number)
+        angle = 90.0 - float(np.rad2deg(direction))  # SUMO: 0 = north, clockwise
+        connection.vehicle.add(name, "r")
+        connection.vehicle.moveToXY(name, "", -1, x, y, angle, 2, MATCH_THRESHOLD_M)
+        connection.simulationStep()
+        alive = name in connection.vehicle.getIDList()
+        found.append(connection.vehicle.getLaneID(name) if alive else "")
+        if alive:
+            connection.vehicle.remove(name)
+    return found
+
+
+def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direction: float) -> bool:
+    lanes, own, place = matching.net.lanes, matching.names(owner), shapely.Point(point)
+    if found in own or found not in lanes:
+        return found in own
+    if min((lanes[name].line.distance(place) for name in own), default=np.inf) > SAME_PLACE_M:
+        return False
+    off = lanes[found].line.distance(place)
+    if off > SAME_PLACE_M and not _covers(matching, found, place, off):
+        return False
+    line = sample_line(lanes[found].shape, 0.2)
+    heading = sample_headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
+    return bool(abs(wrap(heading - direction)) < AHEAD_RAD)
+
+
+def _covers(matching: Matching, found: str, place: shapely.Point, off: float) -> bool:
+    lanes = [matching.road.lanes[i] for i in matching.lanelets(found)]
+    distances = [(lane, shapely.LineString(lane.centreline).distance(place)) for lane in lanes]
+    return any(m <= lane.width_m / 2 and abs(m - off) <= SAME_PLACE_M for lane, m in distances)

@@ -1,0 +1,292 @@
+"""Footways of a map: crosswalks and walkways, cut where they meet and where they leave the road."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.geometry.polylines import along, cut, heading, join, length_of, nearest, turn
+from scex_sumo.lanelet2sumo.topology.graph import Groups, Zone
+from scex_sumo.road import Lane
+
+MEET_M = 0.5  # between footways that meet
+END_M = 2.0  # another footway this close to an end joins there
+KERB_M = 1.0  # between the edge of a lane and where people wait
+ISLAND_M = 4.0  # between lanes that are crossed at one go
+ALONG = 3.0  # a lane that runs over more than so many widths runs along the walkway
+REFUGE_M = 1.0  # between the lanes of two crosswalks: people can wait there
+MAX_BEND_RAD = math.radians(45.0)  # of one crossing
+MIN_SINE = 0.4  # 24 degrees: a lane at a smaller angle runs along a crosswalk
+OVER_M = 3.0  # how far a crosswalk may end before the middle of a lane that it crosses
+TIP_M = 0.5  # of a footway, for its direction
+PASS_M = 1.3  # half a car and some room
+TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
+OUTWARD_M = 0.7  # how far a crosswalk may be moved off a lane
+SHORTEST_M = 0.5  # of a footway, and of what a vehicle lane has in common with a crosswalk
+
+_Station = tuple[int, float]  # lanelet, arc length on it in m
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footway:
+    """Crosswalk (``marked``), or a stretch of a walkway between two places.
+
+    Attributes:
+        lanelets: under it; none if the map does not have it.
+        crossed: vehicle lanes under it, with (start, end) arc length on them in m.
+    """
+
+    name: str
+    lanelets: tuple[int, ...]
+    shape: FloatArray
+    width: float
+    places: tuple[int, int]
+    marked: bool = False
+    crossed: tuple[tuple[int, tuple[float, float]], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Crossed:
+    lane: int
+    span: tuple[float, float]
+    walked: tuple[float, float]
+
+
+def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Footway]:
+    """Cut crosswalks and walkways where others join from the side and where they leave the road."""
+    walked = {i: lane for i, lane in lanes.items() if lane.kind == "pedestrian"}
+    walked = {i: lane for i, lane in walked.items() if length_of(lane.centreline) >= SHORTEST_M}
+    roads = shapely.STRtree([shapely.LineString(x.centreline) for x in driven.values()])
+    walked = {i: _beside_lanes(x, driven, roads) for i, x in walked.items()}
+    crossed = {i: list(_crossed(x, driven, roads)) for i, x in walked.items()}
+    ids, grounds = list(walked), shapely.STRtree([_ground(x) for x in walked.values()])
+    meetings: Groups[_Station] = Groups()
+    for i, lane in walked.items():
+        for s in (0.0, length_of(lane.centreline), *_kerbs(lane, crossed[i])):
+            meetings.name((i, s))
+        for s in (0.0, length_of(lane.centreline)):
+            for j in (ids[k] for k in grounds.query(_tip(lane, s))):
+                if i != j and (at := _meets(lane, s, walked[j], whole=_marked(walked[j]))) is not None:
+                    meetings.join((i, s), (j, at))
+    places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in list(meetings.above)}))}
+    found = []
+    for i, lane in walked.items():
+        stations = sorted(s for j, s in meetings.above if j == i)
+        for k, (start, end) in enumerate(pairwise(stations)):
+            ends = (places[meetings.name((i, start))], places[meetings.name((i, end))])
+            under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
+            way = Footway(
+                name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
+                lanelets=(i,),
+                shape=cut(lane.centreline, start, end),
+                width=lane.width_m,
+                places=ends,
+                marked=_marked(lane),
+                crossed=tuple((c.lane, c.span) for c in under),
+            )
+            found += [way] if ends[0] != ends[1] else []
+    return _without_seams(found, driven)
+
+
+def _without_seams(ways: list[Footway], driven: Mapping[int, Lane]) -> list[Footway]:
+    """Join crosswalks that meet end to end where people cannot wait between the lanes."""
+    result = list(ways)
+    for place in sorted({place for way in ways for place in way.places}):
+        both = [way for way in result if place in way.places]
+        if len(both) != 2 or not all(way.marked and way.crossed for way in both):
+            continue
+        one, other = (w if (w.places[0] == place) == k else _turned(w) for k, w in enumerate(both))
+        if len({place, one.places[0], other.places[1]}) < 3:
+            continue
+        room = sum(
+            min(
+                shapely.LineString(driven[i].centreline).distance(shapely.Point(tip)) - driven[i].width_m / 2
+                for i, _ in way.crossed
+            )
+            for way, tip in ((one, one.shape[-1]), (other, other.shape[0]))
+        )
+        bent = abs(turn(heading(one.shape, end=True), heading(other.shape, end=False)))
+        if room < REFUGE_M and bent < MAX_BEND_RAD:
+            whole = replace(
+                one,
+                lanelets=one.lanelets + other.lanelets,
+                shape=join([one.shape, other.shape]),
+                width=min(one.width, other.width),
+                places=(one.places[0], other.places[1]),
+                crossed=one.crossed + other.crossed,
+            )
+            result = [whole if way is both[0] else way for way in result if way is not both[1]]
+    return result
+
+
+def _turned(way: Footway) -> Footway:
+    return replace(way, shape=way.shape[::-1], places=way.places[::-1])
+
+
+def crossed_zones(ways: list[Footway]) -> list[Zone]:
+    """Return one zone of vehicle lanes for each group of crosswalks that meet."""
+    groups: Groups[int] = Groups()
+    crosswalks = [way for way in ways if way.crossed]
+    for way in crosswalks:
+        groups.join(*way.places)
+    crossed: dict[int, list[tuple[int, tuple[float, float]]]] = {}
+    for way in crosswalks:
+        crossed.setdefault(groups.name(way.places[0]), []).extend(way.crossed)
+    return [Zone(lanes=tuple(i for i, _ in on), spans=tuple(s for _, s in on)) for on in crossed.values()]
+
+
+def _ground(lane: Lane) -> shapely.Geometry:
+    points = np.vstack([lane.left_bound, lane.right_bound, lane.centreline])
+    return shapely.box(*(points.min(axis=0) - MEET_M), *(points.max(axis=0) + MEET_M))
+
+
+def _tip(lane: Lane, s: float) -> shapely.Geometry:
+    at = -1 if s else 0
+    return shapely.MultiPoint([lane.left_bound[at], lane.right_bound[at], lane.centreline[at]]).envelope
+
+
+def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
+    """Arc length at which a footway's end joins another footway, or None."""
+    at = -1 if s else 0
+    length = length_of(other.centreline)
+    side = shapely.LineString([lane.left_bound[at], lane.right_bound[at]])
+    for there, station in ((0, 0.0), (-1, length)):
+        if side.distance(shapely.LineString([other.left_bound[there], other.right_bound[there]])) < MEET_M:
+            return station
+    tip = lane.centreline[at]
+    if _area(other).distance(shapely.Point(tip)) > MEET_M:
+        return None
+    station = float(nearest(other.centreline, *tip))
+    if station < END_M or station > length - END_M:
+        return 0.0 if station < length / 2 else length
+    return None if whole else round(station)
+
+
+def _marked(lane: Lane) -> bool:
+    return lane.subtype == "crosswalk"
+
+
+def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Lane:
+    """Keep a crosswalk off lanes that run along it: SUMO's cars see people only where lanes cross it."""
+    middle, half = shapely.LineString(footway.centreline), footway.width_m / 2
+    right, left = -half, half
+    under: list[float] = []
+    if not _marked(footway):
+        return footway
+    for k in lines.query(_area(footway), predicate="intersects").tolist():
+        part = _area(footway).intersection(lines.geometries[k])
+        if part.length < SHORTEST_M:
+            continue
+        at = [float(middle.project(point)) for point in shapely.points(shapely.get_coordinates(part))]
+        across = shapely.get_coordinates(part) - along(footway.centreline, np.array(at))
+        ahead = along(footway.centreline, np.array(at) + 0.1) - along(footway.centreline, np.array(at) - 0.1)
+        offset = (ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]) / np.hypot(*ahead.T)
+        if part.intersects(middle):
+            if np.ptp(offset) < MIN_SINE * np.ptp(at) and np.ptp(at) > footway.width_m:
+                under += [float(offset.min()), float(offset.max())]
+            continue
+        if np.ptp(offset) > np.ptp(at):
+            continue  # a lane across, which begins or ends on the crosswalk
+        if offset.mean() > 0:
+            left = min(left, float(offset.min()) - PASS_M)
+        else:
+            right = max(right, float(offset.max()) + PASS_M)
+    if under:  # to the side where it crosses more lanes, else to the nearer one
+        aside = PASS_M + TWO_ABREAST_M / 2
+        others = lines.geometries[lines.query(_area(footway).buffer(OVER_M))]
+        offs = [x for x in (max(under) + aside, min(under) - aside) if abs(x) <= OVER_M]
+        off = min(offs, key=lambda x: (-middle.offset_curve(x).intersects(others).sum(), abs(x)), default=0.0)
+        if not off:
+            return footway
+        right, left = off - TWO_ABREAST_M / 2, off + TWO_ABREAST_M / 2
+    elif (right, left) == (-half, half):
+        return footway
+    elif left < half:
+        right = max(min(right, left - TWO_ABREAST_M), -half - OUTWARD_M)
+    else:
+        left = min(right + TWO_ABREAST_M, half + OUTWARD_M)
+    if left - right < TWO_ABREAST_M - 1e-6:
+        return footway
+    bounds = [shapely.get_coordinates(middle.offset_curve(s)) for s in (left, (left + right) / 2, right)]
+    return replace(
+        footway, left_bound=bounds[0], centreline=bounds[1], right_bound=bounds[2], width_m=left - right
+    )
+
+
+def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:
+    area, middle = _reach(footway, lines), shapely.LineString(footway.centreline)
+    ids = list(driven)
+    for k in np.sort(lines.query(area, predicate="intersects")).tolist():
+        i, line = ids[k], lines.geometries[k]
+        lane = driven[i]
+        for part in shapely.get_parts(area.intersection(line)):
+            across = part.length < ALONG * footway.width_m and part.intersects(middle)
+            if part.length < SHORTEST_M or not (_marked(footway) or across):
+                continue
+            ends = sorted(float(line.project(shapely.Point(part.coords[k]))) for k in (0, -1))
+            s, half = float(middle.project(shapely.shortest_line(part, middle).centroid)), lane.width_m / 2
+            yield _Crossed(lane=i, span=(ends[0], ends[1]), walked=(s - half, s + half))
+
+
+def _reach(footway: Lane, lines: shapely.STRtree) -> shapely.Geometry:
+    """Area of a footway; a crosswalk that ends before the middle of a lane is lengthened over that lane."""
+    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    if not _marked(footway):
+        return area
+    longer, size = lengthened(footway.centreline), length_of(footway.centreline)
+    low, high = 0.0, size
+    clipped = [area.intersection(lines.geometries[k]) for k in lines.query(area, predicate="intersects")]
+    clipped = [part for part in clipped if part.length >= SHORTEST_M and not part.intersects(middle)]
+    for k in lines.query(longer, predicate="intersects") if clipped else ():
+        for met in shapely.points(shapely.get_coordinates(longer.intersection(lines.geometries[k]))):
+            near = min(met.distance(part) for part in clipped) < OVER_M
+            if near and slant(longer, lines.geometries[k], met)[0] > MIN_SINE:
+                s = float(longer.project(met)) - OVER_M
+                low, high = min(low, s - PASS_M), max(high, s + PASS_M)
+    if (low, high) == (0.0, size):
+        return area
+    over = cut(shapely.get_coordinates(longer), max(low + OVER_M, 0.0), high + OVER_M)
+    return area.union(shapely.LineString(over).buffer(footway.width_m / 2, cap_style="flat"))
+
+
+def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
+    length = length_of(footway.centreline)
+    spans = sorted(c.walked for c in crossed) if not _marked(footway) else []
+    merged: list[tuple[float, float]] = []
+    for low, high in spans:
+        if merged and low < merged[-1][1] + ISLAND_M:
+            merged[-1] = (merged[-1][0], max(high, merged[-1][1]))
+        else:
+            merged.append((low, high))
+    for low, high in merged:
+        yield from (s for s in (low - KERB_M, high + KERB_M) if END_M < s < length - END_M)
+
+
+def _area(lane: Lane) -> shapely.Polygon:
+    return shapely.Polygon(np.vstack([lane.left_bound, lane.right_bound[::-1]])).buffer(0.0)
+
+
+def slant(one: shapely.LineString, other: shapely.LineString, at: shapely.Point) -> tuple[float, float]:
+    """Return sine and cosine of the angle at which two lines cross."""
+    ways = []
+    for line in (one, other):
+        s = float(line.project(at))
+        a, b = (line.interpolate(max(s + step, 0.0)) for step in (-TIP_M, TIP_M))
+        ways.append(math.atan2(b.y - a.y, b.x - a.x))
+    angle = ways[1] - ways[0]
+    return abs(math.sin(angle)), abs(math.cos(angle))
+
+
+def lengthened(crosswalk: FloatArray) -> shapely.LineString:
+    """Return a crosswalk, 3 m longer at both ends."""
+    first, last = (
+        OVER_M * np.array([math.cos(angle), math.sin(angle)])
+        for angle in (heading(crosswalk, end=False), heading(crosswalk, end=True))
+    )
+    return shapely.LineString(np.vstack([crosswalk[0] - first, crosswalk, crosswalk[-1] + last]))

@@ -1,0 +1,367 @@
+"""Plan of the SUMO net: names, shapes and outlines of its elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import MultiPoint, Polygon, unary_union
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.lanelets import BEYOND, JOINT_M, LaneletPart
+from scex_sumo.geometry.polylines import (
+    along,
+    bend,
+    cut,
+    heading,
+    join,
+    length_of,
+    mean_line,
+    project,
+    width_along,
+)
+from scex_sumo.lanelet2sumo.plan.right_of_way import (
+    Link,
+    approach,
+    clashing_pieces,
+    ring_lanes,
+    set_foes,
+    set_right_of_way,
+)
+from scex_sumo.lanelet2sumo.topology.borders import ENTRY
+from scex_sumo.lanelet2sumo.topology.graph import Cut, Path, Piece, Topology
+from scex_sumo.road import Lane, Regulation
+from scex_sumo.roads.conflicts import Conflict
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetLane:
+    """Lane of an edge or of an internal edge.
+
+    Attributes:
+        length: nominal, the same for all lanes of an edge, m.
+        allow: SUMO's vehicle class if only one may drive here, else empty.
+        starts: lanelets under it, with the arc length in m where it begins, in driving order.
+        parts: stretches of lanelets under it, in driving order.
+    """
+
+    name: str
+    shape: FloatArray
+    length: float
+    width: float
+    speed: float
+    starts: tuple[tuple[int, float], ...]
+    change_left: bool = False
+    change_right: bool = False
+    allow: str = ""
+    parts: tuple[LaneletPart, ...] = ()
+
+    @property
+    def edge(self) -> str:
+        """Name of its edge."""
+        return self.name.rpartition("_")[0]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Edge:
+    """A road edge: its lanes, rightmost first, and the nodes at its ends."""
+
+    name: str
+    start: str
+    end: str
+    lanes: tuple[NetLane, ...]
+
+    @property
+    def shape(self) -> FloatArray:
+        """(P, 2) mean line of the lanes. SUMO itself uses the lanes; exports use this line."""
+        return mean_line([lane.shape for lane in self.lanes])
+
+
+@dataclass(kw_only=True, eq=False)
+class Connection(Link):
+    """Link with its internal lane and its ends.
+
+    Attributes:
+        lanelets: from the road before to the road after, without repeats.
+        enters: whether it comes from the first piece of a lane without predecessors.
+    """
+
+    lanelets: tuple[int, ...]
+    enters: bool
+    internal: NetLane
+    from_edge: str
+    from_lane: int
+    to_edge: str
+    to_lane: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Node:
+    """A junction: its incoming lanes, connections and outline."""
+
+    name: str
+    incoming: tuple[str, ...]
+    connections: tuple[Connection, ...]
+    shape: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetLayout:
+    """A whole net, ready to be written."""
+
+    edges: tuple[Edge, ...]
+    nodes: tuple[Node, ...]
+
+    def beside(self, other: NetLayout) -> NetLayout:
+        """Return both nets as one."""
+        return NetLayout(edges=self.edges + other.edges, nodes=self.nodes + other.nodes)
+
+    @property
+    def connections(self) -> tuple[Connection, ...]:
+        """Connections of all junctions."""
+        return tuple(c for node in self.nodes for c in node.connections)
+
+    def places(self) -> list[tuple[str, tuple[tuple[int, float], ...]]]:
+        """Return each SUMO lane, with (lanelet under it, arc length in m where the lane begins)."""
+        lanes = [lane for edge in self.edges for lane in edge.lanes] + [c.internal for c in self.connections]
+        return [(lane.name, lane.starts) for lane in lanes]
+
+    def ends(self) -> dict[str, tuple[str, str]]:
+        """Return the edges before and after each internal lane."""
+        return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
+
+
+def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Conflict]) -> NetLayout:
+    """Name and shape everything of a topology, and decide the right of way."""
+    plan = _Plan(topology)
+    edges = tuple(plan.edges())
+    incoming: dict[str, list[str]] = {}
+    for edge in edges:
+        incoming.setdefault(edge.start, [])
+        incoming.setdefault(edge.end, []).extend(lane.name for lane in edge.lanes)
+    connections = plan.connections(incoming, rules, found)
+    at_node: dict[str, list[Edge]] = {}
+    for edge in edges:
+        for name in dict.fromkeys((edge.start, edge.end)):
+            at_node.setdefault(name, []).append(edge)
+    nodes = tuple(
+        Node(
+            name=name,
+            incoming=tuple(lanes),
+            connections=connections.get(name, ()),
+            shape=plan.outline(name, connections.get(name, ()), at_node[name]),
+        )
+        for name, lanes in incoming.items()
+    )
+    return NetLayout(edges=edges, nodes=nodes)
+
+
+class _Plan:
+    def __init__(self, topology: Topology) -> None:
+        self._topology = topology
+        self._ring = ring_lanes(topology.lanes)
+        self._widths: dict[Piece, float] = {}
+        self._shapes: dict[Piece, FloatArray] = {}
+
+    def edges(self) -> Iterator[Edge]:
+        for r, row in enumerate(self._topology.rows):
+            for k in self._roads(r):
+                name = self._edge_name(r, k)
+                start, end = (self._node_name(self._topology.node(r, c)) for c in (k, k + 1))
+                shapes = [self._road_shape((r, k, at)) for at in range(len(row.lanes))]
+                nominal = float(np.mean([length_of(shape) for shape in shapes]))
+                lanes = tuple(
+                    self._road_lane(f"{name}_{at}", (r, k, at), shape, nominal)
+                    for at, shape in enumerate(shapes)
+                )
+                yield Edge(name=name, start=start, end=end, lanes=lanes)
+
+    def connections(
+        self, incoming: Mapping[str, Sequence[str]], rules: Sequence[Regulation], found: Sequence[Conflict]
+    ) -> dict[str, tuple[Connection, ...]]:
+        clashes = clashing_pieces(self._topology, found)
+        named = {rule.element_id: {*rule.lanes, *rule.yielding, *rule.priority} for rule in rules}
+        result = {}
+        for cut_, paths in self._topology.paths_by_node().items():
+            node = self._node_name(cut_)
+            order = {name: k for k, name in enumerate(incoming[node])}
+            shapes = {path: self._inner_shape(path) for path in paths}
+            paths = sorted(paths, key=lambda p: (order[self._lane_name(p.start)], self._lane_name(p.end)))
+            links = [self._connection(node, k, path, shapes[path]) for k, path in enumerate(paths)]
+            merging = set_foes(links, clashes)
+            on = {i for link in links for i in link.on}
+            set_right_of_way(links, merging, [rule for rule in rules if named[rule.element_id] & on])
+            result[node] = tuple(links)
+        return result
+
+    def outline(self, node: str, connections: Sequence[Connection], edges: Sequence[Edge]) -> FloatArray:
+        inside = {piece for c in connections for piece in c.path.inside}
+        areas = [_lane_area(self._topology.lane(p), self._topology.span(p)) for p in sorted(inside)]
+        union = _union_outline(areas)
+        return union if len(union) else _border(node, edges)
+
+    def _node_name(self, node: Cut) -> str:
+        row, k = node
+        return f"j{min(self._topology.rows[row].lanes)}" + (f"#{k}" if k else "")
+
+    def _roads(self, row: int) -> list[int]:
+        return [k for k, inside in enumerate(self._topology.rows[row].inside) if not inside]
+
+    def _edge_name(self, row: int, piece: int) -> str:
+        roads = self._roads(row)
+        number = f"#{roads.index(piece)}" if len(roads) > 1 else ""
+        return f"l{self._topology.rows[row].lanes[0]}{number}"
+
+    def _lane_name(self, piece: Piece) -> str:
+        return f"{self._edge_name(*piece[:2])}_{piece[2]}"
+
+    def _road_lane(self, name: str, piece: Piece, shape: FloatArray, nominal: float) -> NetLane:
+        row, lane = self._topology.rows[piece[0]], self._topology.lane(piece)
+        left = row.lanes[piece[2] + 1] if piece[2] + 1 < len(row.lanes) else None
+        right = row.lanes[piece[2] - 1] if piece[2] else None
+        return NetLane(
+            name=name,
+            shape=shape,
+            length=nominal,
+            width=self._width([piece]),
+            speed=lane.speed_limit_mps,
+            starts=((lane.lane_id, self._topology.span(piece)[0]),),
+            change_left=left is not None and lane.left == left,
+            change_right=right is not None and lane.right == right,
+            allow="" if lane.kind == "vehicle" else lane.kind,
+            parts=tuple(self._lanelet_parts([(piece, *self._trims(piece))])),
+        )
+
+    def _trims(self, piece: Piece) -> tuple[float, float]:
+        row, lane = self._topology.rows[piece[0]], self._topology.lane(piece)
+        start, end = self._topology.span(piece)
+        joint = min(JOINT_M, (end - start) / 4)
+        known = self._topology.where
+        first = not row.inside[piece[1] - 1] if piece[1] else any(i in known for i in lane.predecessors)
+        if piece[1] + 1 < row.pieces:
+            last = not row.inside[piece[1] + 1]
+        else:
+            last = any(i in known for i in lane.successors)
+        return start + joint * first, end - joint * last
+
+    def _road_shape(self, piece: Piece) -> FloatArray:
+        if piece not in self._shapes:
+            line = self._topology.lane(piece).centreline
+            self._shapes[piece] = cut(line, *self._trims(piece))
+        return self._shapes[piece]
+
+    def _inner_parts(self, path: Path) -> Iterator[tuple[Piece, float, float]]:
+        last = len(path.pieces) - 1
+        for k, piece in enumerate(path.pieces):
+            start, end = self._topology.span(piece)
+            if k == 0:
+                start = self._trims(piece)[1]
+            if k == last:
+                end = self._trims(piece)[0]
+            if end - start > 1e-9:
+                yield piece, start, end
+
+    def _inner_shape(self, path: Path) -> FloatArray:
+        parts = self._inner_parts(path)
+        return join([cut(self._topology.lane(piece).centreline, *span) for piece, *span in parts])
+
+    def _lanelet_parts(self, parts: Iterable[tuple[Piece, float, float]]) -> Iterator[LaneletPart]:
+        for piece, start, end in parts:
+            lane = self._topology.lane(piece)
+            lanelet = BEYOND if lane.subtype == ENTRY else lane.lane_id
+            yield LaneletPart(lanelet, start, end, lane.width_m, lane.speed_limit_mps)
+
+    def _width(self, pieces: Sequence[Piece]) -> float:
+        widths = [self._piece_width(piece) for piece in pieces]
+        sizes = [max(end - start, 1e-3) for start, end in map(self._topology.span, pieces)]
+        return max(float(np.average(widths, weights=sizes)), 0.5)
+
+    def _piece_width(self, piece: Piece) -> float:
+        if piece not in self._widths:
+            lane = self._topology.lane(piece)
+            line = cut(lane.centreline, *self._topology.span(piece))
+            self._widths[piece] = width_along(lane.left_bound, lane.right_bound, line)
+        return self._widths[piece]
+
+    def _connection(self, node: str, index: int, path: Path, shape: FloatArray) -> Connection:
+        over = path.inside or (path.start, path.end)
+        lanes = [self._topology.lane(piece) for piece in over]
+        first = self._topology.lane(path.start)
+        internal = NetLane(
+            name=f":{node}_{index}_0",
+            shape=shape,
+            length=length_of(shape),
+            width=self._width(over),
+            speed=min(lane.speed_limit_mps for lane in (lanes if path.inside else lanes[1:])),
+            starts=self._starts(path, over),
+            allow="" if lanes[0].kind == "vehicle" else lanes[0].kind,
+            parts=tuple(self._lanelet_parts(self._inner_parts(path))),
+        )
+        driven = [self._topology.lane(piece).lane_id for piece in path.pieces]
+        return Connection(
+            path=path,
+            entry=heading(self._road_shape(path.start), end=True),
+            bend=bend(shape),
+            on=approach(self._topology, path),
+            across=frozenset(self._topology.lane(piece).lane_id for piece in path.inside),
+            on_ring=first.lane_id in self._ring,
+            internal=internal,
+            lanelets=tuple(i for k, i in enumerate(driven) if k == 0 or driven[k - 1] != i),
+            enters=path.start[1] == 0
+            and self._topology.rows[path.start[0]].pieces > 1
+            and not first.predecessors,
+            from_edge=self._edge_name(*path.start[:2]),
+            from_lane=path.start[2],
+            to_edge=self._edge_name(*path.end[:2]),
+            to_lane=path.end[2],
+        )
+
+    def _starts(self, path: Path, over: Sequence[Piece]) -> tuple[tuple[int, float], ...]:
+        starts = {}
+        for piece in over:
+            start, end = self._topology.span(piece)
+            joint = not path.inside and piece == path.start
+            # A joint covers the very end of the lanelet before and the very start of the one after.
+            starts[self._topology.lane(piece).lane_id] = end if joint else start - 1e-6
+        return tuple(starts.items())
+
+
+def _lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
+    ends = along(lane.centreline, np.array(span))
+    sides = [_between(bound, ends) for bound in (lane.left_bound, lane.right_bound)]
+    return Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0)
+
+
+def _union_outline(areas: Sequence[Polygon]) -> FloatArray:
+    union = unary_union(shapely.buffer(areas, 0.01, quad_segs=16))
+    area = union if union.geom_type == "Polygon" else union.convex_hull
+    if area.geom_type != "Polygon":
+        return np.empty((0, 2))
+    return np.asarray(area.simplify(0.05).exterior.coords)[:-1]
+
+
+def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
+    ends = [
+        (edge, end) for edge in edges for end in (False, True) if node == (edge.end if end else edge.start)
+    ]
+    return hull([corners(lane.shape, lane.width, end=end) for edge, end in ends for lane in edge.lanes])
+
+
+def corners(shape: FloatArray, width: float, *, end: bool, reach: float = 2.0) -> FloatArray:
+    """(2, 2) left and right corner of a lane's end, m; its heading is that of the last ``reach`` metres."""
+    angle, tip = heading(shape, end=end, reach=reach), shape[-1 if end else 0]
+    across = np.array([-np.sin(angle), np.cos(angle)]) * width / 2
+    return np.array([tip + across, tip - across])
+
+
+def hull(points: Sequence[FloatArray]) -> FloatArray:
+    """Return the (P, 2) convex hull of points, in order."""
+    found = MultiPoint(np.vstack(points)).convex_hull
+    return np.asarray(found.exterior.coords[:-1] if found.geom_type == "Polygon" else found.coords)
+
+
+def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:
+    start, end = project(ends, bound)[0]
+    return cut(bound, start, end) if end - start > 1e-3 else along(bound, np.array([start, end]))

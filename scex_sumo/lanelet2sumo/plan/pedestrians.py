@@ -1,0 +1,235 @@
+"""Pedestrian part of a SUMO net: crossings in junctions, walking areas and sidewalks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import TypeAlias
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.geometry.polylines import cut, heading, length_of
+from scex_sumo.lanelet2sumo.plan.footways import (
+    MIN_SINE,
+    OVER_M,
+    PASS_M,
+    TIP_M,
+    TWO_ABREAST_M,
+    Footway,
+    lengthened,
+    slant,
+)
+from scex_sumo.lanelet2sumo.plan.layout import Connection, NetLane, NetLayout, corners, hull
+from scex_sumo.lanelet2sumo.topology.graph import Topology
+
+_Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, its links, edges at them
+
+SPEED_MPS = 2.78  # SUMO's own for sidewalks
+ASIDE_M = 0.6  # along a slanted crossing, between people at its sides and those in its middle
+ISLAND_END_M = 0.25  # of the shortest walking area between two crosswalks
+TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
+STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """A crosswalk across links of one junction.
+
+    Attributes:
+        crossed: indices of the junction's links that run over it.
+        edges: of these links, those nearer to it.
+        areas: walking areas at its beginning and end.
+        marked: whether vehicles give way there; elsewhere people do.
+    """
+
+    node: str
+    crossed: tuple[int, ...]
+    edges: tuple[str, ...]
+    lane: NetLane
+    areas: tuple[str, str]
+    marked: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sidewalk:
+    lane: NetLane
+    nodes: tuple[str, str]
+    areas: tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Walks:
+    """Pedestrian part of a net; ``areas`` and ``nodes`` hold outlines by name."""
+
+    crossings: tuple[Crossing, ...]
+    areas: Mapping[str, FloatArray]
+    sidewalks: tuple[_Sidewalk, ...]
+    nodes: Mapping[str, FloatArray]
+
+    def at(self, node: str) -> list[Crossing]:
+        """Crossings of a junction."""
+        return [c for c in self.crossings if c.node == node]
+
+    def incoming(self, node: str) -> list[str]:
+        """Return lanes for people that lead into a junction."""
+        ending = [s.lane.name for s in self.sidewalks if s.nodes[1] == node]
+        return [*ending, *dict.fromkeys(f"{c.areas[0]}_0" for c in self.at(node))]
+
+    def places(self) -> Iterator[tuple[str, tuple[tuple[int, float], ...]]]:
+        """Each lane for people, with the lanelet under it and its order along that lanelet."""
+        lanes = [crossing.lane for crossing in self.crossings] + [walk.lane for walk in self.sidewalks]
+        for k, lane in enumerate(lanes):
+            yield lane.name, tuple((lanelet, float(k)) for lanelet, _ in lane.starts)
+
+
+def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -> Walks:
+    """Put a map's footways into the net of its vehicle lanes."""
+    met = {way.name: _across(way, topology, layout) for way in ways}
+    across = {name: found for name, found in met.items() if found is not None}
+    owners = {place: across[way.name][0] for way in ways if way.name in across for place in way.places}
+    crosswalks = [way for way in ways if way.name in across]
+    fresh = count(max((place for way in ways for place in way.places), default=0) + 1)
+    walkways = _halved([way for way in ways if way.name not in across], owners, fresh)
+    ways = [*crosswalks, *walkways, *_stubs(crosswalks, ways, fresh)]
+    ends = [place for way in ways for place in way.places]
+    node = {place: owners.get(place, f"p{place}") for place in sorted(set(ends))}
+    numbers, crossed = ({name: count() for name in node.values()} for _ in range(2))
+    area = {p: f":{n}_w{next(numbers[n])}" for p, n in node.items() if ends.count(p) > 1}
+    crossings: list[Crossing] = []
+    sidewalks: list[_Sidewalk] = []
+    corner: dict[int, list[FloatArray]] = {}
+    met_twice = [place for way in crosswalks for place in way.places]
+    over = {
+        way.name: _over_lanes(way, across[way.name], layout, [met_twice.count(p) > 1 for p in way.places])
+        for way in crosswalks
+    }
+    beyond = {
+        place: reach
+        for way in crosswalks
+        for place, reach in zip(way.places, over[way.name].beyond, strict=True)
+    }
+    for way in ways:
+        start, end = way.places
+        areas = (area.get(start, ""), area.get(end, ""))
+        if way.name in over:
+            shape, width = over[way.name].shape, over[way.name].width
+        else:
+            size, width = length_of(way.shape), way.width
+            first, last = (
+                min(TRIM_M + beyond.get(place, 0.0), size / 2 - TRIM_M / 2 if beyond.get(place) else size / 4)
+                * bool(name)
+                for place, name in zip(way.places, areas, strict=True)
+            )
+            shape = cut(way.shape, first, size - last)
+        for place, last in ((start, False), (end, True)):
+            corner.setdefault(place, []).append(corners(shape, width, end=last, reach=TIP_M))
+        name = (
+            f":{across[way.name][0]}_c{next(crossed[across[way.name][0]])}"
+            if way.name in across
+            else way.name
+        )
+        lane = NetLane(
+            name=f"{name}_0",
+            shape=shape,
+            length=length_of(shape),
+            width=width,
+            speed=SPEED_MPS,
+            starts=tuple((lanelet, 0.0) for lanelet in way.lanelets),
+            allow="pedestrian",
+        )
+        if way.name in across:
+            crossings.append(Crossing(*across[way.name], lane=lane, areas=areas, marked=way.marked))
+        else:
+            sidewalks.append(_Sidewalk(lane=lane, nodes=(node[start], node[end]), areas=areas))
+    return Walks(
+        crossings=tuple(sorted(crossings, key=lambda c: c.lane.name)),
+        areas={name: hull(corner[place]) for place, name in area.items()},
+        sidewalks=tuple(sidewalks),
+        nodes={n: hull(corner[place]) for place, n in node.items() if n == f"p{place}"},
+    )
+
+
+def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | None:
+    pieces = {piece for lane, span in way.crossed for piece in topology.pieces_on(lane, *span)}
+    for node in layout.nodes if pieces else ():
+        links = [k for k, c in enumerate(node.connections) if pieces & set(c.path.inside)]
+        if links:
+            edges = dict.fromkeys(_nearer_edge(node.connections[k], way.shape) for k in links)
+            return node.name, tuple(links), tuple(edges)
+    return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Over:
+    shape: FloatArray
+    width: float
+    beyond: tuple[float, float]  # by how much the crossing is longer than the crosswalk at each end, m
+
+
+def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequence[bool]) -> _Over:
+    """Return the line and the width of a crossing.
+
+    Walking areas take the ends of a crosswalk, but nothing of the lanes, except where it is ``shared`` with
+    another crosswalk. SUMO's cars do not see people on a crossing whose line ends before the middle of their
+    lane, nor people aside on a wide crossing that is slanted to it.
+    """
+    size, width = length_of(way.shape), way.width
+    off = min(TRIM_M, size / 4)
+    low, high = off, size - off
+    least, most = (min(ISLAND_END_M, off) if both else -OVER_M for both in shared)
+    line = lengthened(way.shape)
+    connections = next(node.connections for node in layout.nodes if node.name == across[0])
+    for k in across[1] if way.marked else ():
+        lane = connections[k].internal
+        met = line.intersection(shapely.LineString(lane.shape))
+        for point in shapely.points(shapely.get_coordinates(met)):
+            sine, cosine = slant(line, shapely.LineString(lane.shape), point)
+            if sine < MIN_SINE:
+                continue
+            s, reach = float(line.project(point)) - OVER_M, max(lane.width / 2, PASS_M) / sine
+            low, high = min(low, s - reach), max(high, s + reach)
+            width = min(width, 2 * ASIDE_M * sine / max(cosine, 1e-6))
+    low, high = max(low, least), min(high, size - most)
+    return _Over(
+        shape=cut(shapely.get_coordinates(line), low + OVER_M, high + OVER_M),
+        width=min(max(width, TWO_ABREAST_M), way.width),
+        beyond=(max(-low, 0.0), max(high - size, 0.0)),
+    )
+
+
+def _nearer_edge(link: Connection, crosswalk: FloatArray) -> str:
+    line = shapely.LineString(crosswalk)
+    first, last = (line.distance(shapely.Point(link.internal.shape[k])) for k in (0, -1))
+    return link.from_edge if first <= last else link.to_edge
+
+
+def _halved(ways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[int]) -> Iterator[Footway]:
+    for way in ways:
+        one, other = way.places
+        if one not in owners or owners[one] != owners.get(other):
+            yield way
+            continue
+        middle, half = next(fresh), length_of(way.shape) / 2
+        shapes = cut(way.shape, 0.0, half), cut(way.shape, half, 2 * half)
+        for k, (shape, places) in enumerate(zip(shapes, ((one, middle), (middle, other)), strict=True)):
+            yield replace(way, name=f"{way.name}#{'ab'[k]}", shape=shape, places=places)
+
+
+def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterator[int]) -> Iterator[Footway]:
+    places = [place for way in ways for place in way.places]
+    for way in crosswalks:
+        for k, place in enumerate(way.places):
+            if places.count(place) == 1:
+                angle, tip = heading(way.shape, end=k == 1) + (math.pi if k == 0 else 0.0), way.shape[-k]
+                outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
+                yield Footway(
+                    name=f"{way.name}#{k}",
+                    lanelets=(),
+                    shape=np.array([outer, tip]),
+                    width=way.width,
+                    places=(next(fresh), place),
+                )

@@ -1,0 +1,269 @@
+"""Right of way at a node: SUMO's foes, responses and link states; roundabouts."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+
+from scex_sumo.geometry.polylines import along, length_of, project, samples, turn, without_repeats
+from scex_sumo.lanelet2sumo.topology.graph import Path, Piece, Topology, endless, reached
+from scex_sumo.road import Lane, Regulation
+from scex_sumo.roads.conflicts import Conflict
+
+REACH_M = 30.0  # how far before a node a rule may be attached to the approach
+SAME_WAY = math.radians(45.0)  # approaches closer than this in heading run alongside each other
+ONCOMING = math.radians(135.0)
+STRAIGHT = math.radians(20.0)
+MAX_RING_M = 400.0  # round the largest roundabouts; blocks of houses are mostly larger
+MIN_ROUNDNESS = 0.85  # area over that of a circle with the same circumference; a square has 0.79
+MAX_ONCOMING = 0.2  # of a roundabout's length that has oncoming lanes beside it; blocks have over 0.3
+BESIDE_M = 10.0
+
+
+@dataclass(kw_only=True, eq=False)
+class Link:
+    """A connection as SUMO's right of way sees it.
+
+    Attributes:
+        entry: heading where the path enters the node, rad.
+        bend: signed change of heading along the path, rad, positive to the left.
+        on: lanelets whose rules apply: those of the path and of the approach.
+        across: lanelets of the path within the node.
+        foes: indices of links in the way of this one.
+        response: indices of foes that this link gives way to.
+        state: SUMO's link state, e.g. ``M`` (priority), ``m`` (yields), ``Z`` (zipper).
+    """
+
+    path: Path
+    entry: float
+    bend: float
+    on: frozenset[int]
+    across: frozenset[int]
+    on_ring: bool = False
+    foes: set[int] = field(default_factory=set)
+    response: set[int] = field(default_factory=set)
+    state: str = "M"
+
+
+def approach(topology: Topology, path: Path) -> frozenset[int]:
+    """Return lanelets on a path and up to 30 m before it, as far as no other way joins in between."""
+    found = {topology.lane(piece).lane_id for piece in (path.start, *path.inside)}
+    lane, reach = topology.lane(path.start), 0.0
+    while reach < REACH_M:
+        row, at = topology.where[lane.lane_id]
+        reach += topology.rows[row].lengths[at]
+        before = lane.predecessors
+        if len(before) != 1 or before[0] not in topology.where or before[0] in found:
+            break
+        lane = topology.lanes[before[0]]
+        if len(lane.successors) != 1:
+            break
+        found.add(lane.lane_id)
+    return frozenset(found)
+
+
+def set_foes(links: Sequence[Link], clashes: Mapping[tuple[Piece, Piece], str]) -> set[frozenset[int]]:
+    """Fill ``foes`` of the links of one node; return the pairs of foes that only merge."""
+    merging: set[frozenset[int]] = set()
+    for i, a in enumerate(links):
+        for j in range(i):
+            b = links[j]
+            if a.path.start == b.path.start:
+                continue  # one behind the other: SUMO follows leaders there
+            kinds = {clashes[p, q] for p in a.path.inside for q in b.path.inside if (p, q) in clashes}
+            if a.path.end == b.path.end or set(a.path.inside) & set(b.path.inside):
+                kinds.add("merge")
+            if kinds:
+                a.foes.add(j)
+                b.foes.add(i)
+            if kinds == {"merge"}:
+                merging.add(frozenset((i, j)))
+    return merging
+
+
+def clashing_pieces(topology: Topology, found: Sequence[Conflict]) -> dict[tuple[Piece, Piece], str]:
+    """Return the kind of conflict between junction pieces, both ways round; crossing overrides merging."""
+    kinds: dict[tuple[Piece, Piece], str] = {}
+    for c in found:
+        first, second = (topology.pieces_on(lane, *s) for lane, s in zip(c.lanes, c.spans, strict=True))
+        for p in first:
+            for q in second:
+                if kinds.get((p, q)) != "cross":
+                    kinds[p, q] = kinds[q, p] = c.kind
+    return kinds
+
+
+def set_right_of_way(
+    links: Sequence[Link], merging: set[frozenset[int]], rules: Sequence[Regulation]
+) -> None:
+    """Fill ``response`` and ``state`` from the rules, or from defaults if there are none.
+
+    Defaults: roundabouts go first, equal merges are zippers, crossings are right before left, and left turns
+    yield to oncoming traffic. Links yield to each other only at all-way stops and zippers.
+    """
+    ruled: set[frozenset[int]] = set()
+    for i, a in enumerate(links):
+        for j in a.foes:
+            verdict = _by_rule(a, links[j], rules)
+            if verdict:
+                ruled.add(frozenset((i, j)))
+                if verdict in ("yields", "both"):
+                    a.response.add(j)
+    zippers = _zippers(links, merging, ruled)
+    for i, a in enumerate(links):
+        for j in a.foes:
+            if frozenset((i, j)) not in ruled and (i in zippers or _by_default(a, links[j], i > j)):
+                a.response.add(j)
+    waits = {i: a.response for i, a in enumerate(links)}
+    for i, a in enumerate(links):
+        a.state = _state(a, i, rules, zippers, circular=i in reached(a.response, waits))
+
+
+def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
+    """Return ``yields``, ``has priority``, ``both`` (all-way stop) or nothing, for link a against link b."""
+    mine = theirs = certain = 0
+    for rule in rules:
+        if rule.kind == "all_way_stop":
+            stopping = {*rule.lanes, *rule.yielding}
+            if a.on & stopping and b.on & stopping:
+                return "both"
+            continue
+        yielding = set(rule.yielding) or (set(rule.lanes) if rule.kind in ("stop", "yield") else set())
+        sides = yielding, set(rule.priority)
+        mine, theirs = max(mine, _weight(a.on, b.on, *sides)), max(theirs, _weight(b.on, a.on, *sides))
+        for across, on in ((a.across, b.on), (a.on, b.across)):
+            certain += (_weight(across, on, *sides) == 2) - (_weight(on, across, *sides) == 2)
+    # Rules of the approaches mean other ways across: those that name these ways decide.
+    if mine == theirs or (certain and max(mine, theirs) < 2):
+        mine, theirs = max(certain, 0), max(-certain, 0)
+    if mine == theirs:
+        return ""
+    return "yields" if mine > theirs else "has priority"
+
+
+def _weight(a: frozenset[int], b: frozenset[int], yielding: set[int], priority: set[int]) -> int:
+    if not a & yielding or (a & priority and not b & priority):
+        return 0
+    # A rule for a whole junction may name b on both sides: it yields to others, but not to a.
+    if b & priority and not (b & yielding and a & priority):
+        return 2
+    return 0 if b & yielding else 1
+
+
+def _zippers(links: Sequence[Link], merging: set[frozenset[int]], ruled: set[frozenset[int]]) -> set[int]:
+    free = merging - ruled
+    good = {
+        i
+        for i, a in enumerate(links)
+        if a.foes
+        and all(
+            frozenset((i, j)) in free
+            and a.on_ring == links[j].on_ring
+            and abs(turn(a.entry, links[j].entry)) < SAME_WAY
+            for j in a.foes
+        )
+    }
+    while True:
+        kept = {i for i in good if links[i].foes <= good}
+        if kept == good:
+            return good
+        good = kept
+
+
+def _by_default(a: Link, b: Link, tie: bool) -> bool:
+    if a.on_ring != b.on_ring:
+        return b.on_ring
+    side = turn(a.entry, b.entry)
+    if SAME_WAY <= abs(side) <= ONCOMING:
+        return side > 0  # b heads to a's left: it comes from the right
+    left_a, left_b = (a.bend, b.bend) if abs(side) > ONCOMING else (abs(a.bend), abs(b.bend))
+    if abs(left_a - left_b) > STRAIGHT:
+        return left_a > left_b
+    return side > 0 if side != 0 else tie
+
+
+def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int], *, circular: bool) -> str:
+    kinds = {rule.kind for rule in rules if link.on & (set(rule.yielding) or set(rule.lanes))}
+    if index in zippers:
+        return "Z"
+    if "all_way_stop" in kinds and link.response:
+        return "w"
+    if "stop" in kinds and link.response:
+        return "s"
+    if not link.response:
+        return "M"
+    # SUMO looks for a way out of circular waiting only where the state says right before left.
+    return "=" if circular else "m"
+
+
+def bits(indices: set[int], count: int) -> str:
+    """Format SUMO's bit string: index 0 is the rightmost character."""
+    return "".join("1" if i in indices else "0" for i in reversed(range(count)))
+
+
+def direction(bend: float) -> str:
+    """Return SUMO's letter for a change of heading, rad."""
+    degrees = math.degrees(bend)
+    if abs(degrees) < 25:
+        return "s"
+    if abs(degrees) > 165:
+        return "t"
+    letter = "l" if degrees > 0 else "r"
+    return letter.upper() if abs(degrees) < 50 else letter
+
+
+def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
+    """Return the lanes of roundabouts: short, round cycles of successors without oncoming lanes beside."""
+    sizes = {i: length_of(lane.centreline) for i, lane in lanes.items()}
+    lines = shapely.STRtree([shapely.LineString(lane.centreline) for lane in lanes.values()])
+    found: set[int] = set()
+    for i in sorted(endless({i: lane.successors for i, lane in lanes.items()})):
+        if i not in found:
+            cycle = _shortest_cycle(lanes, sizes, i)
+            is_round = cycle and _roundness(lanes, cycle) >= MIN_ROUNDNESS
+            if is_round and _oncoming_share(lanes, lines, cycle) < MAX_ONCOMING:
+                found.update(cycle)
+    return frozenset(found)
+
+
+def _shortest_cycle(lanes: Mapping[int, Lane], sizes: Mapping[int, float], start: int) -> list[int]:
+    queue: list[tuple[float, int, tuple[int, ...]]] = [(sizes[start], start, (start,))]
+    done: set[int] = set()
+    while queue:
+        far, lane, way = heapq.heappop(queue)
+        if far > MAX_RING_M or lane in done:
+            continue
+        done.add(lane)
+        for following in lanes[lane].successors:
+            if following == start:
+                return list(way)
+            if following in lanes and following not in done:
+                heapq.heappush(queue, (far + sizes[following], following, (*way, following)))
+    return []
+
+
+def _oncoming_share(lanes: Mapping[int, Lane], lines: shapely.STRtree, cycle: list[int]) -> float:
+    """Share of a cycle beside which traffic drives the other way: a block of houses has streets around it."""
+    way, ids = without_repeats(np.vstack([lanes[i].centreline for i in cycle])), list(lanes)
+    met: set[int] = set()
+    area = shapely.Polygon(way).buffer(BESIDE_M)
+    for i in {ids[k] for k in lines.query(area, predicate="intersects").tolist()}.difference(cycle):
+        _, points = samples(lanes[i].centreline, 1.0)
+        s, aside = project(points, way)
+        step, step_there = np.gradient(points, axis=0), along(way, s + 0.5) - along(way, s - 0.5)
+        against = (step * step_there).sum(axis=1) < math.cos(ONCOMING) * np.hypot(*step.T)
+        met.update(np.floor(s[against & (aside < BESIDE_M)]).astype(int).tolist())
+    return len(met) / length_of(way)
+
+
+def _roundness(lanes: Mapping[int, Lane], cycle: list[int]) -> float:
+    points = np.vstack([lanes[i].centreline for i in cycle])
+    closed = np.vstack([points, points[:1]])
+    x, y = (closed - closed.mean(axis=0)).T
+    area = abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) / 2
+    return 4 * math.pi * area / max(length_of(closed), 1e-9) ** 2

@@ -1,0 +1,347 @@
+"""Driver of `JointPredictor`: draws the next 0.5 s of all vehicles together, again and again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.behaviors.driving.seed_state import estimated_history
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance, seen_from
+from scex_sumo.humans.observations import path_weights
+from scex_sumo.humans.population import population, uniforms
+from scex_sumo.learned.architecture import TOKEN_STEPS
+from scex_sumo.learned.decoding import plan_along
+from scex_sumo.learned.driver import LearnedDriver, drawn, rounded
+from scex_sumo.learned.networks import Tokens
+from scex_sumo.learned.path_inputs import PATH_COLUMNS, PathInputs
+from scex_sumo.learned.profiles import JointPredictorProfile, Profile
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
+
+SAFE_MPS2 = 9.0  # braking with which a vehicle can still stop behind its leader, which brakes as hard
+STANDING_GAP_M = 0.3  # then
+NEAR_M = 25.0  # between vehicles that can get in each other's way
+CLOSING_S = 0.4  # before which a vehicle that moves sideways counts as ahead
+FALLS_BACK_MPS2 = 3.0  # behind one that is beside it and comes into its way
+LOOK_M, SPACING_M = 100.0, 1.0  # along paths for crossings
+CLEARANCE_M = 2.2  # between paths that are in each other's way
+SLOW_MPS, STARTS_MPS2 = 0.5, 2.0  # a slower vehicle leaves the others first; with it a waiting one starts
+CLEAR_S = 0.5  # between two vehicles at a crossing
+APART_M, TOUCH_M = 0.1, 1.0  # between boxes at the end of a motion; between those that are compared
+YIELDS_MPS2 = 6.0  # of a vehicle that would come nearer than that
+TOKEN_S = TOKEN_STEPS * STEP_S
+SPEED, LEADER, GAP, LEADER_SPEED = (
+    PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
+)
+AGREEMENT = 0.9  # correlation of a vehicle's draw with that of its leader, if the gap is below:
+FOLLOWS_M = 20.0
+QUEUE = 4  # vehicles through which a draw is passed on
+TINY = 1e-12  # keeps a motion to draw where the network holds all safe ones impossible
+FIRST_SALT = 64  # of the draws of the first 0.5 s
+
+
+class JointDriver(LearnedDriver):
+    """A network that rolls out all vehicles of each child in steps of 0.5 s.
+
+    It was trained on vehicles off the map, too. Vehicles start with estimated headings and speeds.
+    """
+
+    clear = leaves_map = True
+
+    def __init__(self, kind: str, file: Path, profile: Profile) -> None:
+        super().__init__(kind, file, profile, attention=1.0, free=False)
+
+    def _drive(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+    ) -> tuple[Plan, BoolArray]:
+        """Roll out all vehicles of the children of `who`; other models' vehicles are predicted, too."""
+        children, child = np.unique(who.child, return_inverse=True)
+        vehicles = history.scene.vehicles
+        here = replace(
+            history,
+            states=history.states[children],
+            children=history.children[children],
+            route_draw=history.route_draw[children],
+        )
+        everyone = VehicleIndex(
+            child=np.repeat(np.arange(len(children)), vehicles),
+            vehicle=np.tile(np.arange(vehicles), len(children)),
+        )
+        _, rows = self._paths(here, road, everyone)
+        rolled, finite = self._roll(here, road, everyone, paths, rows)
+        mine = child * vehicles + who.vehicle
+        chosen = finite[mine]
+        made = rolled[mine[chosen]]
+        return Plan(**vars(made)), chosen
+
+    def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray:
+        """Return (P,) log probabilities of `LikelyDriver`: pose, speed and shape tell more at a new place."""
+        weight = path_weights(scene, paths, population())
+        share = weight / np.repeat(np.add.reduceat(weight, paths.first), paths.count)
+        return rounded(np.log(np.maximum(share, TINY)))
+
+    def _roll(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+    ) -> tuple[States, BoolArray]:
+        children, vehicles, _ = history.states.shape
+        finite, parts = np.ones(len(who), dtype=np.bool_), []
+        for _ in range(PLAN_STEPS // TOKEN_STEPS):
+            inputs, tokens = self.predict(history, road, who, paths, row)
+            now = history.now[who.child, who.vehicle]
+            way, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+            ahead = _ahead(history, inputs).joined_with(_crossing(history, paths, row, way))
+            acceleration, sideways = self._chosen(history, who, tokens, inputs, ahead)
+            finite &= np.isfinite(acceleration) & np.isfinite(sideways)
+            acceleration[~finite], sideways[~finite] = 0.0, 0.0
+            drives = partial(self._driven, history, road, paths=paths)
+            made = drives(who, row, acceleration, offset, sideways)
+            pairs = _near(history, made)
+            for both in (False, True):
+                k = _yielding(history, made, pairs, both=both)
+                if not len(k):
+                    break
+                acceleration[k], sideways[k] = np.minimum(acceleration[k], -YIELDS_MPS2), 0.0
+                made.assign(k, drives(who[k], row[k], acceleration[k], offset[k], sideways[k]))
+            parts.append(made)
+            states = States.concatenate(
+                [history.states[:, :, TOKEN_STEPS:], made.map(lambda a: a.reshape(children, vehicles, -1))], 2
+            )
+            history = replace(history, states=states, step=history.step + TOKEN_STEPS)
+        return States.concatenate(parts, 1), finite
+
+    def _driven(
+        self,
+        history: SceneHistory,
+        road: Road,
+        who: VehicleIndex,
+        row: IntArray,
+        acceleration: FloatArray,
+        offset: FloatArray,
+        sideways: FloatArray,
+        *,
+        paths: SeedPaths,
+    ) -> Plan:
+        """Drive n vehicles for 0.5 s, from offsets (n,), m."""
+        if history.step == 0:
+            heading = estimated_history(history, road).states.heading
+            history = replace(history, states=replace(history.states, heading=heading))
+        later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
+        return plan_along(
+            history,
+            who,
+            paths,
+            row,
+            np.repeat(acceleration[:, None], TOKEN_STEPS, axis=1),
+            offset[:, None] + sideways[:, None] * later,
+            road=road,
+            clear=self.clear,
+        )
+
+    def _chosen(
+        self, history: SceneHistory, who: VehicleIndex, tokens: Tokens, inputs: PathInputs, ahead: _Pairs
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (n,) accelerations, m/s², and (n,) sideways speeds, m/s, of the next 0.5 s.
+
+        Accelerations are drawn among those after which a vehicle can stop behind its leader, which does what
+        was drawn for it, and before a crossing at which another one comes first.
+        """
+        logits = rounded(tokens.logits)
+        assert isinstance(self.profile, JointPredictorProfile)
+        temperature = self.profile.temperature if self.profile.mode == "draw" else 1.0
+        weight = np.exp((logits - logits.max(1, keepdims=True)) / temperature) + TINY
+        weight = weight.reshape(len(who), len(tokens.acceleration), len(tokens.sideways))
+        along = weight.sum(2)
+        salt = FIRST_SALT + history.step // TOKEN_STEPS  # so a plan and the next one draw the same
+        draw = _with_leaders(uniforms(history.route_draw[who.child, who.vehicle], 2, salt), inputs)
+        best = self.profile.mode == "best"
+        most = np.full(len(who), np.inf)
+        for _ in range(history.scene.vehicles + 1):  # a queue passes one bound on in each round
+            beyond = tokens.acceleration > np.maximum(most, tokens.acceleration[0])[:, None]
+            share = np.where(beyond, 0.0, along)
+            share /= share.sum(1, keepdims=True)
+            a = drawn(np.cumsum(share, axis=1), draw[:, 0])
+            acceleration = rounded(share @ tokens.acceleration) if best else tokens.acceleration[a]
+            acceleration = np.minimum(acceleration, np.maximum(most, -SAFE_MPS2))
+            less = ahead.bound(inputs.features[:, SPEED], acceleration)
+            if (less >= most).all():
+                break
+            most = np.minimum(most, less)
+        if best:
+            aside = np.where(beyond[:, :, None], 0.0, weight).sum(1)
+            return acceleration, rounded(aside / aside.sum(1, keepdims=True) @ tokens.sideways)
+        part = weight[np.arange(len(who)), a]
+        s = drawn(np.cumsum(part / part.sum(1, keepdims=True), axis=1), draw[:, 1])
+        return acceleration, tokens.sideways[s]
+
+
+def _with_leaders(draw: FloatArray, inputs: PathInputs) -> FloatArray:
+    """Return (n, 2) draws of which the first, of the acceleration, is near that of the leader (a copula)."""
+    own, near = ndtri(draw[:, 0]), (inputs.leader >= 0) & (inputs.features[:, GAP] < FOLLOWS_M)
+    normal = own
+    for _ in range(QUEUE):
+        normal = np.where(near, AGREEMENT * normal[inputs.leader] + np.sqrt(1 - AGREEMENT**2) * own, own)
+    return np.column_stack([ndtr(normal), draw[:, 1]])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pairs:
+    """Vehicles that must be able to stop behind another, (k,) each."""
+
+    follower: IntArray
+    leader: IntArray  # -1 for an obstacle, which keeps its speed
+    gap: FloatArray  # m; where it is negative, the follower falls back
+    speed: FloatArray  # of the leader along the follower's way, m/s
+
+    def joined_with(self, others: _Pairs) -> _Pairs:
+        """Return the pairs of both."""
+        return _Pairs(**{name: np.append(a, getattr(others, name)) for name, a in vars(self).items()})
+
+    def bound(self, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Return (n,) accelerations up to which vehicles can stop if leaders accelerate as given, m/s²."""
+        own, change = speed[self.follower], TOKEN_S * np.where(self.leader < 0, 0, acceleration[self.leader])
+        later = np.maximum(self.speed + change, 0.0)
+        room = self.gap - STANDING_GAP_M + (self.speed + later - own) * TOKEN_S / 2
+        square = (SAFE_MPS2 * TOKEN_S / 2) ** 2 + later**2 + 2 * SAFE_MPS2 * room
+        safe = np.sqrt(np.maximum(square, 0.0)) - SAFE_MPS2 * TOKEN_S / 2
+        most = np.full(len(speed), np.inf)
+        np.minimum.at(most, self.follower, np.where(self.gap > 0, (safe - own) / TOKEN_S, -FALLS_BACK_MPS2))
+        return most
+
+
+def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
+    """Return leaders on the path, and vehicles that soon come before another's front."""
+    scene = history.scene
+    gap = inputs.features[:, GAP]
+    k = np.flatnonzero((inputs.features[:, LEADER] > 0) & (gap > 0))
+    now, length, width = history.now, scene.length, scene.width
+    dx, dy = (np.abs(a[:, None, :] - a[:, :, None]) for a in (now.x, now.y))
+    child, i, j = np.nonzero((dx < NEAR_M) & (dy < NEAR_M))
+    x, y, cos, sin, speed = seen_from(now[child, i], now[child, j]).T
+    clear = x - (length[i] + np.abs(cos) * length[j] + np.abs(sin) * width[j]) / 2
+    beside = np.abs(y) - (width[i] + np.abs(cos) * width[j] + np.abs(sin) * length[j]) / 2
+    closing = -np.sign(y) * sin * speed
+    comes = (x > 0) & (cos > 0.5) & (np.maximum(clear, beside) > 0) & (beside < CLOSING_S * closing)
+    child, i, j = child[comes], i[comes], j[comes]
+    first = child * scene.vehicles
+    return _Pairs(
+        follower=np.append(k, first + i),
+        leader=np.append(inputs.leader[k], first + j),
+        gap=np.append(gap[k], clear[comes]),
+        speed=np.append(inputs.features[k, LEADER_SPEED], (speed * cos)[comes]),
+    )
+
+
+def _near(history: SceneHistory, made: Plan) -> tuple[IntArray, IntArray, IntArray]:
+    """Return child and both vehicles of (k,) pairs that can touch within a motion."""
+    length, shape = history.scene.length, history.now.shape
+    reach = (length[:, None] + length) / 2 + TOUCH_M
+    near = np.triu(np.ones(reach.shape, dtype=np.bool_), 1)
+    for values in (made.x, made.y):
+        end = values[:, -1].reshape(shape)
+        near = near & (np.abs(end[:, None, :] - end[:, :, None]) < reach)
+    child, i, j = np.nonzero(near)
+    return child, i, j
+
+
+def _yielding(
+    history: SceneHistory, made: Plan, pairs: tuple[IntArray, IntArray, IntArray], *, both: bool
+) -> IntArray:
+    """Return the vehicles whose box comes too near to one further ahead; with ``both`` that one as well."""
+    child, i, j = pairs
+    scene, now = history.scene, history.now
+    one, two = child * scene.vehicles + i, child * scene.vehicles + j
+    before, *after = (
+        rectangle_distance(
+            Rectangles.of(first, scene.length[i], scene.width[i]),
+            Rectangles.of(second, scene.length[j], scene.width[j]),
+        )
+        for first, second in (
+            (now[child, i], now[child, j]),
+            *((made[one, step], made[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1)),
+        )
+    )
+    k = np.flatnonzero(np.min(after, axis=0) < np.minimum(before, APART_M))
+    child, i, j, one, two = (a[k] for a in (child, i, j, one, two))
+    ahead = seen_from(now[child, i], now[child, j])[:, 0] - seen_from(now[child, j], now[child, i])[:, 0]
+    return np.unique(np.append(one[(ahead >= 0) | both], two[(ahead <= 0) | both]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Conflicts:
+    """K pairs of paths of two vehicles that come together ahead of both."""
+
+    vehicle: IntArray  # (K, 2)
+    row: IntArray  # (K, 2)
+    span: FloatArray  # (K, 2, 2) where the other path is too near, m; to infinity where they merge
+
+
+@owner_cache
+def _conflicts(paths: SeedPaths) -> _Conflicts:
+    """Return all conflicts of a scene in both orders."""
+    owner = np.repeat(np.arange(len(paths.count)), paths.count)
+    s = BEHIND_M + np.arange(0.0, LOOK_M, SPACING_M)
+    n = len(s)
+    at = sample_paths(paths, np.repeat(np.arange(len(owner)), n), np.tile(s, len(owner)))
+    x, y = xy = at[:2].reshape(2, -1, n)
+    low, high = xy.min(axis=2) - CLEARANCE_M, xy.max(axis=2)
+    meet = (owner[:, None] != owner) & (low[:, :, None] < high[:, None]).all(0)
+    found = []
+    for a, b in np.argwhere(np.triu(meet & meet.T)):
+        near = np.hypot(x[a][:, None] - x[b], y[a][:, None] - y[b]) < CLEARANCE_M
+        if not near.any():
+            continue
+        begin, end = np.array([_first_run(near.any(axis=1)), _first_run(near.any(axis=0))]).T
+        if begin.min() > 0:
+            span = np.column_stack([s[begin], np.full(2, np.inf) if end.max() == n else s[end]])
+            found += [((a, b), span), ((b, a), span[::-1])]
+    rows = np.array([pair for pair, _ in found], dtype=np.int64).reshape(-1, 2)
+    return _Conflicts(
+        vehicle=owner[rows], row=rows, span=np.array([spans for _, spans in found]).reshape(-1, 2, 2)
+    )
+
+
+def _first_run(near: BoolArray) -> tuple[int, int]:
+    """Return where the first run of true values begins and ends."""
+    begin = int(near.argmax())
+    free = np.flatnonzero(~near[begin:])
+    return begin, begin + int(free[0]) if len(free) else len(near)
+
+
+def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, way: FloatArray) -> _Pairs:
+    """Return vehicles that have to wait before a crossing, and those that come first.
+
+    One that cannot stop before the crossing any more comes first; else one that moves and gets there earlier,
+    unless the other is through by then.
+    """
+    scene = history.scene
+    table, shape = _conflicts(paths), (-1, scene.vehicles)
+    rows, ways, speeds = row.reshape(shape), way.reshape(shape), np.maximum(history.now.speed, 0.0)
+    child, k = np.nonzero((rows[:, table.vehicle] == table.row).all(axis=2))
+    who = table.vehicle[k]
+    speed, half = speeds[child[:, None], who], scene.length[who] / 2
+    at = ways[child[:, None], who]
+    room, rest = table.span[k, :, 0] - at - half, table.span[k, :, 1] - at + half
+    committed = speed**2 > 2 * SAFE_MPS2 * np.maximum(room, 0.0)
+    arrival = np.where(speed > SLOW_MPS, np.maximum(room, 0.0) / np.maximum(speed, SLOW_MPS), np.inf)
+    own = speed[:, 0]
+    through = (np.sqrt(own**2 + 2 * STARTS_MPS2 * np.maximum(rest[:, 0], 0.0)) - own) / STARTS_MPS2
+    later = (arrival[:, 1] < arrival[:, 0]) & (arrival[:, 1] < through + CLEAR_S)
+    waits = ~committed[:, 0] & (committed[:, 1] | later) & (rest[:, 1] > 0)
+    behind = room[:, 0] - room[:, 1] - 2 * half[:, 1]  # to the other one's rear where the paths have merged
+    follows = np.isinf(rest).all(axis=1) & (room[:, 1] < 0) & (behind > 0)
+    node = child[:, None] * scene.vehicles + who
+    return _Pairs(
+        follower=node[waits, 0],
+        leader=np.where(follows, node[:, 1], -1)[waits],
+        gap=np.where(follows, behind, room[:, 0])[waits],
+        speed=np.where(follows, speed[:, 1], 0.0)[waits],
+    )

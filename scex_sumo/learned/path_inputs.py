@@ -1,0 +1,217 @@
+"""Path inputs of learned drivers in SI units: own motion, road ahead, vehicles on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.leaders import Ahead, find_ahead
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.learned.surface import path_room
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, States, VehicleIndex
+
+FURTHEST_M = 100.0
+AHEAD_M = (5.0, 10.0, 20.0, 40.0, 60.0)
+CLEARANCE_M = 1.5  # of a vehicle's centre on the path
+RADIUS_M = 100.0
+MAX_AHEAD = 10
+RATE_STEPS = 3  # for accelerations and yaw rates
+PAST_S = np.arange(-HISTORY_STEPS, 1) * STEP_S
+TREND = (PAST_S - PAST_S.mean()) / ((PAST_S - PAST_S.mean()) ** 2).sum()  # weights of a straight line's slope
+
+
+def _end_of_fit(degree: int, states: int) -> FloatArray:
+    fit = np.linalg.pinv(np.vander(PAST_S[-states:], degree + 1, increasing=True))[0]
+    weights: FloatArray = np.concatenate([np.zeros(HISTORY_STEPS + 1 - states), fit])
+    return weights
+
+
+# Estimates of the present speed, as weights of the past second's speeds.
+STEADIER = {
+    "mean_of_3": _end_of_fit(0, 3),
+    "mean_of_6": _end_of_fit(0, 6),
+    "mean_of_11": _end_of_fit(0, 11),
+    "line_of_6": _end_of_fit(1, 6),
+    "line_of_11": _end_of_fit(1, 11),
+    "parabola_of_11": _end_of_fit(2, 11),
+}
+STANDING_MPS = 0.5
+QUEUEING_MPS = 0.7  # a tracker sees standing vehicles creep
+ALONG_COS = 0.7  # of the heading difference of vehicles in the same direction
+
+OWN_COLUMNS = (
+    "speed",
+    "mean_speed",
+    "acceleration",
+    "trend",
+    "yaw_rate",
+    "offset",
+    "heading_error",
+    "yaw_rate_error",
+    "room_left",
+    "room_right",
+    "end",
+    *STEADIER,
+    "unsteady",
+    "stood",
+)
+ROAD_COLUMNS = tuple(
+    f"{name}_{ahead:g}" for name in ("x", "y", "heading", "curvature", "limit") for ahead in AHEAD_M
+)
+LEADER_COLUMNS = (
+    "leader",
+    "leader_gap",
+    "leader_speed",
+    "leader_trend",
+    "closing",
+    "needed_deceleration",
+    "ahead",
+    "ahead_standing",
+    "ahead_speed",
+    "first_standing_gap",
+    "last_standing_gap",
+)
+PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # other vehicles come last
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathInputs:
+    """Inputs of a network for n pairs of a vehicle and a path."""
+
+    node: IntArray  # (n,) child * V + vehicle
+    features: FloatArray  # (n, P) the `PATH_COLUMNS`
+    leader: IntArray  # (n,) node of the leader; -1 without one, and behind an obstacle
+
+
+def path_inputs(
+    history: SceneHistory,
+    road: Road,
+    who: VehicleIndex,
+    paths: SeedPaths,
+    row: IntArray,
+    *,
+    radius: float = RADIUS_M,
+) -> PathInputs:
+    """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame; SI units.
+
+    - `OWN_COLUMNS`: errors against the path, offset left positive; `end` is the way to the end of the mapped
+      road; `STEADIER` speeds are minus the present one.
+    - `LEADER_COLUMNS`: without a leader a gap of 100 m and the vehicle's speed. From `ahead` on they are of
+      the vehicles ahead in the same direction.
+
+    Args:
+        row: (n,) path of each; a vehicle may occur with several paths.
+        radius: perception radius for leaders, m.
+    """
+    now = history.now[who.child, who.vehicle]
+    s, offset, path_heading = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+    room = path_room(paths, road)
+    left, right = room.at(row, s)
+    half = history.scene.width[who.vehicle] / 2
+    sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
+    acceleration, yaw_rate = rates(history, who)
+    past = history.states[who.child, who.vehicle]
+    here = sample_paths(paths, row, s)
+    error = wrap(now.heading - path_heading)
+    motion = np.column_stack(
+        [
+            now.speed,
+            past.speed.mean(axis=1),
+            acceleration,
+            past.speed @ TREND,
+            yaw_rate,
+            offset,
+            error,
+            yaw_rate - now.speed * here[5],
+            np.minimum(sides, 10.0),
+            np.clip(room.end[row] - s, 0.0, FURTHEST_M),
+            past.speed @ np.column_stack([*STEADIER.values()]) - now.speed[:, None],
+            _unsteady(past.speed),
+            (past.speed < STANDING_MPS).mean(axis=1),
+        ]
+    )
+    others, leader = _others(history, who, paths, row, s, now.speed, radius)
+    features = np.concatenate([motion, _road_ahead(paths, row, s, now, path_heading + error), others], axis=1)
+    first = who.child * history.scene.vehicles  # node of the child's first vehicle
+    is_vehicle = (leader >= 0) & (leader < history.scene.vehicles)
+    return PathInputs(
+        node=first + who.vehicle, features=features, leader=np.where(is_vehicle, first + leader, -1)
+    )
+
+
+def rates(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:
+    """Return (n,) accelerations, m/s², and (n,) yaw rates, rad/s, over the last 0.3 s."""
+    now = history.states[who.child, who.vehicle, -1]
+    before = history.states[who.child, who.vehicle, -1 - RATE_STEPS]
+    duration = RATE_STEPS * STEP_S
+    return (now.speed - before.speed) / duration, wrap(now.heading - before.heading) / duration
+
+
+def _road_ahead(
+    paths: SeedPaths, row: IntArray, s: FloatArray, now: States, reference: FloatArray
+) -> FloatArray:
+    n, k = len(row), len(AHEAD_M)
+    rows = np.repeat(row, k)
+    at = (s[:, None] + np.array(AHEAD_M)).ravel()
+    px, py, _, _, heading, curvature = sample_paths(paths, rows, at).reshape(6, n, k)
+    index = np.clip(at * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
+    limit = paths.speed_limit.ravel()[rows * paths.samples + index].reshape(n, k)
+    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
+    dx, dy = px - now.x[:, None], py - now.y[:, None]
+    return np.concatenate(
+        [cos * dx + sin * dy, cos * dy - sin * dx, heading - reference[:, None], curvature, limit], axis=1
+    )
+
+
+def _unsteady(speed: FloatArray) -> FloatArray:
+    line = speed.mean(axis=1, keepdims=True) + (speed @ TREND)[:, None] * (PAST_S - PAST_S.mean())
+    off: FloatArray = np.abs(speed - line).mean(axis=1)
+    return off
+
+
+def _others(
+    history: SceneHistory,
+    who: VehicleIndex,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    speed: FloatArray,
+    radius: float,
+) -> tuple[FloatArray, IntArray]:
+    ahead = find_ahead(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
+    nearest = ahead.leaders(len(who))
+    there = nearest.index >= 0
+    gap = np.clip(np.where(there, nearest.gap, FURTHEST_M), -5.0, FURTHEST_M)
+    leader_speed = np.where(there, nearest.speed, speed)
+    closing = speed - leader_speed
+    needed = np.maximum(closing, 0.0) ** 2 / (2 * np.maximum(gap, 1.0))
+    vehicle = there & (nearest.index < history.scene.vehicles)
+    past = history.states.speed[who.child, np.where(vehicle, nearest.index, 0)]
+    trend = np.where(vehicle, past @ TREND, 0.0)
+    leader = [there, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)]
+    same_way = (ahead.cos > ALONG_COS) & (ahead.other < history.scene.vehicles)
+    return np.column_stack([*leader, _queue(ahead, same_way, speed)]), nearest.index
+
+
+def _queue(ahead: Ahead, same_way: BoolArray, speed: FloatArray) -> FloatArray:
+    n, driver, gap = len(speed), ahead.driver[same_way], np.clip(ahead.gap[same_way], -5.0, FURTHEST_M)
+    stands = ahead.speed[same_way] < QUEUEING_MPS
+    count, queue = np.bincount(driver, minlength=n), driver[stands]
+    total = np.bincount(driver, ahead.speed[same_way], minlength=n)
+    first, last = np.full(n, FURTHEST_M), np.zeros(n)
+    np.minimum.at(first, queue, gap[stands])
+    np.maximum.at(last, queue, gap[stands])
+    return np.column_stack(
+        [
+            np.minimum(count, MAX_AHEAD),
+            np.minimum(np.bincount(queue, minlength=n), MAX_AHEAD),
+            np.where(count > 0, total / np.maximum(count, 1), speed),
+            first,
+            last,
+        ]
+    )

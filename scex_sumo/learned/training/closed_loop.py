@@ -1,0 +1,107 @@
+"""Closed loop without SUMO: samples from places to which a driver drifts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.registry import ModelSpec, build
+from scex_sumo.converters.datasets.recordings import Recording, load_recording
+from scex_sumo.extrapolation.rollout import Batch, roll_out
+from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, map_shift, part_scenes
+from scex_sumo.learned.training.data.obstacles import add_obstacles
+from scex_sumo.learned.training.data.perturb import Perturbation, perturbed
+from scex_sumo.learned.training.data.samples import TrainingSamples, learnable, scene_samples
+from scex_sumo.learned.weights import MODELS
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+from scex_sumo.world.plain import PlainWorld
+
+if TYPE_CHECKING:
+    from scex_sumo.learned.training.options import TrainOptions
+    from scex_sumo.learned.training.train import Drift
+
+REPLAN = 5
+DRIFT_STEPS = (5, 10, 20)  # that a driver drives before a sample is made
+MAX_SCENES = 10  # of a site and round
+EVERY_S = 1.0
+
+
+def closed_loop(
+    recordings: Sequence[Recording], sampling: SampleOptions, dataset: Dataset, options: TrainOptions
+) -> Drift:
+    """Return the function that makes the samples of a round."""
+
+    def drift(file: Path, number: int) -> TrainingSamples | None:
+        # The plan of `joint` is what it drives in closed loop.
+        replan = PLAN_STEPS if options.kind == "joint" else REPLAN
+        rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
+        parts = []
+        for index, site in enumerate(dataset.sites):
+            here: list[SeedScene] = []
+            for recording in recordings:
+                if recording.site == site:
+                    loaded = load_recording(recording)
+                    here += part_scenes(loaded, "train", split=sampling.split, every_s=EVERY_S)
+            chosen = rng.permutation(len(here))[:MAX_SCENES]
+            for k in sorted(chosen.tolist()):
+                road = here[k].road
+                assert road is not None
+                samples = drifted_samples(here[k], road, model, sampling.perturbation, rng, replan)
+                shift = map_shift(dataset.roads[index], road)
+                parts += [one.at(index, shift) for one in samples]
+        return TrainingSamples.concatenate(parts) if parts else None
+
+    return drift
+
+
+def driver(kind: str, file: Path) -> Behavior:
+    """Build the model that drives with a file of weights, on its likeliest path."""
+    return build(ModelSpec(name=MODELS[kind], parameters={"path": "likeliest", "weights": str(file)}))
+
+
+def drifted_samples(
+    scene: SeedScene,
+    road: Road,
+    model: Behavior,
+    perturbation: Perturbation,
+    rng: np.random.Generator,
+    replan: int = REPLAN,
+) -> list[TrainingSamples]:
+    """Make samples where a driver drifts to; targets are the way back, or a stop behind standing vehicles."""
+    starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
+    stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
+    drifted = []
+    for start, blocked in [*starts, *([] if stop is None else [stop])]:
+        held = start.vehicles - scene.vehicles
+        driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held, replan=replan).swapaxes(
+            1, 2
+        )
+        whole = States.concatenate([start.history.repeat(1), driven], 2)
+        for step in DRIFT_STEPS:
+            window = whole[:, :, step : step + HISTORY_STEPS + 1]
+            samples = scene_samples(start, road, window, blocked=blocked, step=step)
+            drifted += [samples] if samples is not None else []
+    return drifted
+
+
+def drive_all(
+    scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0, replan: int = REPLAN
+) -> States:
+    """Let one model drive all vehicles, (1, steps, V); the last ``held`` ones keep their velocity."""
+    mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)
+    batch = Batch(
+        children=np.zeros(1, dtype=np.int64),
+        assignment=mine[None],
+        models=(model, build(ModelSpec(name="constant_velocity"))),
+        names=("driver", "constant_velocity"),
+        overridden=np.array([True, True]),
+        route_draw=np.random.default_rng(0).random((1, scene.vehicles)),
+        generators=[np.random.default_rng([0, 0])],
+    )
+    return roll_out(PlainWorld(1, scene.vehicles), road, scene, batch, steps=steps, replan=replan).states

@@ -1,0 +1,263 @@
+"""``scex-sumo train``: train a learned driver on recordings."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from scex_sumo.base.errors import MissingExtraError, ResultError, UsageError
+from scex_sumo.base.files import cache_folder
+from scex_sumo.commands.console import progress_bar, warn
+from scex_sumo.commands.options import Seed
+
+if TYPE_CHECKING:
+    from scex_sumo.converters.datasets.moment import Split
+    from scex_sumo.converters.datasets.recordings import Recording
+    from scex_sumo.learned.training.train import Progress, Trainer
+
+NETWORKS = ("graph", "hybrid", "joint")
+SCENES = "scenes"
+EXAMPLE = "graph --data INTERACTION --out mine.safetensors"
+
+
+def train_command(
+    kind: Annotated[
+        str,
+        Argument(
+            metavar="graph|hybrid|joint|scenes",
+            help="Network, or scene model of 'generate'.",
+            show_default=False,
+        ),
+    ],
+    data: Annotated[
+        list[Path] | None, Option(metavar="ROOT", help="Folder with recordings; repeatable.")
+    ] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="WEIGHTS", help="File of weights to write.")
+    ] = None,
+    simulated: Annotated[
+        list[Path] | None,
+        Option(metavar="MAP", help="Train on traffic that SUMO simulates on this map, too; repeatable."),
+    ] = None,
+    seed: Seed = 0,
+    epochs: Annotated[int | None, Option(help="Passes over all samples; default: as shipped.")] = None,
+    rounds: Annotated[int | None, Option(help="Rounds in closed loop; default: as shipped.")] = None,
+    minutes: Annotated[float, Option(help="Time limit in minutes; 0: none.")] = 0.0,
+    every: Annotated[float, Option(metavar="S", help="Seconds between two scenes.")] = 0.5,
+    leave_out: Annotated[
+        list[str] | None, Option(metavar="NAME", help="Do not train on this site or recording; repeatable.")
+    ] = None,
+    validation: Annotated[
+        list[str] | None,
+        Option(metavar="NAME", help="Validate on this short recording (under 20 s); repeatable."),
+    ] = None,
+    edges: Annotated[bool, Option(help="Vehicles see each other through the graph.")] = True,
+    device: Annotated[str, Option(metavar="auto|cpu|cuda", help="Where to train.")] = "auto",
+    resume: Annotated[bool, Option("--resume", help="Go on from the checkpoint beside --out.")] = False,
+    cache: Annotated[
+        Path | None, Option(metavar="FOLDER", help="Folder for samples; default: ~/.cache/scex-sumo.")
+    ] = None,
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
+) -> None:
+    """Train a learned driver, or a model of scenes, on recordings."""
+    weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
+    absent = [path for path in simulated or () if not path.is_file()]
+    if absent:
+        raise UsageError(f"--simulated {absent[0]}: no such map")
+    if every <= 0 or minutes < 0:
+        raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
+    of_networks = {
+        "--simulated": bool(simulated),
+        "--rounds": rounds is not None,
+        "--minutes": minutes > 0,
+        "--no-edges": not edges,
+        "--device": device != "auto",
+        "--resume": resume,
+        "--cache": cache is not None,
+    }
+    if kind == SCENES and any(of_networks.values()):
+        given = ", ".join(name for name, is_given in of_networks.items() if is_given)
+        raise UsageError(f"train scenes: has no {given}; only {', '.join(NETWORKS)} do")
+    if find_spec("torch") is None:
+        raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
+    from scex_sumo.converters.datasets.moment import Split
+
+    words = [  # the options on which the result depends
+        f"scex-sumo train {kind}",
+        *(f"--data {root.name}" for root in data or ()),
+        *(f"--simulated {path.name}" for path in simulated or ()),
+        f"--seed {seed}",
+        *([f"--epochs {epochs}"] if epochs is not None else []),
+        *([f"--rounds {rounds}"] if rounds is not None else []),
+        *(f"--leave-out {name}" for name in leave_out or ()),
+        *(f"--validation {name}" for name in validation or ()),
+        *(["--no-edges"] if not edges else []),
+        f"--every {every:g}",
+    ]
+    command = " ".join(words)
+    if kind == SCENES:
+        kept = Split(kept_validation=tuple(validation or ()))
+        recordings = _recordings(data or [], leave_out or [], validation or [])
+        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs, every_s=every)
+        return
+    from scex_sumo.learned.training.closed_loop import closed_loop
+    from scex_sumo.learned.training.data.dataset import SampleOptions, make_dataset
+    from scex_sumo.learned.training.options import EPOCHS, TrainOptions
+    from scex_sumo.learned.training.train import Trainer, device_of
+
+    options = TrainOptions(
+        kind=kind,  # type: ignore[arg-type]  # checked above
+        seed=seed,
+        minutes=minutes,
+        epochs=EPOCHS[kind] if epochs is None else epochs,
+        rounds=TrainOptions.rounds if rounds is None else rounds,
+        sizes={} if edges else {"edges": False},
+    )
+    where = device_of(device)
+    recordings = _recordings(data or [], leave_out or [], validation or [])
+    sampling = SampleOptions(every_s=every, split=Split(kept_validation=tuple(validation or ())))
+    with progress_bar("samples") as tick:
+        maps = tuple(simulated or ())
+        dataset = make_dataset(recordings, sampling, maps=maps, cache=cache or cache_folder(), tick=tick)
+    folder = _checkpoints(weights)
+    drift = closed_loop(recordings, sampling, dataset, options)
+    run = Trainer(dataset, options, device=where, drift=drift, folder=folder)
+    if resume:
+        if not run.resume():
+            warn([f"{folder}: no checkpoint in it; training from the beginning"])
+    elif folder.exists():
+        shutil.rmtree(folder)
+    try:
+        _train(run)
+    except KeyboardInterrupt:
+        warn([f"{folder}: has the checkpoint after epoch {run.epoch}; go on with --resume"])
+        raise
+    _finish(run, weights, command)
+    shutil.rmtree(folder)
+
+
+def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, overwrite: bool) -> Path:
+    if kind not in (*NETWORKS, SCENES):
+        raise UsageError(f"train {kind}: unknown network; known: {', '.join((*NETWORKS, SCENES))}")
+    if out is None:
+        raise UsageError("train: needs --out FILE.safetensors for the weights")
+    if out.is_dir():
+        raise UsageError(f"--out {out}: is a folder; give a file for the weights, e.g. mine.safetensors")
+    if not roots:
+        raise UsageError("train: needs --data ROOT, a folder with recordings; repeatable")
+    missing = next((root for root in roots if not root.exists()), None)
+    if missing is not None:
+        raise UsageError(f"--data {missing}: no such folder")
+    goes_on = resume and _checkpoints(out).exists()  # a finished training has no checkpoints
+    if out.exists() and not (overwrite or goes_on):
+        raise ResultError(f"{out}: exists; --overwrite replaces it")
+    if not out.parent.is_dir():
+        raise ResultError(f"{out}: folder {out.parent} does not exist; make it first")
+    return out
+
+
+def _train_scenes(
+    recordings: Sequence[Recording],
+    split: Split,
+    out: Path,
+    command: str,
+    *,
+    seed: int,
+    epochs: int | None,
+    every_s: float,
+) -> None:
+    import torch
+
+    from scex_sumo.generators.scene_model import save_scenes
+    from scex_sumo.learned.training.scenes import EPOCHS, train_scenes
+
+    def report(epoch: int, loss: float, validation: float) -> None:
+        print(f"epoch {epoch} loss {loss:.3f} validation {validation:.3f}", file=sys.stderr)
+
+    torch.set_num_threads(1)  # its products are small
+    tensors, meta = train_scenes(
+        recordings, split=split, every_s=every_s, seed=seed, epochs=epochs or EPOCHS, report=report
+    )
+    save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "every_s": every_s})
+    print(
+        f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, "
+        f"validation loss {meta['validation_loss']}"
+    )
+
+
+def _checkpoints(out: Path) -> Path:
+    return out.with_name(out.name + ".training")
+
+
+def _recordings(
+    roots: Sequence[Path], leave_out: Sequence[str], validation: Sequence[str]
+) -> tuple[Recording, ...]:
+    from scex_sumo.converters.datasets.recordings import find_recordings
+
+    recordings = find_recordings(roots)
+    sites = sorted({recording.site for recording in recordings})
+    names = sorted({recording.name for recording in recordings})
+    for option, given, known in (("leave-out", leave_out, sites + names), ("validation", validation, names)):
+        unknown = [name for name in given if name not in known]
+        if unknown:
+            what = "recording" if option == "validation" else "site or recording"
+            raise UsageError(f"--{option} {unknown[0]}: no such {what}; known: {', '.join(known)}")
+    kept = tuple(r for r in recordings if r.site not in leave_out and r.name not in leave_out)
+    if not kept:
+        raise UsageError("--leave-out: leaves no recording to train on")
+    return kept
+
+
+def _train(run: Trainer) -> None:
+    sites = run.dataset.sites
+    print(
+        f"{len(run.dataset.train)} scenes to train on, {len(run.dataset.validation)} for validation, of "
+        f"{len(sites)} sites; validation: mean/final error after 3 s and best of six, m, for "
+        + ", ".join(sites),
+        file=sys.stderr,
+    )
+
+    def report(progress: Progress) -> None:
+        mark = " *" if progress.better else ""
+        print(
+            f"epoch {progress.epoch}/{progress.epochs} {progress.seconds:.0f} s "
+            f"loss {sum(progress.parts.values()):.3f} validation {progress.score.loss:.3f}  "
+            f"{progress.score}{mark}",
+            file=sys.stderr,
+        )
+
+    with progress_bar(f"train {run.options.kind}") as tick:
+        run.run(report, tick)
+
+
+def _finish(run: Trainer, out: Path, command: str) -> None:
+    from scex_sumo.learned.training.networks.graph_image import save_net
+    from scex_sumo.learned.training.validate import score_network
+
+    run.mean.load_state_dict(run.best)
+    score = score_network(run.predict_mean, run.validation, run.options.weights)
+    sites = run.dataset.sites
+    figures = {
+        sites[s]: {"ade_m": score.ade[s], "fde_m": score.fde[s], "best_of_6_m": score.best[s]}
+        for s in score.ade
+    }
+    meta = {
+        "command": command,
+        "sites": list(sites),
+        "datasets": sorted(set(run.dataset.kinds)),
+        "samples": run.dataset.digest,
+        "scenes": len(run.dataset.train),
+        "epoch": run.best_epoch,
+        "seconds": round(run.seconds),
+        "validation": figures,
+    }
+    save_net(out, run.finished(), meta)
+    print(f"{out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
+    for site, (ade, fde, best) in ((site, each.values()) for site, each in figures.items()):
+        print(f"  {site}: ADE {ade:.2f} m, FDE {fde:.2f} m, best of six {best:.2f} m")

@@ -1,0 +1,257 @@
+"""Training and validation samples of many recordings, kept in a cache."""
+
+from __future__ import annotations
+
+import hashlib
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.cache import code_key
+from scex_sumo.base.errors import MapError, SimulationError, TrackError
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.converters.datasets.moment import Moment, Part, Split, split_moments
+from scex_sumo.converters.datasets.recordings import (
+    LoadedRecording,
+    Recording,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
+from scex_sumo.converters.maps import read_map
+from scex_sumo.generators.synthetic import simulated_scenes
+from scex_sumo.lanelet2sumo.convert import converted
+from scex_sumo.learned.training.data.obstacles import add_obstacles
+from scex_sumo.learned.training.data.perturb import Perturbation, measured, perturbed
+from scex_sumo.learned.training.data.samples import (
+    TrainingSamples,
+    learnable,
+    load_samples,
+    save_samples,
+    scene_samples,
+)
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, SeedScene, States
+
+MAX_MOMENTS = 800  # of a short recording, whose moments are denser, but at least so far apart:
+MIN_APART_S = 0.2
+SAME_MAP_M = 1.0
+SIMULATED_S, SIMULATED_EVERY_S = 240.0, 1.0  # of traffic on each map, and between two moments
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleOptions:
+    """Options of the samples.
+
+    Attributes:
+        perturbation: of the vehicles in both.
+    """
+
+    every_s: float = 0.5  # between two moments of a long recording
+    copies: int = 2  # perturbed copies of each training scene
+    stops: int = 3  # further copies with standing vehicles in the way
+    perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))
+    split: Split = field(default_factory=Split)  # of the recordings' time
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Dataset:
+    """Samples for training and validation.
+
+    Attributes:
+        recorded: number of graphs in `train` of recordings; those of simulated traffic follow.
+    """
+
+    sites: tuple[str, ...]  # (S) names; `TrainingSamples.site` counts them
+    kinds: tuple[str, ...]  # (S) dataset of each site
+    roads: tuple[Road, ...]  # (S) maps
+    train: TrainingSamples
+    validation: TrainingSamples  # without copies
+    digest: str  # of the recordings, maps and options
+    recorded: int
+
+
+def make_dataset(
+    recordings: Sequence[Recording],
+    options: SampleOptions,
+    *,
+    maps: Sequence[Path] = (),
+    cache: Path | None = None,
+    tick: Callable[[int, int], None] | None = None,
+) -> Dataset:
+    """Make the samples of recordings and of simulated traffic, or take them from the cache.
+
+    Args:
+        maps: on which SUMO's drivers drive; each is a site of its own, with training samples only.
+        cache: folder; None keeps nothing.
+        tick: called with the number of recordings done, and of all.
+    """
+    sites = tuple(sorted({recording.site for recording in recordings}))
+    kinds: dict[str, str] = {}
+    roads: dict[str, Road] = {}
+    parts: dict[Part, list[TrainingSamples]] = {"train": [], "validation": []}
+    digest = hashlib.sha256()
+    for done, recording in enumerate(recordings):
+        if tick is not None:
+            tick(done, len(recordings) + len(maps))
+        key = _digest((recording.map_path, *recording.track_paths), options)
+        digest.update(key.encode())
+        loaded = load_recording(recording)
+        kinds[recording.site] = recording.dataset
+        shift = map_shift(roads.setdefault(recording.site, loaded.road), loaded.road)
+        for part, made in parts.items():
+            make = partial(_make, loaded, options, part)
+            samples = _cached(cache, f"{recording.name}-{part}", key, make)
+            site = sites.index(recording.site)
+            made += [samples.at(site, shift)] if samples else []
+    if not parts["train"] or not parts["validation"]:
+        short = "training" if not parts["train"] else "validation"
+        raise TrackError(
+            f"{', '.join(r.name for r in recordings[:3])}: no vehicle for {short} with 1 s of recorded past "
+            "and 3 s of recorded future; give longer recordings"
+        )
+    recorded = sum(map(len, parts["train"]))
+    for done, map_path in enumerate(maps, len(recordings)):
+        if tick is not None:
+            tick(done, len(recordings) + len(maps))
+        road, name = read_map(map_path, own_corner=True), f"{map_path.name}, simulated"
+        key = _digest((map_path,), options)
+        digest.update(key.encode())
+        samples = _cached(cache, f"{road.name}-simulated", key, partial(_make_simulated, road, options))
+        if samples is None:
+            raise SimulationError(f"{map_path}: no vehicle drives 4 s on it in SUMO; give a larger map")
+        parts["train"].append(samples.at(len(sites), np.zeros(2)))
+        sites, kinds[name], roads[name] = (*sites, name), "simulated", road
+    return Dataset(
+        sites=sites,
+        kinds=tuple(kinds[site] for site in sites),
+        roads=tuple(roads[site] for site in sites),
+        recorded=recorded,
+        train=TrainingSamples.concatenate(parts["train"]),
+        validation=TrainingSamples.concatenate(parts["validation"]),
+        digest=digest.hexdigest(),
+    )
+
+
+def map_shift(road: Road, other: Road) -> FloatArray:
+    """Return (2,) m from a place on a map to the same place on another of the site.
+
+    NGSIM's maps have different origins.
+    """
+    common = [(road.lanes[k].centreline, other.lanes[k].centreline) for k in road.lanes.keys() & other.lanes]
+    shifts = [theirs - mine for mine, theirs in common if mine.shape == theirs.shape]
+    every = np.concatenate(shifts) if shifts else np.full((1, 2), np.inf)
+    shift: FloatArray = np.median(every, axis=0)
+    if not np.isfinite(shift).all() or np.abs(every - shift).max() > SAME_MAP_M:
+        raise MapError(f"{other.name}: another map than that of its site, {road.name}; train them separately")
+    return shift
+
+
+def part_scenes(
+    loaded: LoadedRecording, part: Part, *, split: Split, every_s: float, most: int | None = None
+) -> list[SeedScene]:
+    """Return the seed scenes of one part of a recording that have a vehicle to learn from.
+
+    Args:
+        most: number of moments in a short recording, where they are denser, or every 0.2 s.
+    """
+    every = recording_moments(loaded, every_s=STEP_S)
+    step_s = every_s
+    if every and most is not None and not every[0].case:
+        step_s = max(MIN_APART_S, min(every_s, (every[-1].time_s - every[0].time_s) / most))
+    last, scenes = -np.inf, []
+    for moment in _moments_of(every, part, split, loaded.recording.name):
+        if not moment.case and moment.time_s - last < step_s - 1e-6:
+            continue
+        last = moment.time_s
+        scene = seed_at(loaded, moment.time_s, case=moment.case or None)
+        _check_finite(loaded, scene)
+        if len(learnable(scene)):
+            scenes.append(scene)
+    return scenes
+
+
+def _moments_of(every: list[Moment], part: Part, split: Split, name: str) -> list[Moment]:
+    whole = None if not every or every[0].case else split.whole_part(name, every[-1].time_s - every[0].time_s)
+    if whole is None:
+        return split_moments(every, split)[part]
+    return every if whole == part else []
+
+
+def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
+    for states in (scene.history, scene.future):
+        if states is None:
+            continue
+        for name, values in vars(states).items():
+            bad = ~np.isfinite(values).all(axis=1)
+            if bad.any():
+                raise TrackError(
+                    f"{loaded.recording.name}: track {scene.track_ids[np.argmax(bad)]} has no finite {name} "
+                    f"around {scene.time_s:g} s; repair the recording or leave it out"
+                )
+
+
+def _cached(
+    cache: Path | None, name: str, key: str, make: Callable[[], TrainingSamples | None]
+) -> TrainingSamples | None:
+    whole = hashlib.sha256(code_key() + key.encode()).hexdigest()
+    file = None if cache is None else cache / f"{name}-{whole[:16]}.npz"
+    samples = None if file is None else load_samples(file)
+    if samples is None:
+        samples = make()
+        if file is not None:
+            save_samples(file, samples)
+    return samples
+
+
+def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> TrainingSamples | None:
+    scenes = part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MAX_MOMENTS)
+    options = options if part == "train" else replace(options, copies=0, stops=0)
+    return _samples(scenes, loaded.road, loaded.recording.name, options)
+
+
+def _make_simulated(road: Road, options: SampleOptions) -> TrainingSamples | None:
+    with TemporaryFolder() as folder:
+        net = converted(road, Path(folder) / "map.net.xml")
+        scenes = simulated_scenes(road, net.path, seconds=SIMULATED_S, every_s=SIMULATED_EVERY_S)
+    scenes = [scene for scene in scenes if len(learnable(scene))]
+    return _samples(scenes, road, road.name, replace(options, copies=1, stops=1), noisy=True)
+
+
+def _samples(
+    scenes: Sequence[SeedScene], road: Road, name: str, options: SampleOptions, *, noisy: bool = False
+) -> TrainingSamples | None:
+    """Make samples of scenes; ``noisy`` ones are seen as if they were measured, in all copies."""
+    rng = np.random.default_rng([options.seed, zlib.crc32(name.encode())])
+    exact = 0 if noisy else 1  # the first one, which is as recorded
+    made = []
+    for scene in scenes:
+        put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(options.copies)]
+        whole = [scene.history, *put_off]
+        seen = [measured(states, options.perturbation, rng) for states in whole[exact:]]
+        seen = [*whole[:exact], *seen]
+        samples = scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0))
+        made += [samples] if samples is not None else []
+        for _ in range(options.stops):
+            stop = add_obstacles(scene, road, learnable(scene), rng)
+            if stop is None:
+                break
+            seen_now = measured(stop[0].history, options.perturbation, rng)
+            samples = scene_samples(
+                stop[0], road, stop[0].history.repeat(1), seen=seen_now.repeat(1), blocked=stop[1]
+            )
+            made += [samples] if samples is not None else []
+    return TrainingSamples.concatenate(made) if made else None
+
+
+def _digest(paths: Sequence[Path], options: SampleOptions) -> str:
+    digest = hashlib.sha256(repr(sorted(asdict(options).items())).encode())
+    for path in paths:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,113 @@
+"""Standing vehicles as obstacles; recorded drivers have long been braking for theirs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.leaders import find_leaders
+from scex_sumo.behaviors.driving.paths import SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.learned.surface import path_room
+from scex_sumo.learned.training.data.targets import right_paths
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+
+MAX_OBSTACLES = 6  # in one scene
+MIN_SPEED_MPS = 1.0  # slower vehicles are not blocked
+BRAKING_MPS2 = (0.5, 5.0)  # that it takes to stop; its logarithm is drawn evenly
+MAX_GAP_M = 80.0
+ROOM_M = 8.0  # between the centres of a standing vehicle and of any other
+SIZE_M = (4.6, 1.9)
+# The Intelligent Driver Model (Treiber 2000) of stopping vehicles.
+STOP_GAP_M, HEADWAY_S, FASTER_MPS2, SLOWER_MPS2, HARDEST_MPS2 = 2.0, 1.0, 1.5, 2.5, 8.0
+
+
+def add_obstacles(
+    scene: SeedScene, road: Road, usable: IntArray, rng: np.random.Generator
+) -> tuple[SeedScene, IntArray] | None:
+    """Put standing vehicles on the ways of some of a scene's vehicles.
+
+    Returns:
+        The scene with the standing vehicles at its end, and the vehicles that they block; None without any.
+    """
+    paths = seed_paths(scene, road)
+    usable = usable[paths.on_road[usable] & (scene.now.speed[usable] > MIN_SPEED_MPS)]
+    if not len(usable) or scene.future is None or scene.future_valid is None:
+        return None
+    row, owner, right = right_paths(
+        paths, usable, scene.now[usable], scene.future[usable], scene.future_valid[usable]
+    )
+    _, first = np.unique(owner[right], return_index=True)
+    row = row[right][first]
+    place, free = _places(scene, road, paths, usable, row, rng)
+    chosen: list[int] = []
+    x, y = list(scene.now.x), list(scene.now.y)
+    for k in rng.permutation(np.flatnonzero(free)):
+        if len(chosen) < MAX_OBSTACLES and np.hypot(x - place.x[k], y - place.y[k]).min() > ROOM_M:
+            chosen.append(int(k))
+            x.append(place.x[k])
+            y.append(place.y[k])
+    return (_with_standing(scene, place[chosen]), usable[chosen]) if chosen else None
+
+
+def _places(
+    scene: SeedScene, road: Road, paths: SeedPaths, vehicle: IntArray, row: IntArray, rng: np.random.Generator
+) -> tuple[States, BoolArray]:
+    history, who = SceneHistory.of_scene(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    own = scene.now[vehicle]
+    s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
+    least, most = BRAKING_MPS2
+    braking = least * (most / least) ** rng.random(len(vehicle))
+    gap = np.minimum(STOP_GAP_M + own.speed**2 / (2 * braking), MAX_GAP_M)
+    at = s + gap + (scene.length[vehicle] + SIZE_M[0]) / 2
+    leader = find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0)
+    px, py, _, _, heading, _ = sample_paths(paths, row, at)
+    place = States(x=px, y=py, heading=heading, speed=np.zeros_like(px))
+    free = leader.gap > gap + SIZE_M[0] + STOP_GAP_M
+    return place, free & (at + SIZE_M[0] < path_room(paths, road).end[row])
+
+
+def _with_standing(scene: SeedScene, place: States) -> SeedScene:
+    count = len(place.x)
+    assert scene.future is not None and scene.future_valid is not None
+
+    def held(before: States) -> States:
+        still = place.map(lambda values: np.repeat(values[:, None], before.shape[1], axis=1))
+        return States.concatenate([before, still], 0)
+
+    return replace(
+        scene,
+        track_ids=np.append(scene.track_ids, scene.track_ids.max(initial=0) + 1 + np.arange(count)),
+        types=(*scene.types, *("car",) * count),
+        length=np.append(scene.length, np.full(count, SIZE_M[0])),
+        width=np.append(scene.width, np.full(count, SIZE_M[1])),
+        history=held(scene.history),
+        recorded_steps=np.append(scene.recorded_steps, np.full(count, scene.recorded_steps.max())),
+        future=held(scene.future),
+        future_valid=np.concatenate([scene.future_valid, np.ones((count, scene.future.shape[1]), np.bool_)]),
+    )
+
+
+def standing_gap(history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> FloatArray:
+    """Return (n,) m from vehicles to the next one on their paths; inf without one."""
+    own = history.now[who.child, who.vehicle]
+    s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
+    return find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0).gap
+
+
+def stopping_way(speed: FloatArray, gap: FloatArray, steps: int) -> FloatArray:
+    """Return (n, H) m that vehicles travel until they stand behind one (n,) m ahead."""
+    v, way, ways = speed, np.zeros_like(speed), []
+    wanted = np.maximum(speed, 8.0)
+    for _ in range(steps):
+        brakes = STOP_GAP_M + v * HEADWAY_S + v**2 / (2 * np.sqrt(FASTER_MPS2 * SLOWER_MPS2))
+        left = np.maximum(gap - way, 0.1)
+        a = FASTER_MPS2 * (1 - (v / wanted) ** 4 - (brakes / left) ** 2)
+        following = np.maximum(v + np.clip(a, -HARDEST_MPS2, FASTER_MPS2) * STEP_S, 0.0)
+        way = way + (v + following) * (STEP_S / 2)
+        v = following
+        ways.append(way)
+    return np.stack(ways, axis=1)

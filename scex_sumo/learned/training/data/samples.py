@@ -1,0 +1,236 @@
+"""Training samples: scene graphs with every vehicle's candidate paths and recorded future."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.files import replacing
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.projection import sample_paths
+from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.learned.path_inputs import path_inputs
+from scex_sumo.learned.scene_graph.graph import scene_graph
+from scex_sumo.learned.training.data.obstacles import standing_gap, stopping_way
+from scex_sumo.learned.training.data.targets import along_paths, fading, right_paths, smooth_return
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+
+CATCH_UP_S = 4.0  # within which a driver ahead or behind gets to the recorded one's place
+MAX_AHEAD_M = 8.0  # further off along the path, the recorded driver is no target
+MAX_ASIDE_M = 2.0
+MAX_SLOPE = 0.3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrainingSamples:
+    """G scene graphs one after the other; N nodes, E edges, P pairs of a vehicle and a candidate path.
+
+    Attributes:
+        start: (P, 4) speed in m/s, offset in m, heading error in rad, offset of the perturbation in m.
+    """
+
+    site: IntArray  # (G,) number of the graph's site
+    nodes: IntArray  # (G,) number of nodes of each graph; so ``edges`` and ``pairs``
+    edges: IntArray
+    pairs: IntArray
+    node: FloatArray  # (N, F) features, as in `SceneGraph`; so ``history`` (N, 11, 5)
+    history: FloatArray
+    pose: FloatArray  # (N, 3) x, y (m) and heading on the map
+    edge_index: IntArray  # (2, E) source and target within the graph
+    edge: FloatArray  # (E, K) features
+    pair_node: IntArray  # (P,) the vehicle, within the graph
+    feature: FloatArray  # (P, D), as in `PathInputs`
+    right: BoolArray  # (P,) True for the path that the vehicle took
+    s: FloatArray  # (P, H) m, target: way along the path; 0 where the path is not right
+    d: FloatArray  # (P, H) m, target: offset from the path
+    start: FloatArray
+    xy: FloatArray  # (P, H, 2) the target in the vehicle's own frame, m
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    def at(self, site: int, shift: FloatArray) -> TrainingSamples:
+        """Return the samples of a site whose map lies ``shift`` (2,) m elsewhere."""
+        pose = self.pose - np.append(shift, 0.0)
+        return replace(self, site=np.full(len(self), site), pose=pose)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[TrainingSamples]) -> TrainingSamples:
+        """Join samples."""
+        joined = {}
+        for f in fields(cls):
+            axis = 1 if f.name == "edge_index" else 0
+            joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
+        return cls(**joined)
+
+
+def save_samples(file: Path, samples: TrainingSamples | None) -> None:
+    """Write samples for `load_samples`."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **({} if samples is None else vars(samples)))
+
+
+def load_samples(file: Path) -> TrainingSamples | None:
+    """Read samples; None for an empty, missing or damaged file."""
+    try:
+        with file.open("rb") as stream, np.load(stream) as data:
+            columns: dict[str, Any] = {name: data[name] for name in data.files}
+            return TrainingSamples(**columns) if columns else None
+    except (OSError, EOFError, KeyError, ValueError, TypeError, BadZipFile, zlib.error):
+        return None
+
+
+def scene_samples(
+    scene: SeedScene,
+    road: Road,
+    states: States,
+    *,
+    seen: States | None = None,
+    blocked: IntArray | None = None,
+    site: int = 0,
+    step: int = 0,
+) -> TrainingSamples | None:
+    """Make samples of a scene, one graph for each of C children.
+
+    The target is the recorded motion from the same time on; a vehicle elsewhere comes back smoothly. All
+    vehicles are nodes; `learnable` ones are learned from.
+
+    Args:
+        states: (C, V, 11) what the vehicles did, oldest first.
+        seen: (C, V, 11) what the drivers see of it; None for the same.
+        blocked: the only vehicles to be learned from, which stop behind an obstacle on their way.
+
+    Returns:
+        C graphs, or None if no vehicle can be learned from.
+    """
+    usable = learnable(scene, step) if blocked is None else blocked
+    children = states.shape[0]
+    if not len(usable):
+        return None
+    paths = seed_paths(scene, road)
+    recorded, future, valid = recorded_from(scene, step)
+    row, owner, right = right_paths(paths, usable, recorded[usable], future[usable], valid[usable])
+    child = np.repeat(np.arange(children), len(row))
+    vehicle = np.tile(usable[owner], children)
+    who = VehicleIndex(child=child, vehicle=vehicle)
+    rows, takes = np.tile(row, children), np.tile(right, children)
+    drawn = np.zeros((children, scene.vehicles))
+    seen = states if seen is None else seen
+    history = history_at(scene, seen, np.arange(children), drawn, step=step)
+    actual = states[:, :, -1][child, vehicle]
+    gap = None if blocked is None else standing_gap(history, who, paths, rows)
+    goal = _goals(paths, rows, who, history, actual, recorded[vehicle], future[vehicle][:, :PLAN_STEPS], gap)
+    keep = goal.near
+    who = who[keep]
+    inputs = path_inputs(history, road, who, paths, rows[keep])
+    graph = scene_graph(history, road)
+    count = scene.vehicles
+    now = history.now
+    graph_of_edge = graph.edge_index[1] // count
+    order = np.argsort(graph_of_edge, kind="stable")
+    return TrainingSamples(
+        site=np.full(children, site),
+        nodes=np.full(children, count),
+        edges=np.bincount(graph_of_edge, minlength=children),
+        pairs=np.bincount(who.child, minlength=children),
+        node=graph.node.astype(np.float32),
+        history=graph.history.astype(np.float32),
+        pose=np.stack([now.x, now.y, now.heading], -1).reshape(-1, 3),
+        edge_index=graph.edge_index[:, order] % count,
+        edge=graph.edge[order].astype(np.float32),
+        pair_node=who.vehicle,
+        feature=inputs.features.astype(np.float32),
+        right=takes[keep],
+        s=goal.s[keep].astype(np.float32),
+        d=goal.d[keep].astype(np.float32),
+        start=goal.start[keep].astype(np.float32),
+        xy=goal.xy[keep].astype(np.float32),
+    )
+
+
+def learnable(scene: SeedScene, step: int = 0) -> IntArray:
+    """Return vehicles with a whole recorded second before and 3 s after a step."""
+    if scene.future_valid is None or scene.future_valid.shape[1] < step + PLAN_STEPS:
+        return np.zeros(0, dtype=np.int64)
+    whole = scene.future_valid[:, : step + PLAN_STEPS].all(axis=1)
+    return np.flatnonzero(whole & (scene.recorded_steps >= HISTORY_STEPS))
+
+
+def recorded_from(scene: SeedScene, step: int) -> tuple[States, States, BoolArray]:
+    """Return (V,) recorded states after some steps, (V, F) states after these, (V, F) whether recorded."""
+    assert scene.future is not None and scene.future_valid is not None
+    now = scene.now if step == 0 else scene.future[:, step - 1]
+    return now, scene.future[:, step:], scene.future_valid[:, step:]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Goals:
+    s: FloatArray  # (P, H)
+    d: FloatArray  # (P, H)
+    start: FloatArray  # (P, 4)
+    xy: FloatArray  # (P, H, 2)
+    near: BoolArray  # (P,)
+
+
+def _goals(
+    paths: SeedPaths,
+    row: IntArray,
+    who: VehicleIndex,
+    history: SceneHistory,
+    actual: States,
+    recorded: States,
+    future: States,
+    gap: FloatArray | None,
+) -> _Goals:
+    """Return targets of each vehicle along each of its paths."""
+    present = history.now[who.child, who.vehicle]
+    way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
+    s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)
+    s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=way)
+    heading = sample_paths(paths, row, s_now)[4]
+    s_here, d_here, _, _ = along_paths(paths, row, actual, actual[:, None], start_way=way)
+    aside, ahead = d_here - d_then, s_here - s_then
+    lean = np.tan(np.clip(wrap(actual.heading - recorded.heading), -MAX_SLOPE, MAX_SLOPE))
+    if gap is None:
+        catching = _catch_up(ahead, actual.speed - recorded.speed, future.x.shape[1])
+        travelled = np.maximum.accumulate(np.maximum(s_true + catching - s_now[:, None], 0.0), axis=1)
+        near = np.abs(ahead) <= MAX_AHEAD_M
+    else:
+        s_true = np.maximum.accumulate(np.maximum(s_true, s_then[:, None]), axis=1)
+        travelled = np.minimum(s_true - s_then[:, None], stopping_way(present.speed, gap, PLAN_STEPS))
+        places = zip(s_now[:, None] + travelled, s_true, d_true, strict=True)
+        d_true = np.array([np.interp(*one) for one in places]).reshape(d_true.shape)
+        near = np.ones(len(row), dtype=np.bool_)
+    d = d_true + smooth_return(aside, lean, actual.speed, travelled)
+    px, py, cos, sin, _, _ = _sampled(paths, row, s_now[:, None] + travelled)
+    dx, dy = px - d * sin - present.x[:, None], py + d * cos - present.y[:, None]
+    own_cos, own_sin = np.cos(present.heading)[:, None], np.sin(present.heading)[:, None]
+    return _Goals(
+        s=travelled,
+        d=d,
+        start=np.stack([present.speed, d_now, wrap(present.heading - heading), aside], -1),
+        xy=np.stack([own_cos * dx + own_sin * dy, own_cos * dy - own_sin * dx], -1),
+        near=near & (np.abs(aside) <= MAX_ASIDE_M),
+    )
+
+
+def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
+    keep, lean = fading(STEP_S * np.arange(1.0, steps + 1) / CATCH_UP_S)
+    still: FloatArray = ahead[:, None] * keep + faster[:, None] * CATCH_UP_S * lean
+    return still
+
+
+def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
+    n, steps = s.shape
+    return sample_paths(paths, np.repeat(row, steps), s.ravel()).reshape(6, n, steps)

@@ -1,0 +1,121 @@
+"""Loss: the mode nearest to the recorded future, and mode 0, are pulled to it (soft winner takes all)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn.functional import log_softmax, relu
+
+from scex_sumo.learned.training.data.batches import Batch
+from scex_sumo.learned.training.networks.graph import ModeTensors
+from scex_sumo.learned.training.networks.joint import TokenTensors, token_errors
+from scex_sumo.scene import STEP_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class LossWeights:
+    """Weights of the parts of the loss."""
+
+    expected: float = 1.0  # mode 0 against the recorded future
+    winner: float = 0.5  # the nearest mode against it
+    relaxed: float = 0.03  # share of the winner's weight that all modes have
+    mode: float = 0.15
+    path: float = 0.3
+    free: float = 0.5
+    motion: float = 1.0  # negative log probability of the next 0.5 s (joint)
+    final: float = 0.5  # weight of the last step besides the mean over all
+    sharp_m: float = 0.1  # difference of errors that separates two modes, m
+    round_m: float = 0.2  # smaller errors count by their square, m
+    acceleration: float = 0.02  # per (m/s²)² beyond `hard`, m/s²
+    jerk: float = 0.0005  # per (m/s³)²
+    sideways: float = 0.002  # per (m/s²)² of the second change of the offset
+    hard: float = 3.0
+
+
+def displacement(speed: Tensor, acceleration: Tensor) -> Tensor:
+    """Return (n, M, H) m along the path from (n,) m/s and (n, M, H) m/s², as `motion.drive` moves."""
+    # v' = max(v + a·dt, 0) for all steps at once: the running sum, reflected at its running minimum.
+    free = speed[:, None, None] + torch.cumsum(acceleration, 2) * STEP_S
+    lowest = torch.clamp(torch.cummin(free, 2).values, max=0.0)
+    v = free - lowest
+    before = torch.cat([speed[:, None, None].expand(-1, v.shape[1], 1), v[..., :-1]], 2)
+    return torch.cumsum((before + v) * (STEP_S / 2), 2)
+
+
+def trajectory_errors(ahead: Tensor, aside: Tensor, weights: LossWeights) -> Tensor:
+    """Return (n, M) rounded errors of trajectories (n, M, H), m: mean over the steps, plus the last one."""
+    r = weights.round_m
+    distance = torch.sqrt(ahead**2 + aside**2 + r**2) - r
+    return distance.mean(2) + weights.final * distance[..., -1]
+
+
+def loss(
+    modes: ModeTensors | TokenTensors, batch: Batch, weights: LossWeights
+) -> tuple[Tensor, dict[str, float]]:
+    """Return the loss of a batch, and its parts for the log."""
+    share, total = batch.share, batch.share.sum().clamp(min=1e-6)
+    if isinstance(modes, TokenTensors):
+        parts = {
+            "motion": weights.motion
+            * _mean(token_errors(modes, batch.s, batch.d, batch.start), share, total),
+            "path": weights.path * _path_entropy(modes.path_logit, batch),
+        }
+        return _whole(parts)
+    way = displacement(batch.start[:, 0], modes.acceleration)
+    off = trajectory_errors(way - batch.s[:, None], modes.offset - batch.d[:, None], weights)
+    parts = {
+        "expected": weights.expected * _mean(off[:, 0], share, total),
+        "winner": weights.winner * _mean(_winner(off, weights), share, total),
+        "mode": weights.mode * _mean(_mode_entropy(modes.logits, off, weights), share, total),
+        "path": weights.path * _path_entropy(modes.path_logit, batch),
+        "smooth": _mean(_roughness(modes, weights), share, total),
+    }
+    if modes.free is not None:
+        gap = modes.free - batch.xy[:, None]
+        free = trajectory_errors(gap[..., 0], gap[..., 1], weights)
+        parts["free"] = weights.free * _mean(free[:, 0] + _winner(free, weights), share, total)
+    return _whole(parts)
+
+
+def _whole(parts: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
+    whole = torch.stack(list(parts.values())).sum()
+    return whole, {name: float(part.detach()) for name, part in parts.items()}
+
+
+def _mean(values: Tensor, share: Tensor, total: Tensor) -> Tensor:
+    return (values * share).sum() / total
+
+
+def _winner(off: Tensor, weights: LossWeights) -> Tensor:
+    nearest = off.min(1).values
+    return (1 - weights.relaxed) * nearest + weights.relaxed * off.mean(1)
+
+
+def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:
+    wanted = torch.softmax(-off.detach() / weights.sharp_m, 1)
+    return -(wanted * log_softmax(logits, 1)).sum(1)
+
+
+def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
+    node = batch.path.node
+    count = int(node.max()) + 1 if len(node) else 0
+    highest = torch.full((count,), -torch.inf, device=logit.device, dtype=logit.dtype)
+    highest = highest.scatter_reduce(0, node, logit.detach(), "amax")
+    each = torch.exp(logit - highest[node])
+    every = torch.zeros(count, device=logit.device, dtype=logit.dtype).index_add(0, node, each)
+    right = torch.zeros_like(every).index_add(0, node, each * batch.right)
+    weight = torch.zeros_like(every).index_add(0, node, batch.share.to(every.dtype))
+    known = weight > 0
+    entropy = torch.log(every[known]) - torch.log(right[known].clamp(min=1e-6))
+    return (entropy * weight[known]).sum() / weight[known].sum().clamp(min=1e-6)
+
+
+def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
+    a = modes.acceleration
+    cost = weights.acceleration * (relu(a.abs() - weights.hard) ** 2).mean((1, 2))
+    jerk = torch.diff(a, dim=2) / STEP_S
+    cost = cost + weights.jerk * (jerk**2).mean((1, 2))
+    bend = torch.diff(modes.offset, n=2, dim=2) / STEP_S**2
+    return cost + weights.sideways * (bend**2).mean((1, 2))

@@ -1,0 +1,175 @@
+"""SVG charts of a page: curves, dots, bars, densities. ``assets/chart.js`` draws brushed charts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.page.html import Html, element, joined
+from scex_sumo.results.run import Run
+from scex_sumo.statistics.density import BANDWIDTH, Density
+
+_ROUND = (1, 2, 5, 10)
+_TICKS_PX = 18
+_TAIL = 5  # values farther than this from the quartiles, in quartile ranges, are left out
+_MIN_SPREAD = 0.25  # least quartile range, in the metric's unit
+_TALLEST_ATOM = 0.9  # of the chart's height
+
+Curves = Sequence[tuple[str, Density | None]]
+"""Kind of line and density; None where the metric is defined in no future."""
+
+
+def ticks(low: float, high: float, most: int = 4) -> list[tuple[float, str]]:
+    """Return round numbers in a range, in about ``most`` steps, with their texts."""
+    raw = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(power * factor for factor in _ROUND if power * factor >= raw * (1 - 1e-9))
+    digits = max(0, -math.floor(math.log10(step) + 1e-9))
+    numbers = range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+    return [(number * step, f"{number * step:.{digits}f}") for number in numbers]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plane:
+    """Coordinate plane of a chart; arguments are in axis units, y upwards.
+
+    Kinds of lines are colours: drawn, likely, recorded, critical, picked, soft, or c0 to c5.
+
+    Attributes:
+        x: range of the axis.
+        y: range of the axis.
+        height: px, without the ticks below.
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float] = (0.0, 1.0)
+    width: int = 260
+    height: int = 110
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Return a point in px, clamped to the chart."""
+        across = (x - self.x[0]) / (self.x[1] - self.x[0])
+        upwards = (y - self.y[0]) / (self.y[1] - self.y[0])
+        px, py = min(max(across, 0.0), 1.0) * self.width, (1 - min(max(upwards, 0.0), 1.0)) * self.height
+        return round(px, 1), round(py, 1)
+
+    def line(self, x: FloatArray, y: FloatArray, kind: str, *, dashed: bool = False) -> Html:
+        """Return a polyline."""
+        return element(f"path.line.{kind}{'.dashed' if dashed else ''}", d=self._path(x, y))
+
+    def area(self, x: FloatArray, low: FloatArray, high: FloatArray, kind: str) -> Html:
+        """Return the area between two lines."""
+        both = self._path(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]))
+        return element(f"path.area.{kind}", d=both)
+
+    def dot(self, x: float, y: float, kind: str, *, radius: float = 3.0, title: str = "") -> Html:
+        """Return a dot with a tooltip."""
+        px, py = self.at(x, y)
+        words = [element("title", title)] if title else []
+        return element(f"circle.dot.{kind}", *words, cx=f"{px}", cy=f"{py}", r=f"{radius:.1f}")
+
+    def box(self, x: tuple[float, float], y: tuple[float, float], kind: str) -> Html:
+        """Return a filled rectangle."""
+        corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
+        return element(f"path.area.{kind}", d=self._path(*map(np.array, zip(*corners, strict=True))))
+
+    def words(self, x: float, y: float, text: str, *, anchor: str = "middle", kind: str = "soft") -> Html:
+        """Return a text at a point."""
+        px, py = self.at(x, y)
+        return element(f"text.{kind}", text, x=f"{px}", y=f"{py}", text_anchor=anchor)
+
+    def _path(self, x: FloatArray, y: FloatArray) -> str:
+        points = [self.at(float(px), float(py)) for px, py in zip(x, y, strict=True)]
+        return "M" + " ".join(f"{px:g},{py:g}" for px, py in points)
+
+    def figure(self, title: str, *parts: Html, marks: Sequence[tuple[float, str]] | None = None) -> Html:
+        """Return the chart with title and horizontal axis.
+
+        ``marks`` are ticks with their texts; None takes round numbers.
+        """
+        axis = [element("path.line.axis", d=f"M0,{self.height} {self.width},{self.height}")]
+        for value, text in ticks(*self.x) if marks is None else marks:
+            px = min(max(self.at(value, 0)[0], 10), self.width - 10)
+            axis.append(element("text", text, x=f"{px:g}", y=f"{self.height + 14}", text_anchor="middle"))
+        whole = f"0 0 {self.width} {self.height + _TICKS_PX}"
+        drawing = element("svg.plot", *axis, *parts, viewBox=whole, role="img", aria_label=title)
+        return element("figure", element("figcaption", title), drawing)
+
+
+def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
+    """Return a legend from kinds and texts."""
+    spans = []
+    for kind, text in entries:
+        spans.append(element("span", line_sample(kind), f" {text} "))
+    return element("p.soft.legend", joined(*spans))
+
+
+def line_sample(kind: str) -> Html:
+    """Return a short line as legends show it."""
+    return element("svg", element(f"path.line.{kind}", d="M0,5 22,5"), width="22", height="10")
+
+
+def metric_title(column: str) -> str:
+    """Return the printed name of a metric column with its unit."""
+    return metric_of(column).titled() + (", mean" if column.endswith("_mean") else "")
+
+
+def value_range(
+    values: FloatArray, *marks: float | None, limits: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Return the range of an axis: finite values without a far tail, and near marks.
+
+    Args:
+        values: (n,); without finite ones the range is 0 to 1.
+        marks: values to keep in view, e.g. a threshold.
+        limits: range before marks are added; None takes four bandwidths around the values.
+    """
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return 0.0, 1.0
+    first, third = np.quantile(finite, [0.25, 0.75])
+    tail = _TAIL * max(float(third - first), _MIN_SPREAD)
+    margin = 4 * BANDWIDTH
+    lowest, highest = limits or (float(finite.min()) - margin, float(finite.max()) + margin)
+    floor = 0.0 if finite.min() >= 0 else -math.inf  # no density below 0
+    low, high = max(lowest, floor, float(first) - tail), min(highest, float(third) + tail)
+    near = 0.5 * (high - low)
+    for mark in marks:
+        if mark is not None and low - near <= mark <= high + near:
+            low, high = min(low, max(mark - BANDWIDTH, floor)), max(high, mark + BANDWIDTH)
+    return low, high
+
+
+def samples_of_both(run: Run, column: str) -> FloatArray:
+    """Return the values (n,) of a metric in the stress test and in the human-like futures."""
+    both = (run,) if run.reference is None else (run, run.reference)
+    return np.concatenate([one.samples(column) for one in both])
+
+
+def density_plot(column: str, curves: Curves, x: tuple[float, float]) -> Html:
+    """Return densities of a metric, the first one filled; atoms are upright lines."""
+    defined = [(kind, curve) for kind, curve in curves if curve is not None]
+    inside = [(curve.x >= x[0]) & (curve.x <= x[1]) for _, curve in defined]
+    drawn = [(kind, c.x[mask], c.pdf[mask], c.atoms) for (kind, c), mask in zip(defined, inside, strict=True)]
+    peak = max([1e-9, *(float(pdf.max(initial=0.0)) for _, _, pdf, _ in drawn)])
+    plane = Plane(x=x, y=(0.0, 1.08 * peak))
+    parts = [] if defined else [_undefined(plane)]
+    most = max([1e-9, *(atom.share for _, _, _, atoms in drawn for atom in atoms)])
+    for number, (kind, at, pdf, atoms) in enumerate(drawn):
+        if not number and at.size:
+            parts.append(plane.area(at, np.zeros_like(pdf), pdf, kind))
+        parts += [plane.line(at, pdf, kind)] if at.size else []
+        for atom in atoms:
+            if x[0] <= atom.value <= x[1]:
+                top = _TALLEST_ATOM * plane.y[1] * atom.share / most
+                parts.append(plane.line(np.full(2, atom.value), np.array([0.0, top]), kind))
+    return plane.figure(metric_title(column), *parts)
+
+
+def _undefined(plane: Plane) -> Html:
+    return plane.words(sum(plane.x) / 2, plane.y[1] / 2, "defined in no future")

@@ -1,0 +1,26 @@
+"""``scex-sumo report``: the page of a result folder, written again."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from typer import Option
+
+from scex_sumo.commands.options import Result
+
+EXAMPLE = "out/k733"
+
+
+def report_command(
+    folder: Result,
+    evidence: Annotated[bool, Option("--evidence", help="Write evidence.html instead: one A4 page.")] = False,
+) -> None:
+    """Write report.html of a result folder again, or its evidence sheet."""
+    from scex_sumo.page.evidence import write_evidence
+    from scex_sumo.page.report import write_report
+    from scex_sumo.results.info import as_written
+    from scex_sumo.results.run import open_run
+
+    with as_written(folder):
+        path = (write_evidence if evidence else write_report)(open_run(folder))
+    print(path)

@@ -1,0 +1,232 @@
+"""Contents of a run's report: names, numbers, metrics and arrays for its scripts."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.colors import model_colors
+from scex_sumo.base.errors import ScexError
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.page.charts import samples_of_both, ticks, value_range
+from scex_sumo.page.packing import UNITS, quantized
+from scex_sumo.page.scene import Future, packed_tracks, recorded_tracks, road_paths
+from scex_sumo.page.tables import (
+    collision_places,
+    collision_share,
+    encounter_table,
+    event_table,
+    metric_values,
+    pair_events,
+)
+from scex_sumo.reports.run_table import always_critical, human_above
+from scex_sumo.results.design import half_widths
+from scex_sumo.results.run import Run
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+from scex_sumo.statistics.density import BANDWIDTH, split_atoms
+from scex_sumo.studies.under_test.table import verdict
+from scex_sumo.views.road_lines import road_lines
+
+FAR_M = 1e6  # place of vehicles that have left
+_AROUND_M = 60.0
+_WORST_SHARE = 0.1
+_LEVELS = 9  # shares of critical children at which the effective number of children is known
+
+
+def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return names and single numbers of a report, and arrays by name.
+
+    ``scene`` is the seed scene; None reads it from the folder.
+    """
+    scene = scene or run.scene
+    track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
+    both = [run] if run.reference is None else [run, run.reference]
+    levels, models = _assignments(both, len(track_ids))
+    metrics = [metric_words(run, column) for column in run.columns]
+    bands = half_widths(run.metrics, run.columns, run.intervals)
+    numbers = effective_numbers(run, [metric["side"] for metric in metrics])
+    for metric, number in zip(metrics, numbers, strict=True):
+        metric |= {"numbers": number, "band": bands[metric["column"]]}
+    info = _words(run, scene, track_ids, models, metrics)
+    tracks = packed_tracks(_futures(both, info))
+    arrays: dict[str, Any] = {
+        "start": tracks.start,
+        "motion": tracks.motion,
+        "owner": tracks.owner,
+        "which": tracks.which,
+        "levels": levels,
+        "values": np.concatenate([metric_values(one.metrics, run.columns) for one in both], axis=1),
+        "events": pair_events(both, info["encounters"]["pairs"], track_ids),
+        **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
+    }
+    left, right, low, high = tracks.box
+    around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)
+    place = {"box": tracks.box, "road": road_paths(road_lines(_net(run), around))}
+    return info | place | {"packed": tracks.futures.tolist()}, arrays
+
+
+def _futures(both: list[Run], info: dict[str, Any]) -> list[Future]:
+    """Return the futures, those of table rows first; human-like ones only if a row shows them."""
+    rows = [row["child"] for row in info["encounters"]["rows"]] + [e["child"] for e in info["events"]["rows"]]
+    numbers = dict.fromkeys([*rows, *range(both[0].children)])
+    known = [(run, child) for run in both for child in range(run.children)]
+    return [(*known[number], number) for number in numbers]
+
+
+def _words(
+    run: Run, scene: SeedScene, track_ids: list[int], models: list[str], metrics: list[dict[str, Any]]
+) -> dict[str, Any]:
+    scene_info = run.info["seed_scene"]
+    command = run.info.get("command") or []
+    return {
+        "name": scene_info["name"],
+        "location": scene_info.get("location", ""),
+        "time_s": scene_info.get("time_s"),
+        "children": run.children,
+        "human": 0 if run.reference is None else run.reference.children,
+        "steps": int(run.info["steps"]),
+        "folder": str(run.folder),
+        "command": shlex.join([str(word) for word in command]),
+        "version": run.info.get("scex_sumo", ""),
+        "seed": run.info.get("seed"),
+        "design": run.info.get("design"),
+        "under_test": sorted(int(track) for track in run.info.get("under_test") or {}),
+        "notes": [
+            *scene_info.get("notes", []),
+            *run.info.get("net_notes", []),
+            *run.info.get("run_notes", []),
+        ],
+        "track_ids": track_ids,
+        "types": list(scene.types),
+        "sizes": np.stack([scene.length, scene.width], axis=1).round(2).tolist(),
+        "models": models,
+        "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in model_colors(models)],
+        "metrics": metrics,
+        "ticks": [(value, f"{words} s") for value, words in ticks(0, int(run.info["steps"]) * STEP_S)],
+        "bandwidth": BANDWIDTH,
+        "reflect": reflects(run),
+        "collision": collision_share(run),
+        "collisions": collision_places([run] if run.reference is None else [run, run.reference], track_ids),
+        "encounters": encounter_table(run, track_ids),
+        "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
+        "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
+        "likely_collisions": None if run.reference is None else collision_share(run.reference),
+        "always": always_critical(run),
+        "above": human_above(run),
+        "tested": verdict(run.under_test) if run.baseline is not None and run.info.get("under_test") else "",
+    }
+
+
+def _assignments(both: list[Run], vehicles: int) -> tuple[IntArray, list[str]]:
+    """Return the index of each vehicle's model (C, V) in the futures of both sets, and the models."""
+    coded = pa.concat_tables([run.assignments.select(["model"]) for run in both])["model"]
+    coded = coded.combine_chunks().dictionary_encode()
+    return np.asarray(coded.indices, dtype=np.int64).reshape(-1, vehicles), coded.dictionary.to_pylist()
+
+
+def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str, NDArray[Any]]:
+    arrays: dict[str, NDArray[Any]] = {}
+    if scene.future is not None and scene.future.shape[1]:
+        valid = scene.future_valid
+        there = np.ones(scene.future.shape, dtype=bool) if valid is None else valid
+        future = scene.future.map(lambda v: _steps(v, there, 0, steps))
+        arrays["recorded"] = recorded_tracks(future, start)
+    others = scene.obstacles
+    arrays["others"] = np.zeros((0, steps + 1, 2), dtype=np.int64)
+    if others is not None:
+        first, stop = HISTORY_STEPS, HISTORY_STEPS + steps + 1
+        places = [_steps(v, others.present, first, stop) for v in (others.states.x, others.states.y)]
+        arrays["others"] = quantized(np.stack(places, axis=-1), UNITS[0])
+    return arrays
+
+
+def _steps(values: FloatArray, there: BoolArray, first: int, stop: int) -> FloatArray:
+    """Return (N, stop - first) values, far away where nothing was recorded."""
+    padded: FloatArray = np.full((len(values), stop - first), FAR_M)
+    part = np.where(there, values, FAR_M)[:, first:stop]
+    padded[:, : part.shape[1]] = part
+    return padded
+
+
+def _net(run: Run) -> Any:
+    try:
+        return run.net.path
+    except (ScexError, KeyError):  # no net: a report without a road
+        return run.folder / "none.net.xml"
+
+
+def metric_words(run: Run, column: str) -> dict[str, Any]:
+    """Return name, unit, side, thresholds and drawn range of a metric column.
+
+    ``atoms`` are values that many futures share, of both sets; ``defined`` counts the futures with a value.
+    """
+    metric = metric_of(column)
+    has_recorded = run.recorded is not None and column in run.recorded.column_names
+    recorded = run.recorded_value(column) if has_recorded else None
+    threshold = run.thresholds.get(column)
+    side = metric.side
+    samples = np.sort(run.samples(column))
+    view = value_range(samples_of_both(run, column), recorded, threshold)
+    share = run.p_critical(column) if threshold is not None and samples.size else None
+    return {
+        "column": column,
+        "name": metric.words,
+        "unit": metric.column_unit,
+        "mean": column.endswith("_mean"),
+        "side": side,
+        "sign": metric.sign,
+        "threshold": threshold,
+        "p": None if share is None else {"value": share.value, "low": share.low, "high": share.high},
+        "tenth": _worst_tenth(samples, side),
+        "recorded": recorded,
+        "defined": int(samples.size),
+        "atoms": _atoms(run, column),
+        "likely_atoms": [] if run.reference is None else _atoms(run.reference, column),
+        "view": view,
+        "ticks": ticks(*view) if np.isfinite(samples).any() else [],
+    }
+
+
+def _atoms(run: Run, column: str) -> list[float]:
+    samples = run.samples(column)
+    return [atom.value for atom in split_atoms(samples)[0]] if reflects(run) and samples.size else []
+
+
+def reflects(run: Run) -> bool:
+    """Return whether densities of a run separate shared values and are reflected at 0."""
+    return bool(run.info.get("reflect", True))
+
+
+def _worst_tenth(samples: FloatArray, side: str) -> float | None:
+    if not samples.size:
+        return None
+    level = _WORST_SHARE if side == "left" else 1 - _WORST_SHARE
+    return float(np.quantile(samples, level, method="inverted_cdf"))
+
+
+def effective_numbers(run: Run, sides: Sequence[str]) -> list[list[tuple[float, float]]]:
+    """Return for each column pairs of critical share and effective number of children, ascending to 1."""
+    hits: list[BoolArray] = []
+    shares: list[FloatArray] = []
+    levels = np.arange(1, _LEVELS + 1) / (_LEVELS + 1)
+    for column, side in zip(run.columns, sides, strict=True):
+        values = run.values(column) * (1 if side == "left" else -1)
+        defined = values[~np.isnan(values)]
+        limits = np.quantile(defined, levels, method="inverted_cdf") if defined.size else np.empty(0)
+        with np.errstate(invalid="ignore"):
+            hits.append(values[:, None] <= np.unique(limits))
+        shares.append(hits[-1].mean(axis=0))
+    effective = run.intervals.effective_number(np.concatenate(hits, axis=1).astype(float))
+    ends = np.cumsum([share.size for share in shares])[:-1]
+    numbers = np.split(np.minimum(effective, 1e9), ends)
+    last = [(1.0, float(number[-1:].max(initial=run.children))) for number in numbers]
+    return [
+        [*zip(share.tolist(), number.tolist(), strict=True), end]
+        for share, number, end in zip(shares, numbers, last, strict=True)
+    ]

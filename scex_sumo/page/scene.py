@@ -1,0 +1,183 @@
+"""Road as SVG paths, tracks of all children as integers, and a picture of both."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.packing import UNITS, coded_motion, decoded_motion, quantized, smallest
+from scex_sumo.results.run import Run
+from scex_sumo.scene import LOGGED_HISTORY, States
+from scex_sumo.views.road_lines import AREA, SURFACE, RoadLine
+
+_ROAD_UNIT_M = 0.05
+_MARGIN_M = 12.0
+_MIN_ASPECT = 0.55  # of the picture's sides, either way
+_BUDGET = 280_000  # bytes of packed tracks; a page takes a third more, because it is text
+_SAMPLED = 400  # tracks whose packed size stands for all
+_MAX_FUTURES = 1000
+
+Future: TypeAlias = tuple[Run, int, int]
+"""A run, its child, and the number of this future on the page."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PackedTracks:
+    """Tracks of the futures that a page can show, each stored once.
+
+    Attributes:
+        futures: (P,) numbers, ascending.
+        which: (P, V) column of ``motion``, counted from the vehicle's first one.
+        start: (V, 4) x, y, heading, speed at the seed moment, in `UNITS`.
+        motion: (4, U, T) as of `coded_motion`, ordered by vehicle and first future.
+        owner: (U,) vehicles.
+        box: least and largest x, least and largest y, m.
+    """
+
+    futures: IntArray
+    which: IntArray
+    start: IntArray
+    motion: IntArray
+    owner: IntArray
+    box: tuple[float, float, float, float]
+
+
+def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedTracks:
+    """Return the tracks of the first futures of a list that take no more than ``budget`` bytes, at least one.
+
+    Futures without a noise of their own share most tracks; of those with noise a page holds a sample.
+    """
+    wanted = wanted[:_MAX_FUTURES]
+    poses = poses_of(wanted)
+    start = quantized(poses[0, :, 0], np.array(UNITS))
+    which, number, owner = _different(quantized(poses, np.array(UNITS)).astype(np.int32))
+    some = slice(None, None, max(1, len(owner) // _SAMPLED))
+    codes = _coded(start, poses, number[some], owner[some])
+    packed = len(zlib.compress(smallest(codes).tobytes())) / codes.shape[1]
+    kept = np.maximum.accumulate(which.max(axis=1)) < max(budget / packed, which[0].max() + 1)
+    futures = np.array([at for _, _, at in wanted])[kept]
+    by_number = np.argsort(futures)
+    used, since = np.unique(which[kept][by_number], return_index=True)
+    order = used[np.lexsort((since, owner[used]))]
+    place = np.empty(len(owner), dtype=np.int64)
+    place[order] = np.arange(len(order)) - np.searchsorted(owner[order], owner[order])
+    seen = poses[kept][..., :2]
+    (left, low), (right, high) = seen.min(axis=(0, 1, 2)).tolist(), seen.max(axis=(0, 1, 2)).tolist()
+    return PackedTracks(
+        futures=futures[by_number],
+        which=place[which[kept][by_number]],
+        start=start,
+        motion=_coded(start, poses, number[order], owner[order]),
+        owner=owner[order],
+        box=(left, right, low, high),
+    )
+
+
+def _different(poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return (P, V) the track of each vehicle, and of each different track (U,) its future and vehicle."""
+    known: dict[bytes, int] = {}
+    first: list[tuple[int, int]] = []
+    which = np.empty(poses.shape[:2], dtype=np.int64)
+    for number, future in enumerate(poses):
+        for vehicle, track in enumerate(future):
+            place = known.setdefault(vehicle.to_bytes(4, "little") + track.tobytes(), len(known))
+            which[number, vehicle] = place
+            if place == len(first):
+                first.append((number, vehicle))
+    numbers, owner = np.array(first).T
+    return which, numbers, owner
+
+
+def poses_of(futures: Sequence[Future]) -> FloatArray:
+    """Return (P, V, 1 + T, 4) x, y, heading, speed from the seed moment on."""
+    poses: dict[int, FloatArray] = {}
+    for run, child, number in sorted(futures, key=lambda one: one[2]):
+        poses[number] = _poses(run.states(child)[:, LOGGED_HISTORY - 1 :])
+    return np.stack([poses[number] for _, _, number in futures])
+
+
+def _coded(start: IntArray, poses: FloatArray, future: IntArray, vehicle: IntArray) -> IntArray:
+    return coded_motion(start[vehicle], poses[future, vehicle, 1:])
+
+
+def _poses(states: States) -> FloatArray:
+    return np.stack([states.x, states.y, np.unwrap(states.heading), states.speed], axis=-1)
+
+
+def recorded_tracks(states: States, start: IntArray) -> IntArray:
+    """Return recorded (V, F) states as `coded_motion`."""
+    return coded_motion(start, _poses(states))
+
+
+def road_paths(lines: Iterable[RoadLine]) -> list[dict[str, Any]]:
+    """Return the lines of a road, the lower ones first.
+
+    Returns:
+        ``kind``, ``width`` in m, and ``path`` as SVG writes it, in units of 5 cm. Lines of one kind and width
+        share a path; each area has its own.
+    """
+    groups: dict[tuple[int, float, int], list[str]] = {}
+    for number, (kind, width, points) in enumerate(lines):
+        groups.setdefault((kind, width, number if kind == AREA else -1), []).append(_path(points))
+    order = sorted(groups.items(), key=lambda item: item[0])
+    return [{"kind": kind, "width": width, "path": "".join(paths)} for (kind, width, _), paths in order]
+
+
+def _path(points: FloatArray) -> str:
+    whole = quantized(points, _ROAD_UNIT_M)
+    first, steps = whole[0], np.diff(whole, axis=0)
+    return f"M{first[0]} {first[1]}l" + " ".join(f"{x} {y}" for x, y in steps.tolist())
+
+
+def scene_svg(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Html:
+    """Return a picture of the road, the vehicles and the paths of their children.
+
+    Args:
+        info: of `report_contents`.
+        arrays: of `report_contents`.
+    """
+    left, right, low, high = info["box"]
+    wide, tall = right - left + 2 * _MARGIN_M, high - low + 2 * _MARGIN_M
+    wide, tall = max(wide, _MIN_ASPECT * tall), max(tall, _MIN_ASPECT * wide)
+    x, y = (left + right - wide) / 2, -(low + high + tall) / 2
+    parts = [_road_svg(group) for group in info["road"]]
+    parts += _paths_svg(info, arrays)
+    parts += [_vehicle_svg(pose, size) for pose, size in zip(arrays["start"], info["sizes"], strict=True)]
+    upwards = element("g", *parts, transform="scale(1 -1)")
+    view = f"{x:.1f} {y:.1f} {wide:.1f} {tall:.1f}"
+    return element("svg.scene", upwards, viewBox=view, role="img", aria_label=info["name"])
+
+
+def _road_svg(group: Mapping[str, Any]) -> Html:
+    kind = {SURFACE: "lane", AREA: "junction"}.get(group["kind"], "marking")
+    width = f"{(group['width'] or 0.15) / _ROAD_UNIT_M:g}"
+    return element(f"path.{kind}", d=group["path"], stroke_width=width, transform=f"scale({_ROAD_UNIT_M})")
+
+
+def _paths_svg(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[Html]:
+    owner, start = arrays["owner"], arrays["start"]
+    driven = np.zeros(len(owner), dtype=np.int64)
+    rows = arrays["which"] + np.searchsorted(owner, np.arange(len(start)))
+    driven[rows] = arrays["levels"][info["packed"]]
+    paths = []
+    for line, vehicle, model in zip(
+        decoded_motion(start[owner], arrays["motion"]), owner, driven, strict=True
+    ):
+        points = np.concatenate([start[vehicle, None, :2] * UNITS[:2], line[::3, :2]])
+        d = "M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        paths.append(element("path.way", d=d, stroke=info["colors"][model]))
+    return paths
+
+
+def _vehicle_svg(pose: NDArray[Any], size: tuple[float, float]) -> Html:
+    (x, y, heading, _), (length, width) = pose * UNITS, size
+    turn = f"translate({x:.2f} {y:.2f}) rotate({np.degrees(heading):.1f})"
+    box = {"x": f"{-length / 2:.2f}", "y": f"{-width / 2:.2f}", "width": f"{length:.2f}"}
+    return element("rect.vehicle", height=f"{width:.2f}", transform=turn, **box)

@@ -1,0 +1,207 @@
+"""Tables of a report: encounters, collisions, worst events."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
+from scex_sumo.page.study import table
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, Meeting, meetings, worst_of
+from scex_sumo.reports.encounter_table import HEADS, encounter_cells
+from scex_sumo.reports.run_table import expected_injuries
+from scex_sumo.results.encounters import event_of
+from scex_sumo.results.exact import Encounter, critical_outcomes
+from scex_sumo.results.outcomes import COLLISIONS
+from scex_sumo.results.run import PAIR_OUTCOMES, Run
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
+
+_WORST = 3
+_SELECTED = {"collides": "collision", "95 %": "range", "TTC": "ttc", "PET": "pet", "DRAC": "drac"}
+_SELECTED |= {"gap": "gap", "after": "after"}
+"""Columns of encounters that follow a selection, by their names in ``selection.js``."""
+
+_WAYS = 2  # cut sets of a worst encounter that are told
+_NAMED = 4  # children of an event whose numbers are shown
+_COLLISION = -1  # number of collisions among the metrics of a page
+
+
+def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dict[str, Any]:
+    """Return the worst events by metric, the worst first; children with the same event share a row.
+
+    Returns:
+        Rows have the index of the ``metric`` (-1: collision), ``children``, the first ``child``, ``step``
+        after the seed moment, and ``pair`` by index or None.
+    """
+    groups: dict[tuple[int, tuple[int, ...], int, float], list[int]] = {}
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    number = {name: index for index, name in enumerate(run.columns)}
+
+    def add(metric: int, row: Mapping[str, Any], step: int, value: float) -> None:
+        vehicles = tuple(where[v] for v in (row["track_id"], row["other_id"]) if v in where)
+        groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["child"])
+
+    for row in _rows(run, "worst.parquet"):
+        if row["metric"] in number:
+            step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
+            if np.isfinite(row["value"]) or sides[number[row["metric"]]] == "right":
+                add(number[row["metric"]], row, step, row["value"])
+    for row in _rows(run, COLLISIONS):
+        add(_COLLISION, row, row["step"], row["relative_speed"])
+    signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last sign: collisions
+    order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
+    columns = [
+        {"title": "vehicles"},
+        {"title": "value", "as": "real", "none": "∞"},
+        {"title": "after", "as": "seconds"},
+        {"title": "futures", "as": "times", "down": True},
+        {"title": "which", "kind": "words"},
+    ]
+    return {"columns": columns, "rows": [_event(key, children, track_ids) for key, children in order]}
+
+
+def _event(
+    key: tuple[int, tuple[int, ...], int, float], children: list[int], track_ids: Sequence[int]
+) -> dict[str, Any]:
+    metric, vehicles, step, value = key
+    which = ", ".join(str(child) for child in children[:_NAMED]) + (", …" if len(children) > _NAMED else "")
+    names = " – ".join(str(track_ids[vehicle]) for vehicle in vehicles)
+    return {
+        "cells": [names, value, step * STEP_S, len(children), which],
+        "metric": metric,
+        "pair": vehicles if len(vehicles) == 2 else None,
+        "child": children[0],
+        "children": children,
+        "step": step,
+    }
+
+
+def collision_places(both: Sequence[Run], track_ids: Sequence[int]) -> dict[str, Any]:
+    """Return ``children``, ``places`` (m) and ``pairs`` by index of collisions, by set of futures."""
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    found: dict[str, Any] = {"children": [], "places": [], "pairs": []}
+    first = 0
+    for run in both:
+        for row in _rows(run, COLLISIONS):
+            found["children"].append(first + row["child"])
+            found["places"].append((round(row["x"], 2), round(row["y"], 2)))
+            found["pairs"].append((where[row["track_id"]], where[row["other_id"]]))
+        first += run.children
+    return found
+
+
+def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids: Sequence[int]) -> IntArray:
+    """Return (P, C) what happens to pairs of vehicles in the futures of all sets.
+
+    Bits: 1 for a collision, 2, 4, 8 for a critical TTC on the path, PET, DRAC, which a collision has, too.
+    """
+    number = np.full((len(track_ids), len(track_ids)), -1)
+    for index, (one, other) in enumerate(pairs):
+        number[[one, other], [other, one]] = index
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    parts = [np.zeros((len(pairs), run.children), dtype=np.int64) for run in both]
+    for run, found in zip(both, parts, strict=True):
+        if not len(pairs):
+            continue
+        hits = run.collisions
+        tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, 15))]
+        if (run.folder / PAIR_OUTCOMES).is_file():
+            met = run.pair_outcomes
+            critical = critical_outcomes(met)
+            bits = 2 * critical["ttc"] + 4 * critical["pet"] + 8 * critical["drac"]
+            tables.append((met, ("track_a", "track_b"), bits))
+        for rows, names, values in tables:
+            at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]
+            found[at[at >= 0], np.asarray(rows["child"])[at >= 0]] |= values[at >= 0]
+    return np.concatenate(parts, axis=1)
+
+
+def collision_share(run: Run) -> dict[str, Any] | None:
+    """Return number, share and 95 % interval of children with a collision; None if unknown."""
+    if COLLISION_COLUMN not in run.metrics.column_names:
+        return None
+    share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
+    interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
+    known = {"count": count, "children": run.children, "injuries": expected_injuries(run)}
+    return {**known, **interval}
+
+
+def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
+    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child``, ``step``, ``worst``.
+
+    Human-like futures follow those of the stress test: ``child`` counts both. ``pairs`` are all pairs by
+    index, ``event`` of a row is its place among them. ``selected`` names what a column shows of selected
+    futures.
+    """
+    found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
+    both = any(one.futures == HUMAN_LIKE for one in found)
+    shown = [name for name in ("pair", "futures", *_SELECTED) if both or name != "futures"]
+    places = [[head[0] for head in HEADS].index(name) for name in shown]
+    cells = [[encounter_cells(one)[place] for place in places] for one in found]
+    columns = table([HEADS[place] for place in places], cells)["columns"]
+    for name, column in zip(shown, columns, strict=True):
+        column |= {"selected": _SELECTED[name]} if name in _SELECTED else {}
+    pairs: dict[tuple[int, int], int] = {}
+    rows = []
+    worst = worst_of(found, _WORST)
+    for one, mine in zip(found, cells, strict=True):
+        row, is_human = one.row, one.futures == HUMAN_LIKE
+        pair = where[row["track_id"]], where[row["other_id"]]
+        rows.append(
+            {
+                "cells": [_short(cell) if isinstance(cell, float) else cell for cell in mine],
+                "words": one.words(),
+                "share": row["collision"],
+                "critical": row["critical"] > 0,
+                "pair": pair,
+                "event": pairs.setdefault((min(pair), max(pair)), len(pairs)),
+                "human": is_human,
+                "child": row["child"] + (run.children if is_human else 0),
+                "step": round(row["time_s"] / STEP_S),
+                "worst": one in worst,
+                **(_story(one) if one in worst else {}),
+            }
+        )
+    known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
+    return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
+
+
+def _story(one: Meeting) -> dict[str, Any]:
+    """Return what happens in a worst encounter: question, words, kind and place, drivers, exact share."""
+    question, happens = event_of(one.row)
+    found = Encounter(row=one.row, run=one.run)
+    table = found.table if question == "collision" else None
+    tracks = [one.row["track_id"], one.row["other_id"]]
+    drivers = [
+        f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
+    ]
+    ways = "" if table is None else table.told(_WAYS)
+    return {
+        "question": question,
+        "happens": happens,
+        "about": ", ".join(part for part in (one.row["kind"], one.row["place"]) if part),
+        "why": f"exactly if {ways}" if ways else f"typically {', '.join(drivers)}",
+        "exact": "" if table is None else f"{100 * table.probability():.4g} %",
+    }
+
+
+def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
+    """Return (M, C) columns of a table, NaN where undefined or missing."""
+    missing = np.full(table.num_rows, np.nan)
+    parts = [
+        table[name].to_numpy(zero_copy_only=False) if name in table.column_names else missing
+        for name in columns
+    ]
+    return np.stack([np.asarray(part, dtype=np.float64) for part in parts])
+
+
+def _rows(run: Run, name: str) -> list[dict[str, Any]]:
+    return list(run.table(name).to_pylist()) if (run.folder / name).is_file() else []
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(f"{value:.5g}")

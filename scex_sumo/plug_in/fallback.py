@@ -1,0 +1,174 @@
+"""Fallback planner: replaces unusable plans of learned and users' models."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import ScexError
+from scex_sumo.base.importing import own_error_reason
+from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
+from scex_sumo.behaviors.models.idm import follow_path
+from scex_sumo.plug_in.user_model import SingleVehicle
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+
+JUMP_M = 5.0  # from the straight motion within one step: 500 m/s², beyond any vehicle
+STATES = ("x", "y", "heading", "speed")
+
+Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether it must be replaced
+
+
+class Fallible:
+    """A model with a fallback: the path-following driver plans for vehicles without a usable plan.
+
+    A call that raises is repeated child by child, then vehicle by vehicle.
+    """
+
+    def __init__(self, model: Behavior, name: str) -> None:
+        self.model = model
+        self.name = name
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Return the plan with `Plan.fallback` and `Plan.reasons`; see `Behavior.plan`."""
+        made, reasons, bad = self._ask(history, road, who, rng)
+        if bad.any():
+            made.assign(bad, follow_path(history, road, who[bad]))
+        return replace(made, fallback=np.array([r != "" for r in reasons], bool), reasons=tuple(reasons))
+
+    def try_on(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> None:
+        """Raise a `ScexError` if the model has no usable plan for any of these vehicles."""
+        made = self.plan(history, road, who, rng)
+        if len(who) == 0 or made.fallback is None or not made.fallback.all():
+            return
+        raise ScexError(
+            f"{self.name}: no usable plan for any of {len(who)} vehicles of the seed scene: "
+            f"{made.reasons[0]}; it is {describe_source(self.model)}; needs a Plan of x, y, heading, speed, "
+            f"each (n, {PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
+        )
+
+    def _ask(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Answer:
+        if isinstance(self.model, SingleVehicle) and len(who) > 1:  # plans for one vehicle at a time anyway
+            return self._ask_each(history, road, who, np.arange(len(who)), rng)
+        children = np.unique(who.child).tolist() if len(who) > 1 else []
+        before = [rng[child].bit_generator.state for child in children]
+        try:
+            made = plan_arrays(self.model.plan(history, road, who, rng), len(who))
+            defects = plan_defects(made, history, who)
+        except (Exception, SystemExit) as error:  # of a user's code
+            if len(who) == 1:
+                return _blank(1), [own_error_reason(error)], np.ones(1, dtype=np.bool_)
+            for child, state in zip(children, before, strict=True):
+                rng[child].bit_generator.state = state
+            single = np.arange(len(who))
+            parts = np.unique(who.child, return_inverse=True)[1] if len(children) > 1 else single
+            return self._ask_each(history, road, who, parts, rng)
+        said = made.reasons or (BY_ITSELF,) * len(who)
+        fell = np.zeros(len(who), bool) if made.fallback is None else made.fallback
+        reasons = [d or (s if f else "") for d, s, f in zip(defects, said, fell, strict=True)]
+        return made, reasons, np.array([d != "" for d in defects], bool)
+
+    def _ask_each(
+        self,
+        history: SceneHistory,
+        road: Road,
+        who: VehicleIndex,
+        part: IntArray,
+        rng: Sequence[np.random.Generator],
+    ) -> Answer:
+        count = len(who)
+        whole = _blank(count)
+        reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
+        for number in range(int(part.max()) + 1):
+            at = np.flatnonzero(part == number)
+            made, why, bad[at] = self._ask(history, road, who[at], rng)
+            whole.assign(at, made)
+            for index, reason in zip(at.tolist(), why, strict=True):
+                reasons[index] = reason
+        return whole, reasons, bad
+
+
+def _blank(count: int) -> Plan:
+    return Plan(**vars(States.empty((count, PLAN_STEPS)).map(np.zeros_like)))
+
+
+def plan_arrays(made: Any, count: int) -> Plan:
+    """Copy the first 30 steps of a model's plan; raise a `ScexError` if it is none."""
+    parts = {}
+    for key in STATES:
+        if not hasattr(made, key):
+            raise ScexError(f"returned {type(made).__name__}, which has no {key}; needs a scex_sumo.Plan")
+        values = np.asarray(getattr(made, key), dtype=np.float64)
+        if values.ndim != 2 or values.shape[0] != count or values.shape[1] < PLAN_STEPS:
+            raise ScexError(
+                f"plan.{key} has shape {values.shape}, needs ({count}, {PLAN_STEPS}) or more steps"
+            )
+        parts[key] = values[:, :PLAN_STEPS].copy()
+    return Plan(**parts, fallback=getattr(made, "fallback", None), reasons=getattr(made, "reasons", ()))
+
+
+def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[str]:
+    """Return why each plan is unusable; an empty text for a usable plan.
+
+    A plan must be finite, and no state more than 5 m from the straight continuation of the motion before it.
+    """
+    reasons = [""] * len(who)
+    finite = np.stack([np.isfinite(getattr(made, key)).all(axis=1) for key in STATES])
+    for row in np.flatnonzero(~finite.all(axis=0)):
+        reasons[row] = f"plan.{STATES[int(np.argmin(finite[:, row]))]} is not finite"
+    off = _deviations(made, history, who)
+    for row in np.flatnonzero(finite.all(axis=0) & (off > JUMP_M).any(axis=1)):
+        step = int(np.argmax(off[row] > JUMP_M))
+        where = "starts" if step == 0 else f"jumps at step {step + 1} to"
+        reasons[row] = f"plan {where} {off[row, step]:.1f} m from where the vehicle's motion leads"
+    return reasons
+
+
+def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
+    now = history.now[who.child, who.vehicle]
+    step = now.speed * STEP_S
+    x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], made.x], axis=1)
+    y = np.concatenate([(now.y - step * np.sin(now.heading))[:, None], now.y[:, None], made.y], axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        off: FloatArray = np.hypot(np.diff(x, 2, axis=1), np.diff(y, 2, axis=1))
+    return off
+
+
+def describe_source(model: Any) -> str:
+    """Return where a model is, e.g. ``class Driver of /path/driver.py``."""
+    made = _unwrapped(model)
+    if hasattr(made, "file"):
+        return f"the file {made.file}"
+    kind = "function" if inspect.isfunction(made) else "class"
+    file = source_file(model)
+    return f"{kind} {made.__qualname__} of {made.__module__ if file is None else file}"
+
+
+def source_file(model: Any) -> Path | None:
+    """Return the file of a model, its class or its function; None if there is none."""
+    made = _unwrapped(model)
+    if hasattr(made, "file"):
+        return Path(made.file)
+    try:
+        return Path(inspect.getfile(made))
+    except (OSError, TypeError):
+        return None
+
+
+def _unwrapped(model: Any) -> Any:
+    inner = getattr(model, "function", model.model if isinstance(model, SingleVehicle) else model)
+    inner = inner.func if isinstance(inner, partial) else inner
+    return inner if inspect.isfunction(inner) or hasattr(inner, "file") else type(inner)

@@ -1,0 +1,196 @@
+"""User models: classes, functions and objects with their parameters; models of a single vehicle."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.base.importing import import_object, own_error_reason
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.plug_in.inputs import Surroundings
+from scex_sumo.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
+
+EMPTY = inspect.Parameter.empty
+
+
+@dataclass(frozen=True, kw_only=True)
+class UserModel:
+    """A user's model that is not made yet."""
+
+    make: Callable[..., Any]  # makes it, with parameters by name
+    parameters: Mapping[str, Any]  # their defaults; ``EMPTY`` if there is none
+    summary: str  # one sentence for ``scex-sumo models``
+
+
+def user_model(given: Any, name: str) -> UserModel:
+    """Return a class, function or object as a model.
+
+    A function with inputs of a predictor, such as ``history``, predicts; another one makes the model, as does
+    a class. An object with ``plan`` or ``plan_one`` is the model.
+    """
+    if not inspect.isclass(given):
+        if hasattr(given, "__scex_predictor__"):
+            return given.__scex_predictor__  # type: ignore[no-any-return]
+        if hasattr(given, "plan") or hasattr(given, "plan_one"):
+            return UserModel(make=lambda: given, parameters={}, summary=_summary(given))
+        if is_predictor(given):
+            return predictor_model(given)
+    if not callable(given):
+        kind = type(given).__name__
+        raise UsageError(
+            f"{name}: is a {kind}; needs a class with plan or plan_one, or a function of history"
+        )
+    by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    parameters = {key: p.default for key, p in _parameters(given).items() if p.kind in by_name}
+    return UserModel(make=given, parameters=parameters, summary=_summary(given))
+
+
+def predictor_model(function: Callable[..., Any], *, batched: bool = False, **surroundings: Any) -> UserModel:
+    """Return a function that predicts as a model.
+
+    Its parameters with a default that are no inputs become parameters, as do the fields of `Surroundings`.
+
+    Args:
+        surroundings: fields of `Surroundings` with another default.
+    """
+    around = asdict(Surroundings(**surroundings))
+    defaults = {
+        p.name: p.default
+        for p in _parameters(function).values()
+        if p.name not in INPUTS and p.default is not EMPTY
+    }
+
+    def make(**given: Any) -> Predictor:
+        options = {name: given.pop(name) for name in defaults if name in given}
+        return Predictor(
+            partial(function, **options) if options else function,
+            inputs=wanted_inputs(function),
+            batched=batched,
+            surroundings=Surroundings(**(around | given)),
+        )
+
+    summary = _summary(function) if function.__doc__ else f"Predictor {name_of(function)}"
+    return UserModel(make=make, parameters=defaults | around, summary=summary)
+
+
+def is_predictor(given: Any) -> bool:
+    """Return whether an object is a function of a vehicle's inputs."""
+    parameters = {} if inspect.isclass(given) or not callable(given) else _parameters(given)
+    return any(p.name in INPUTS and p.default is EMPTY for p in parameters.values())
+
+
+def _parameters(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
+    try:
+        return inspect.signature(function).parameters
+    except (TypeError, ValueError):
+        return {}
+
+
+def _summary(given: Any) -> str:
+    words = (inspect.getdoc(given) or "").strip().splitlines()
+    return words[0] if words else "registered"
+
+
+def is_import_path(module: str, attribute: str) -> bool:
+    """Return whether both parts of ``module:attribute`` consist of identifiers."""
+    return all(part.isidentifier() for part in module.split(".")) and attribute.isidentifier()
+
+
+def load_model(path: str) -> UserModel:
+    """Import the model of an import path ``package.module:Class``."""
+    hint = "; a model is name[:parameter=value]... or package.module:Class"
+    return user_model(import_object(path, hint=hint, reason=own_error_reason), path)
+
+
+@runtime_checkable
+class SingleVehicleBehavior(Protocol):
+    """A model that plans for one vehicle of one child."""
+
+    def plan_one(
+        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+    ) -> States:
+        """Plan at least 30 steps for one vehicle.
+
+        Args:
+            history: states of the vehicle's child alone. ``history.states[child, vehicle]`` (11,) are the
+                vehicle's, ``history.states[child]`` (V, 11) those of all.
+            road: the map; if the model has a `radius`, only the part around the vehicle.
+            child: index into the history, 0; ``history.children[child]`` is the child's number.
+
+        Returns:
+            (H,) states of the centre; column 0 is the next step.
+        """
+        ...
+
+
+class SingleVehicle:
+    """Adapter that makes a `Behavior` of a single-vehicle model."""
+
+    def __init__(self, model: SingleVehicleBehavior) -> None:
+        self.model = model
+        self.radius: float | None = getattr(model, "radius", None)
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Ask the model for one vehicle after the other; see `Behavior.plan`."""
+        now = history.now
+        plans = []
+        alone = {c: _child_history(history, c) for c in np.unique(who.child).tolist()}
+        for c, v in zip(who.child.tolist(), who.vehicle.tolist(), strict=True):
+            visible = road
+            if self.radius is not None:
+                visible = narrow_road(road, float(now.x[c, v]), float(now.y[c, v]), self.radius)
+            plans.append(self._checked(self.model.plan_one(alone[c], visible, 0, v, rng[c])))
+        if not plans:
+            return Plan(**vars(States.empty((0, PLAN_STEPS))))
+        steps = min(len(plan.x) for plan in plans)
+        return Plan(**vars(States.stack([plan[:steps] for plan in plans], axis=0)))
+
+    def _checked(self, plan: States) -> States:
+        shapes = [np.shape(part) for part in vars(plan).values()]
+        if any(len(shape) != 1 or shape[0] < PLAN_STEPS for shape in shapes):
+            raise ScexError(
+                f"behaviour model {type(self.model).__name__}: plan_one returned shapes {shapes}, "
+                f"needs four of at least ({PLAN_STEPS},)"
+            )
+        return plan
+
+
+def _child_history(history: SceneHistory, child: int) -> SceneHistory:
+    only = slice(child, child + 1)
+    return replace(
+        history,
+        states=history.states[only],
+        children=history.children[only],
+        route_draw=history.route_draw[only],
+    )
+
+
+def narrow_road(road: Road, x: float, y: float, radius: float) -> Road:
+    """Return the lanes, markings and areas with a point within a radius of (x, y), m."""
+
+    def near(points: FloatArray) -> bool:
+        return bool(len(points) and (np.hypot(points[:, 0] - x, points[:, 1] - y) <= radius).any())
+
+    lanes = {
+        i: lane
+        for i, lane in road.lanes.items()
+        if near(lane.centreline) or near(lane.left_bound) or near(lane.right_bound)
+    }
+    return replace(
+        road,
+        lanes=lanes,
+        regulations=tuple(r for r in road.regulations if any(i in lanes for i in r.lanes)),
+        markings=tuple(m for m in road.markings if near(m.points)),
+        areas=tuple(a for a in road.areas if near(a.outline)),
+    )

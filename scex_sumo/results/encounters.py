@@ -1,0 +1,293 @@
+"""Encounters over all children: probability, time, place and models of each pair."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.certainty.tables import InfluenceTable
+from scex_sumo.metrics.collisions import KINDS
+from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S, Encounters
+from scex_sumo.road import Road
+from scex_sumo.roads.places import places_of
+from scex_sumo.statistics.density import Interval
+from scex_sumo.statistics.intervals import DesignIntervals
+
+ENCOUNTERS: Final = "encounters.parquet"
+QUESTIONS: Final = ("collision", "ttc", "pet", "drac", "critical")
+"""Probabilities of a pair, each with ``_low`` and ``_high``; ``critical`` is any of the others."""
+
+_MODELS = pa.list_(
+    pa.struct(
+        [
+            ("model", pa.string()),
+            ("other_model", pa.string()),
+            ("children", pa.int64()),
+            ("critical", pa.int64()),
+            ("probability", pa.float64()),
+            ("share", pa.float64()),
+            ("lift", pa.float64()),
+        ]
+    )
+)
+SCHEMA: Final = pa.schema(
+    [
+        ("track_id", pa.int64()),
+        ("other_id", pa.int64()),
+        *((name + end, pa.float64()) for name in QUESTIONS for end in ("", "_low", "_high")),
+        ("met", pa.float64()),
+        ("kind", pa.string()),
+        ("relative_speed", pa.float64()),
+        ("expected_mais3", pa.float64()),
+        *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
+        ("child", pa.int64()),
+        ("gap", pa.float64()),
+        ("model", pa.string()),
+        ("other_model", pa.string()),
+        ("time_s", pa.float64()),
+        ("x", pa.float64()),
+        ("y", pa.float64()),
+        ("place", pa.string()),
+        ("models", _MODELS),
+    ]
+)
+"""One row a pair; ``met`` is the share of children in which the pair has an encounter, ``expected_mais3`` the
+mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all children."""
+
+OUTCOMES_SCHEMA: Final = pa.schema(
+    [
+        *((name, pa.int64()) for name in ("child", "track_a", "track_b")),
+        *((name, pa.float32()) for name in ("min_ttc_path", "max_drac", "min_pet")),
+    ]
+)
+"""One row a pair and child in which a gap closes on a path or the tracks cross, sorted by pair and child.
+
+``track_a`` is the lower id. Least TTC on the path of either in s, largest DRAC in m/s², least PET in s, NaN
+where undefined.
+"""
+
+_GAPS = (0.05, 0.5, 0.95)
+_WAYS = 2  # cut sets that a line tells
+
+
+def encounters_table(
+    encounters: Encounters,
+    *,
+    track_ids: IntArray,
+    models: NDArray[np.str_],
+    intervals: DesignIntervals,
+    collisions: pa.Table | None = None,
+    road: Road | None = None,
+) -> pa.Table:
+    """Tabulate the pairs of vehicles with an encounter, the most critical first.
+
+    Args:
+        track_ids: (V,).
+        models: (C, V).
+        collisions: of the children, for their severity.
+        road: names the places; None leaves them null.
+
+    Returns:
+        Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
+        ``track_id`` hits or follows ``other_id``. ``gap``, ``model``, ``other_model``, ``time_s``, ``x``
+        and ``y`` belong to ``child``, the typical future: its least gap, then its time, is the median of
+        those that collide (else have the most frequent event, else meet). Gaps above 10 m are null.
+    """
+    vehicles = len(track_ids)
+    pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
+    which = which.reshape(-1)
+    answers = answers_of(encounters)
+    shares = {
+        name: intervals.all_shares(
+            _by_child(which, encounters.child, answers[name], len(pairs), intervals.count)
+        )
+        for name in QUESTIONS
+    }
+    order = np.argsort(which, kind="stable")
+    ends = np.searchsorted(which[order], np.arange(len(pairs) + 1))
+    injured = _injured(collisions, len(models))
+    rows = []
+    for index in range(len(pairs)):
+        mine = order[ends[index] : ends[index + 1]]
+        row = _row(encounters, mine, answers, track_ids, models)
+        row["expected_mais3"] = injured.get(frozenset((row["track_id"], row["other_id"])), 0.0)
+        for name in QUESTIONS:
+            share = shares[name][index]
+            row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
+        rows.append(row)
+    points = np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2)
+    places = places_of(road, points) if road is not None else [None] * len(rows)
+    rows = [{**row, "place": place} for row, place in zip(rows, places, strict=True)]
+    rows.sort(key=criticality)
+    return pa.Table.from_pylist(rows, schema=SCHEMA)
+
+
+def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
+    """Tabulate TTC, DRAC and PET by pair and child, with the columns of ``OUTCOMES_SCHEMA``."""
+    closes, crosses = np.isfinite(encounters.ttc), np.isfinite(encounters.pet)
+    a, b = np.sort(np.asarray(track_ids)[np.stack([encounters.first, encounters.second])], axis=0)
+    order = np.lexsort((encounters.child, b, a))
+    rows = order[(closes | crosses)[order]]
+    columns = {
+        "child": encounters.child,
+        "track_a": a,
+        "track_b": b,
+        "min_ttc_path": np.where(closes, encounters.ttc, np.nan),
+        "max_drac": np.where(closes, encounters.drac, np.nan),
+        "min_pet": np.where(crosses, encounters.pet, np.nan),
+    }
+    arrays = [
+        pa.array(values[rows]).cast(kind.type, safe=False)
+        for values, kind in zip(columns.values(), OUTCOMES_SCHEMA, strict=True)
+    ]
+    return pa.table(arrays, schema=OUTCOMES_SCHEMA)
+
+
+def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int], float]:
+    """Return the expected severe injuries of each pair of track ids that collides, per child."""
+    found: dict[frozenset[int], float] = {}
+    for hit in [] if collisions is None else collisions.to_pylist():
+        pair = frozenset((hit["track_id"], hit["other_id"]))
+        risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
+        found[pair] = found.get(pair, 0.0) + risk / children
+    return found
+
+
+def answers_of(encounters: Encounters) -> dict[str, BoolArray]:
+    """Return (N,) whether each encounter is critical, by question; a collision is so in each."""
+    answers: dict[str, BoolArray] = {
+        "collision": encounters.collided,
+        "ttc": (encounters.ttc < CRITICAL_TTC_S) | encounters.collided,
+        "pet": (encounters.pet < CRITICAL_PET_S) | encounters.collided,
+        "drac": (encounters.drac > CRITICAL_DRAC) | encounters.collided,
+    }
+    return {**answers, "critical": np.any(list(answers.values()), axis=0)}
+
+
+def _by_child(which: IntArray, child: IntArray, answer: BoolArray, pairs: int, children: int) -> BoolArray:
+    """Return (C, pairs) answers, False where a pair does not meet."""
+    full = np.zeros((children, pairs), dtype=bool)
+    full[child[answer], which[answer]] = True
+    return full
+
+
+def criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return the key that sorts pairs, the most critical first."""
+    gap = row["gap_p05"]
+    return (-row["collision"], -row["critical"], np.inf if gap is None else gap)
+
+
+def _row(
+    encounters: Encounters,
+    mine: IntArray,
+    answers: Mapping[str, BoolArray],
+    track_ids: IntArray,
+    models: NDArray[np.str_],
+) -> dict[str, Any]:
+    first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
+    worst = next(
+        (part for name in ("collision", "critical") if (part := mine[answers[name][mine]]).size), mine
+    )
+    if encounters.towards[worst].sum() < 0:
+        first, second = second, first
+    event, _ = event_of({name: answers[name][mine].sum() for name in QUESTIONS})
+    named = mine[answers[event][mine]] if event else mine
+    order = np.lexsort((encounters.time_s[named], encounters.gap[named]))
+    typical = named[order[(len(named) - 1) // 2]]
+    child = int(encounters.child[typical])
+    hits = mine[encounters.collided[mine]]
+    children = len(models)
+    gaps = np.concatenate([encounters.gap[mine], np.full(children - len(mine), np.inf)])
+    quantiles = np.quantile(gaps, _GAPS, method="inverted_cdf")
+    return {
+        "track_id": int(track_ids[first]),
+        "other_id": int(track_ids[second]),
+        "met": len(mine) / children,
+        "kind": KINDS[int(encounters.kind[typical])] if hits.size else None,
+        "relative_speed": float(np.median(encounters.relative_speed[hits])) if hits.size else None,
+        **{f"gap_p{round(100 * level):02}": _near(gap) for level, gap in zip(_GAPS, quantiles, strict=True)},
+        "child": child,
+        "gap": _near(encounters.gap[typical]),
+        "model": str(models[child, first]),
+        "other_model": str(models[child, second]),
+        "time_s": float(encounters.time_s[typical]),
+        "x": float(encounters.x[typical]),
+        "y": float(encounters.y[typical]),
+        "models": _by_models(encounters.child[worst], models[:, first], models[:, second])
+        if worst is not mine
+        else [],
+    }
+
+
+def _near(gap: float) -> float | None:
+    return float(gap) if np.isfinite(gap) else None
+
+
+def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
+    """Count children and hits by combination of the pair's models.
+
+    ``probability``: of a hit given the models; ``lift``: relative to all children.
+    """
+    struck = np.zeros(len(own), dtype=bool)
+    struck[hit] = True
+    names, which = np.unique(np.stack([own, other], axis=1), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    count = np.bincount(which, minlength=len(names))
+    hits = np.bincount(which[struck], minlength=len(names))
+    chance: FloatArray = hits / count
+    return [
+        {
+            "model": str(names[i, 0]),
+            "other_model": str(names[i, 1]),
+            "children": int(count[i]),
+            "critical": int(hits[i]),
+            "probability": float(chance[i]),
+            "share": float(hits[i] / struck.sum()),
+            "lift": float(chance[i] / struck.mean()),
+        }
+        for i in np.argsort(-hits, kind="stable")
+        if hits[i]
+    ]
+
+
+def in_words(row: Mapping[str, Any], table: InfluenceTable | None = None) -> str:
+    """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
+
+    With the influence ``table`` of its collision it says exactly when the two collide.
+    """
+    about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
+    head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
+    if row["collision"] > 0 and table is not None:
+        ways = table.in_words()
+        more = f", or in {len(ways) - _WAYS} more ways" if len(ways) > _WAYS else ""
+        share = f"{100 * table.probability():.4g} %"
+        return f"{head}collides in {share}, exactly if {'; or '.join(ways[:_WAYS])}{more}"
+    gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
+    name, event = event_of(row)
+    if not name:
+        return f"{head}{event}, typically {gap} m apart"
+    drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
+    apart = "" if name == "collision" else f"{gap} m apart, "
+    return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"
+
+
+def event_of(row: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the question that a row answers, and the event in words; the first is empty if none happens."""
+    if row["collision"] > 0:
+        return "collision", "collides"
+    if row["critical"] > 0:
+        names = {"ttc": "TTC < 1.5 s", "pet": "PET < 1 s", "drac": "DRAC > 3.4 m/s²"}
+        name = max(names, key=lambda n: float(row[n]))
+        return name, names[name]
+    return "", "never critical"
+
+
+def percent_of(row: Mapping[str, Any], name: str) -> str:
+    """Return the share of a question with its interval, e.g. ``12 % [9–16]``."""
+    share = {"value": row[name], "low": row[f"{name}_low"], "high": row[f"{name}_high"]}
+    return Interval(**share, count=0).percent

@@ -1,0 +1,1 @@
+"""Inspection of a recording before a run."""

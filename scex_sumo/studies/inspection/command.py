@@ -1,0 +1,125 @@
+"""``scex-sumo inspect``: moments and vehicles of a recording."""
+
+from __future__ import annotations
+
+import shlex
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.commands.console import warn
+from scex_sumo.commands.options import Case, MapPath, Origin, Time, Tracks
+from scex_sumo.commands.shared import Answer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from scex_sumo.converters.datasets.moment import Moment
+    from scex_sumo.converters.datasets.recordings import LoadedRecording
+    from scex_sumo.scene import SeedScene
+
+EVERY_S = 1.0
+EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60"
+
+
+def inspect_command(
+    map_path: MapPath,
+    tracks: Tracks = None,
+    case: Case = None,
+    time: Time = None,
+    origin: Origin = None,
+    every: Annotated[float, Option(metavar="S", help="Least time between two moments, s.")] = EVERY_S,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
+    ] = None,
+) -> Answer:
+    """List the moments of a recording, or the vehicles of one."""
+    from scex_sumo.commands.answers import inspect_answer
+    from scex_sumo.commands.console import output_console
+    from scex_sumo.converters.datasets.moment import busiest
+    from scex_sumo.converters.datasets.recordings import (
+        load_recording,
+        recording_moments,
+        recording_of,
+        seed_at,
+    )
+    from scex_sumo.converters.lanelet.origin import parse_origin
+    from scex_sumo.reports.run_table import print_line
+    from scex_sumo.scene import STEP_S
+
+    if every <= 0:
+        raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
+    if out is not None and out.suffix != ".html":
+        raise UsageError(f"-o {out}: unknown ending; known: .html")
+    zero = parse_origin(origin) if origin is not None else None
+    loaded = load_recording(recording_of(map_path, tracks), zero)
+    console = output_console(width=110)
+    warn(loaded.notes)
+    print(f"{loaded.recording.name}: {_size(loaded)}")
+    for finding in loaded.findings:
+        print_line(f"repaired: {finding}", console)
+    words = ["scex-sumo", "run", str(map_path), *(["--tracks", str(tracks)] if tracks else [])]
+    words += ["--origin", origin] if origin is not None else []
+    moments, each = (recording_moments(loaded, every_s=step) for step in (every, STEP_S))
+    best = busiest(each) if each else None  # the moment that run takes
+    if best is not None and best not in moments:
+        moments = sorted([*moments, best], key=lambda moment: moment.time_s)
+    if out is not None:
+        from scex_sumo.studies.inspection.page import write_inspection
+
+        print(f"page: {write_inspection(out, loaded, moments, shlex.join(words))}")
+    if time is None and case is None:
+        console.print(_moments_table(moments))
+        if best is not None:
+            chosen = ["--case", best.case] if best.case else ["--time", f"{best.time_s:g}"]
+            print(f"most vehicles: {shlex.join([*words, *chosen])}")
+        return partial(inspect_answer, loaded, moments, None, out)
+    scene = seed_at(loaded, _time_of(loaded, case) if time is None else time, case=case)
+    console.print(_vehicles_table(scene))
+    chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]
+    print(f"run it: {shlex.join([*words, *chosen])}")
+    return partial(inspect_answer, loaded, moments, scene, out)
+
+
+def _size(loaded: LoadedRecording) -> str:
+    rows = loaded.table.vehicles
+    seconds = (int(rows.timestamp_ms.max()) - int(rows.timestamp_ms.min())) / 1000
+    return f"{len(set(rows.track_id.tolist()))} vehicles in {seconds:.1f} s"
+
+
+def _time_of(loaded: LoadedRecording, case: str | None) -> float:
+    from scex_sumo.converters.datasets.recordings import recording_moments
+
+    times = {moment.case: moment.time_s for moment in recording_moments(loaded, every_s=EVERY_S)}
+    if case not in times:
+        raise UsageError(f"--case {case}: no such case; known: {', '.join(list(times)[:8])}, ...")
+    return times[case]
+
+
+def _moments_table(moments: list[Moment]) -> Table:
+    """Return the number of vehicles by moment; moments with most complete vehicles are marked."""
+    from scex_sumo.reports.run_table import console_table
+
+    about = "complete: vehicles that move and are\nrecorded from 1 s before to 3 s after;\n*: most of them"
+    heads = [(head, "text", "") for head in ("case", "time [s]", "vehicles", "complete", "")]
+    most = max((moment.complete for moment in moments), default=0)
+    rows = [
+        [m.case, f"{m.time_s:g}", m.vehicles, m.complete, "*" if m.complete == most else ""] for m in moments
+    ]
+    first = 0 if any(moment.case for moment in moments) else 1  # a recording without cases names none
+    return console_table(about, heads[first:], [row[first:] for row in rows])
+
+
+def _vehicles_table(scene: SeedScene) -> Table:
+    from scex_sumo.reports.run_table import console_table
+    from scex_sumo.scene import STEP_S
+
+    heads = [(head, "text", "") for head in ("track", "type")]
+    heads += [(head, ".1f", "") for head in ("x [m]", "y [m]", "speed [m/s]", "length [m]", "history [s]")]
+    now, history = scene.now, STEP_S * scene.recorded_steps
+    columns = scene.track_ids, scene.types, now.x, now.y, now.speed, scene.length, history
+    rows = list(zip(*columns, strict=True))
+    return console_table(f"{scene.name}: {scene.vehicles} vehicles", heads, rows)

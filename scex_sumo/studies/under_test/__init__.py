@@ -1,0 +1,1 @@
+"""Driving functions under test: the same futures with and without them."""

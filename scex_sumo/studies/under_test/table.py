@@ -1,0 +1,159 @@
+"""Terminal table of vehicles under test, with their models and without."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from rich.console import Console
+from rich.table import Table
+
+from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
+from scex_sumo.reports.run_table import (
+    MAIN,
+    SEVERITY,
+    Head,
+    console_table,
+    counted,
+    print_line,
+    print_table,
+    shown_columns,
+)
+from scex_sumo.results.encounters import criticality, event_of, percent_of
+from scex_sumo.results.run import Run
+from scex_sumo.statistics.paired import holm, signed_rank
+from scex_sumo.studies.under_test.results import Difference, UnderTest
+
+_BY_CHANCE = "Chance of so large a difference without an effect (corrected after Holm)"
+HEADS: Final[tuple[Head, ...]] = (
+    ("metric", "names", ""),
+    ("before", "real", "Median of the futures, as drawn"),
+    ("after", "real", "Median with the driver under test"),
+    ("worse : better", "text", "Futures that are more critical with the driver under test : less critical"),
+    ("p", "text", _BY_CHANCE),
+    ("P before", "percent", "Share of critical futures, as drawn"),
+    ("P after", "percent", "Share of critical futures with the driver under test"),
+    ("p", "text", _BY_CHANCE),
+)
+_CHANCE = 0.05  # p-value from which on a difference may be chance
+_MOST = 3  # encounters in words
+
+
+def print_under_test(run: Run, console: Console, *, preset: str | None = None) -> None:
+    """Print the verdict, the vehicle's own encounters, and the comparison with the baseline.
+
+    Args:
+        preset: metrics of the table, as of `run_table.print_summary`.
+    """
+    print_line(verdict(run.under_test), console)
+    if own := own_encounters(run):
+        print_line("its encounters, as drawn → under test:", console)
+    for line in own:
+        print_line(f"  {line}", console)
+    main, folded = shown_columns(run, preset)
+    print_table(under_test_table(run.under_test, [*main, *folded]), console, breaks=(" better",))
+    for line in (
+        "only pairs that involve a vehicle under test; before: the same futures, as drawn; P: critical",
+        "worse : better: futures that are more and less critical than before",
+        "p: chance of such a difference without an effect (signed-rank test; shares: McNemar; Holm)",
+        "",
+    ):
+        print_line(line, console)
+
+
+def verdict(tested: UnderTest) -> str:
+    """Return collisions and severe injuries before and after, and whether the driver is better, in words."""
+    found = differences(tested)
+    hits = next(((one, p) for one, _, p in found if one.column == COLLISION), None)
+    main = [each for each in found if each[0].column in MAIN]
+    found = main or [each for each in found if each[0].column != COLLISION]
+    better = [metric_of(one.column).words for one, p, _ in found if p < _CHANCE and one.better > one.worse]
+    worse = [metric_of(one.column).words for one, p, _ in found if p < _CHANCE and one.worse > one.better]
+    parts = [f"{word} in {', '.join(n)}" for word, n in (("better", better), ("worse", worse)) if n]
+    found_words = {(True, True): "mixed", (True, False): "better", (False, True): "worse"}
+    word = found_words.get((bool(better), bool(worse)), "no difference shown")
+    text = f"under test, {tested.label}, as drawn → under test: "
+    if hits is not None:
+        one, p_value = hits
+        assert one.p_critical is not None and one.baseline_p_critical is not None
+        text += f"collides in {one.baseline_p_critical.percent} → {one.p_critical.percent} of futures"
+        text += f" (p {chance_text(p_value)})" if chance_text(p_value) else ""
+        if p_value < _CHANCE:
+            word = "worse" if one.newly_critical > one.no_longer_critical else "better"
+            parts = [f"collides {'more' if word == 'worse' else 'less'} often", *parts]
+    if tested.injuries is not None:
+        before, after = (1000 * tested.injuries[k].mean() for k in ("baseline", "under_test"))
+        text += f", severe injuries per 1000 {before:.2f} → {after:.2f}"
+    return f"{text}; verdict: {word}" + (f" ({'; '.join(parts)}; p < {_CHANCE:g})" if parts else "")
+
+
+def own_encounters(run: Run) -> list[str]:
+    """Return the most critical encounters of the vehicles under test, with their shares before and after."""
+    assert run.baseline is not None
+    ids = set(run.under_test.vehicles)
+    sides: list[dict[frozenset[int], dict[str, Any]]] = [
+        {frozenset(pair): row for row in one.encounters.to_pylist() if ids & (pair := {*track_ids(row)})}
+        for one in (run.baseline, run)
+    ]
+    worst = [min((side[p] for side in sides if p in side), key=criticality) for p in sides[0] | sides[1]]
+    lines = []
+    for row in sorted(worst, key=criticality)[:_MOST]:
+        event, words = event_of(row)
+        rows = [side.get(frozenset(track_ids(row))) for side in sides]
+        shares = ["0 %" if one is None else percent_of(one, event) for one in rows if event]
+        place = ", ".join(part for part in (row["kind"], row["place"], f"{row['time_s']:.1f} s") if part)
+        if shares:
+            lines.append(f"{row['track_id']} → {row['other_id']} ({place}): {words} in {' → '.join(shares)}")
+    return lines
+
+
+def track_ids(row: Mapping[str, Any]) -> tuple[int, int]:
+    """Return the two track ids of an encounter."""
+    return row["track_id"], row["other_id"]
+
+
+def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
+    """Return by metric the difference, and Holm-corrected p-values of values and critical shares."""
+    by_metric = [tested.difference(column) for column in critical_columns(tested.columns)]
+    values = holm([one.p_value for one in by_metric])
+    shares = holm([one.critical_p_value for one in by_metric])
+    return list(zip(by_metric, values, shares, strict=True))
+
+
+def under_test_table(tested: UnderTest, columns: Sequence[str] | None = None) -> Table:
+    """Return medians, worse and better futures, critical shares and p-values by metric."""
+    children = counted(tested.metrics.num_rows, "future")
+    return console_table(f"under test, {tested.label}: {children}", HEADS, under_test_rows(tested, columns))
+
+
+def under_test_rows(tested: UnderTest, columns: Sequence[str] | None = None) -> list[list[Any]]:
+    """Return the rows of the table of `HEADS`; ``columns`` are those of the metrics shown, None: all."""
+    rows: list[list[Any]] = []
+    for one, p_value, p_share in differences(tested):
+        if columns is not None and one.column not in (COLLISION, *columns):
+            continue
+        is_share = one.column == COLLISION
+        rows.append(
+            [
+                metric_of(one.column).titled(),
+                *(None if is_share or math.isnan(v) else v for v in (one.baseline, one.under_test)),
+                f"{one.worse} : {one.better}" if one.children else None,
+                chance_text(p_value),
+                *(None if p is None else p.value for p in (one.baseline_p_critical, one.p_critical)),
+                chance_text(p_share),
+            ]
+        )
+        if is_share and tested.injuries is not None:
+            before, after = tested.injuries["baseline"], tested.injuries["under_test"]
+            counts = f"{int((after > before).sum())} : {int((after < before).sum())}"
+            means = [1000 * float(side.mean()) for side in (before, after)]
+            rows.append([SEVERITY, *means, counts, chance_text(signed_rank(after, before)), *(None,) * 3])
+    return rows
+
+
+def chance_text(p_value: float) -> str | None:
+    """Return a p-value as text; None for NaN."""
+    if math.isnan(p_value):
+        return None
+    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"

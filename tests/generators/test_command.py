@@ -1,0 +1,132 @@
+"""``scex-sumo generate`` and ``run --synthetic N --as recorded``."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import pdist
+
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.commands.seed import seed_scene
+from scex_sumo.converters.datasets.recordings import find_recordings
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.generators.command import generate_command
+from scex_sumo.generators.critical_scenes import encounter_scores
+from scex_sumo.generators.generate import generated_scene
+from scex_sumo.generators.scene_model import load_scenes
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
+from scex_sumo.statistics.sampling import sample_by_score
+from tests.command import scex
+
+MAP = example_path("urban_intersection")
+
+
+def test_cases_read_back_are_the_scenes_and_repeat_to_the_byte(tmp_path: Path) -> None:
+    generate_command(MAP, vehicles=7, count=2, out=tmp_path / "a")
+    generate_command(MAP, vehicles=7, count=2, out=tmp_path / "b")
+    cases = [tmp_path / folder / f"{MAP.stem}.csv" for folder in "ab"]
+    assert cases[0].read_bytes() == cases[1].read_bytes()
+    scene = read_seed(tmp_path / "a" / MAP.name, case="2", cache=False)
+    assert scene.road is not None
+    made = generated_scene(scene.road, load_scenes(), vehicles=7, number=1)
+    assert scene.vehicles == 7 and (scene.recorded_steps >= 9).all()
+    assert np.hypot(scene.now.x - made.now.x, scene.now.y - made.now.y).max() < 0.05
+    assert np.abs(scene.now.speed - made.now.speed).max() < 0.3  # cases are repaired
+
+
+def test_a_run_starts_from_a_generated_case(tmp_path: Path) -> None:
+    generate_command(MAP, vehicles=4, count=1, out=tmp_path / "scenes")
+    options = ["--children", 2, "--models", "rules", "--reference", "none", "--no-report", "--world", "plain"]
+    done = scex("run", tmp_path / "scenes" / MAP.name, *options, "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "run.json").is_file()
+
+
+def test_a_folder_is_replaced_only_on_demand(tmp_path: Path) -> None:
+    generate_command(MAP, vehicles=2, count=1, out=tmp_path)
+    with pytest.raises(ResultError, match="exists; --overwrite replaces it"):
+        generate_command(MAP, vehicles=2, count=1, out=tmp_path)
+    generate_command(MAP, vehicles=2, count=1, out=tmp_path, overwrite=True)
+    with pytest.raises(UsageError, match="--count: got 0"):
+        generate_command(MAP, count=0, out=tmp_path)
+    with pytest.raises(UsageError, match="--candidates: needs --critical"):
+        generate_command(MAP, candidates=30, out=tmp_path)
+    with pytest.raises(UsageError, match="--candidates: got 2, needs 20"):
+        generate_command(MAP, candidates=2, critical=True, out=tmp_path)
+
+
+def test_critical_scenes_are_drawn_from_those_without_the_option_and_weighted(tmp_path: Path) -> None:
+    generate_command(MAP, vehicles=6, speed=14.0, count=6, out=tmp_path / "all")
+    for folder in ("drawn", "same"):
+        generate_command(
+            MAP, vehicles=6, speed=14.0, count=3, critical=True, candidates=6, out=tmp_path / folder
+        )
+    about, same = ((tmp_path / f / f"{MAP.stem}.weights.json").read_text() for f in ("drawn", "same"))
+    assert about == same
+    weights, means = json.loads(about)["cases"], json.loads(about)["critical_encounters"]
+    assert list(weights) == ["1.0", "2.0", "3.0"]
+    assert sum(case["weight"] for case in weights.values()) == pytest.approx(1.0, abs=1e-5)
+    assert means["cases"] > means["candidates"] > 0
+    every, some = (
+        [read_seed(tmp_path / f / MAP.name, case=str(k + 1), cache=False).now.x for k in range(n)]
+        for f, n in (("all", 6), ("drawn", 3))
+    )
+    assert all(any(np.array_equal(x, other) for other in every) for x in some)
+    assert [r.name for r in find_recordings([tmp_path / "drawn"])] == [MAP.stem]  # rank reads such a folder
+    generate_command(MAP, vehicles=5, count=1, out=tmp_path / "drawn", overwrite=True)
+    assert not (tmp_path / "drawn" / f"{MAP.stem}.weights.json").exists()
+
+
+@pytest.mark.parametrize("name", ["urban_intersection", "roundabout", "motorway_merge"])
+def test_weighted_shares_are_those_of_all_scenes(name: str) -> None:
+    road, rng = read_road(example_path(name)), np.random.default_rng(0)
+    some = {"vehicles": 5, "speed": 12.0}
+    scenes = [generated_scene(road, load_scenes(), number=k, **some) for k in range(16)]  # type: ignore[arg-type]
+    score = encounter_scores(scenes)
+    close = np.array([pdist(np.column_stack([scene.now.x, scene.now.y])).min() < 12.0 for scene in scenes])
+    draws = [sample_by_score(score, 6, rng) for _ in range(400)]
+    for value in (close, score):
+        weighted, plain = np.array([(w @ value[k], value[k].mean()) for k, w in draws]).T
+        error = weighted.std()  # of one draw; ratios of 6 cases have a bias below it
+        assert weighted.mean() == pytest.approx(value.mean(), abs=error)
+    assert plain.mean() > score.mean() + 2 * error  # so weights matter
+    assert all(w.max() < 5 / 6 and len(set(k)) == 6 for k, w in draws)
+
+
+def test_a_copy_knows_the_origin_of_its_map(tmp_path: Path) -> None:
+    shutil.copyfile(MAP, tmp_path / "m.osm")
+    generate_command(tmp_path / "m.osm", vehicles=2, count=1, origin="0.01,0.01", out=tmp_path / "out")
+    assert (tmp_path / "out" / "meta_data.csv").read_text() == "originLat,originLon\n0.01,0.01\n"
+
+
+@pytest.mark.parametrize(
+    ("like", "synthetic", "said"),
+    [("videos", 4, "--as videos: unknown; known: sumo, recorded"), ("recorded", None, "needs --synthetic N")],
+)
+def test_as_needs_a_known_word_and_a_number(like: str, synthetic: int | None, said: str) -> None:
+    options = {"tracks": None, "case": None, "time": None, "origin": None, "seed": 0}
+    with pytest.raises(UsageError, match=said):
+        seed_scene(MAP, synthetic=synthetic, like=like, **options)  # type: ignore[arg-type]
+    if synthetic is not None:
+        with pytest.raises(UsageError, match=said):
+            synthetic_seed(MAP, vehicles=synthetic, like=like)
+    scene = seed_scene(MAP, synthetic=3, like="recorded", **options)  # type: ignore[arg-type]
+    assert scene.vehicles == 3 and scene.future is None
+
+
+def test_the_speed_of_a_scene_as_recorded_is_given_to_run(tmp_path: Path) -> None:
+    options = {"tracks": None, "case": None, "time": None, "origin": None, "seed": 0}
+    scene = seed_scene(MAP, synthetic=5, like="recorded", speed=3.0, **options)  # type: ignore[arg-type]
+    same = generated_scene(read_road(MAP), load_scenes(), vehicles=5, speed=3.0)
+    assert np.array_equal(scene.now.speed, same.now.speed)
+    with pytest.raises(UsageError, match="--speed: needs --synthetic N --as recorded"):
+        seed_scene(MAP, synthetic=None, speed=3.0, **options)  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="--speed: SUMO draws its own; give --as recorded"):
+        seed_scene(MAP, synthetic=5, speed=3.0, **options)  # type: ignore[arg-type]
+    refused = scex("run", MAP, "--speed", "3", "-o", tmp_path / "out")
+    assert refused.returncode == 2 and "--speed: needs --synthetic N --as recorded" in refused.stderr

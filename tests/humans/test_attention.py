@@ -1,0 +1,243 @@
+"""Attention: how long drivers look away, what they overlook, and how they brake for conflicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
+from scex_sumo.behaviors.models import likely_driver
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.humans.attention import Attention, _bounds, kept_clear, looks_away, respond
+from scex_sumo.humans.guard.conflicts import StopLines
+from scex_sumo.humans.observations import leaders_of
+from scex_sumo.scene import Plan, SeedScene, States, VehicleIndex
+from tests.behaviors import roads
+
+DRAW = np.random.default_rng(0).random(3000)
+
+
+def test_drivers_look_away_for_a_fifth_of_the_time_and_seldom_for_long() -> None:
+    time_s = np.arange(0.0, 40.0, 0.1)
+    away = looks_away(DRAW[:500], np.repeat(time_s[None], 500, axis=0))
+    assert away.mean() == pytest.approx(0.2, abs=0.01)
+    assert away[:, 0].mean() == pytest.approx(0.2, abs=0.06)  # at the seed moment, too
+    # A glance goes on for 1.7 s in 3 % of the cases: some begin before the last one has ended.
+    run = np.lib.stride_tricks.sliding_window_view(away, 17, axis=1).all(axis=2)
+    begins = (np.diff(away.astype(int), axis=1) == 1).sum()
+    assert 0.01 < (np.diff(run.astype(int), axis=1) == 1).sum() / begins < 0.09
+
+
+def test_without_inattention_nobody_looks_away() -> None:
+    time_s = np.repeat(np.arange(0.0, 10.0, 0.1)[None], 100, axis=0)
+    assert not looks_away(DRAW[:100], time_s, 0.0).any()
+    assert looks_away(DRAW[:100], time_s, 0.5).mean() < looks_away(DRAW[:100], time_s).mean()
+
+
+def test_a_driver_looks_away_at_the_same_times_in_any_batch() -> None:
+    time_s = np.arange(0.0, 30.0, 0.1)
+    many = looks_away(DRAW[:20], np.repeat(time_s[None], 20, axis=0))
+    one = looks_away(DRAW[7:8], time_s[None, 100:130])
+    assert np.array_equal(many[7, 100:130], one[0])
+
+
+def closing(gap_m: float, speed: float, leader: float) -> SeedScene:
+    return roads.scene_of((100.0, 0.0, 0.0, speed), (104.5 + gap_m, 0.0, 0.0, leader))
+
+
+def driven(model: str, scene: SeedScene, steps: int = 30, children: int = 40) -> States:
+    """(C, V, 1 + steps) in closed loop, the start first."""
+    history = roads.present(scene, children, DRAW[: children * scene.vehicles].reshape(children, -1))
+    states, driver = history.states, build(parse_models(model)[0])
+    for step in range(steps):
+        if step % 5 == 0:
+            now = type(history)(**{**vars(history), "states": states[:, :, -11:], "step": step})
+            made = roads.plan(driver, roads.straight(), now)
+        one = made.map(lambda values, at=step % 5: values[:, at].reshape(children, -1, 1))
+        states = States.concatenate(
+            [states, States(x=one.x, y=one.y, heading=one.heading, speed=one.speed)], 2
+        )
+    return states[:, :, 10:]
+
+
+def test_attentive_drivers_brake_early_and_no_harder_than_it_takes() -> None:
+    # 12 m/s onto 4 m/s at 30 m: 8²/(2·30) = 1.1 m/s².
+    states = driven("likely_driver:inattention=0", closing(30.0, 12.0, 4.0), steps=50)
+    gap = states.x[:, 1] - states.x[:, 0] - 4.5
+    braking = -np.diff(states.speed[:, 0], axis=1) / 0.1
+    assert gap.min() > 0.3
+    assert np.median(braking.max(axis=1)) < 3.0
+
+
+def test_who_looks_away_reacts_later() -> None:
+    # Both went at 12 m/s, 12 m apart, until the leader braked with 4 m/s² in the last half second.
+    scene = closing(12.0, 12.0, 12.0)
+    speed = scene.history.speed.copy()
+    speed[1, -5:] -= 0.4 * np.arange(1, 6)
+    scene = replace(scene, history=replace(scene.history, speed=speed))
+    way = {}
+    for name, share in (("attentive", "0"), ("inattentive", "20")):
+        states = driven(f"likely_driver:inattention={share}", scene, steps=15)
+        way[name] = states.x[:, 0, -1] - 100.0
+    assert way["inattentive"].mean() > way["attentive"].mean() + 0.3
+
+
+def test_inattention_is_not_negative() -> None:
+    with pytest.raises(UsageError, match="inattention"):
+        build(parse_models("likely_driver:inattention=-1")[0])
+
+
+def test_drivers_brake_for_a_vehicle_that_their_planned_way_touches() -> None:
+    # The first vehicle changes to the lane of a slower one, 3 m ahead; a straight look ahead sees no leader.
+    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (108.0, 3.2, 0.0, 6.0))
+    history, time = roads.present(scene), 0.1 * np.arange(1, 31)
+    x, y = 100.0 + 10.0 * time, 3.2 * np.minimum(time / 2.0, 1.0)
+    way = Plan(x=x[None], y=y[None], heading=np.zeros((1, 30)), speed=np.full((1, 30), 10.0))
+    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    aware = Attention(aware=np.ones((1, 30), dtype=bool), onset=np.full(1, 0.8))
+    made = respond(way, history, roads.straight(), who, aware)
+    other = 108.0 + 6.0 * time
+    beside = np.abs(made.y[0] - 3.2) < 1.8
+    assert (made.x[0] + 4.5 < other)[beside].all()
+    assert made.speed.min() > 4.0  # it slows down to the other's speed, not to a stop
+
+
+def test_offsets_keep_clear_of_a_vehicle_whose_path_comes_nearer() -> None:
+    # Two lanes converge from 6 m to 1.8 m; both vehicles are side by side and go straight at present.
+    where = roads.road(
+        roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]),
+        roads.lane(2, [(0.0, 6.0), (102.0, 6.0), (118.0, 1.8), (300.0, 1.8)]),
+    )
+    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (100.0, 6.0, 0.0, 10.0))
+    history, who = (
+        roads.present(scene),
+        VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
+    )
+    paths, row = chosen_paths(history, where, who, "straight")
+    kept = kept_clear(np.zeros((1, 31)), history, where, who, paths, row, np.full(1, 20.0))[0]
+    assert abs(kept[0]) < 1e-9
+    assert kept[24] < -0.04  # the width of a vehicle: each gives way by half of the margin
+
+
+def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> None:
+    # A truck at 3 m/s that wants to drift 0.8 m to the left; a vehicle as long is 0.6 m beside it.
+    scene = roads.scene_of((100.0, 0.0, 0.0, 3.0), (100.0, 2.4, 0.0, 3.0), length=12.0)
+    history = roads.present(scene)
+    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    paths, row = chosen_paths(history, roads.straight(), who, "straight")
+    wanted = 0.8 * np.linspace(0.0, 1.0, 31)[None]
+    kept = kept_clear(wanted, history, roads.straight(), who, paths, row, np.full(1, 20.0))[0]
+    front = kept[:-1] + 9.6 * np.diff(kept) / 0.3
+    assert front.max() < 0.16  # half of the room beyond 0.3 m
+    assert 0.03 < kept[-1] < kept[-1] + 0.3 < wanted[0, -1]
+
+
+def test_a_driver_does_not_creep_into_a_vehicle_in_its_way() -> None:
+    # Both move so slowly that they stay apart for a while, 0.2 m and 0.5 m before a standing vehicle.
+    lines = StopLines(
+        row=np.arange(2),
+        position=np.array([0.2, 0.5]),
+        speed=np.zeros(2),
+        deceleration=np.zeros(2),
+        stop_time=np.full(2, np.inf),
+        enter=np.zeros(2),
+        until=np.full(2, np.inf),
+        firm=np.ones(2, dtype=bool),
+        safe=np.ones(2, dtype=bool),
+    )
+    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 0.3), attention=aware)
+    assert bound.tolist() == [0.2, np.inf]
+
+
+def test_drivers_foresee_that_a_leader_goes_on_slowing_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = closing(8.0, 8.0, 8.0)
+    speed = scene.history.speed.copy()
+    speed[1] = 8.0 + 0.15 * np.arange(10, -1, -1)
+    scene = replace(scene, history=replace(scene.history, speed=speed))
+    way = []
+    for time_s in (0.0, 1.0):
+        monkeypatch.setattr(likely_driver, "ANTICIPATION_S", time_s)
+        way.append(driven("likely_driver:inattention=0", scene, steps=15).x[:, 0, -1])
+    assert (way[1] <= way[0] + 1e-9).mean() > 0.8 and (way[0] - way[1]).mean() > 0.1
+
+
+def test_drivers_make_room_gently_for_a_vehicle_about_as_fast_that_merges() -> None:
+    # Both others enter the corridor in 0.8 s, beside it: to fall behind takes more than 5 m/s².
+    speed = np.array([10.0, 5.0])
+    lines = StopLines(
+        row=np.arange(2),
+        position=5.0 - 0.8 * speed,
+        speed=speed,
+        deceleration=np.zeros(2),
+        stop_time=np.full(2, np.inf),
+        enter=np.full(2, 0.8),
+        until=np.full(2, np.inf),
+        firm=np.ones(2, dtype=bool),
+        safe=np.zeros(2, dtype=bool),
+    )
+    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
+    v = np.full(2, 11.0)
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), v, attention=aware)
+    braking = (v - bound) / 0.1
+    assert braking[0] == pytest.approx(3.0)
+    assert braking[1] > 5.0
+
+
+CROSS = roads.road(
+    roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]), roads.lane(2, [(150.0, -150.0), (150.0, 150.0)])
+)
+
+
+def responses(*vehicles: roads.Vehicle) -> Plan:
+    """Responses of all vehicles to each other at present, if they meant to go straight on."""
+    scene = roads.scene_of(*vehicles)
+    n = scene.vehicles
+    who = VehicleIndex(child=np.zeros(n, dtype=int), vehicle=np.arange(n))
+    now, time = scene.now[:, None], 0.1 * np.arange(1, 31)
+    steady = Plan(
+        x=now.x + now.speed * np.cos(now.heading) * time,
+        y=now.y + now.speed * np.sin(now.heading) * time,
+        heading=np.repeat(now.heading, 30, axis=1),
+        speed=np.repeat(now.speed, 30, axis=1),
+    )
+    aware = Attention(aware=np.ones((n, 30), dtype=bool), onset=np.full(n, 0.8))
+    return respond(steady, roads.present(scene), CROSS, who, aware)
+
+
+def test_a_vehicle_that_creeps_towards_a_crossing_gives_way_to_a_fast_one() -> None:
+    # The creeping one would enter the other's way in a second, and be there first.
+    made = responses((120.0, 0.0, 0.0, 15.0), (150.0, -4.1, np.pi / 2, 1.0))
+    assert (made.speed[0] == 15.0).all()
+    assert made.speed[1].min() < 0.3
+
+
+def test_nobody_brakes_for_a_crossing_vehicle_that_leaves_in_time() -> None:
+    until = np.array([1.5, np.inf])
+    lines = StopLines(
+        row=np.arange(2),
+        position=np.full(2, 29.0),
+        speed=np.zeros(2),
+        deceleration=np.zeros(2),
+        stop_time=np.full(2, np.inf),
+        enter=np.zeros(2),
+        until=until,
+        firm=np.ones(2, dtype=bool),
+        safe=np.zeros(2, dtype=bool),
+    )
+    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 12.8), attention=aware)
+    assert bound[0] == np.inf and bound[1] < 12.6
+
+
+@pytest.mark.parametrize(("speed", "follows"), [(6.0, False), (0.6, True)])
+def test_a_crossing_vehicle_is_a_leader_only_as_long_as_it_is_in_the_way(speed: float, follows: bool) -> None:
+    scene = roads.scene_of((110.0, 0.0, 0.0, 12.0), (150.0, 0.0, np.pi / 2, speed))
+    history = roads.present(scene)
+    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    paths, row = chosen_paths(history, CROSS, who, "straight")
+    leaders = leaders_of(history, who, paths, row, np.full(1, BEHIND_M), np.zeros(1))
+    assert (leaders.index[0] == 1) == follows

@@ -1,0 +1,89 @@
+"""The command ``convert`` from its arguments to its exit status."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from scex_sumo.cli import main
+from scex_sumo.converters.lanelet.file import write_map_file
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.lanelet2sumo.convert import convert
+from tests.converters.maps import ROAD, straight, write_map
+from tests.converters.mutated.mutations import example, renamed
+from tests.converters.sumo_roads import NetFile
+
+
+@pytest.fixture
+def lossy(tmp_path: Path) -> Path:
+    """The example intersection with a crosswalk of unknown subtype, beside the road."""
+    path = tmp_path / "lossy.osm"
+    write_map_file(renamed(example("urban_intersection"), [30040], subtype="moving_walkway"), path)
+    return path
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
+    monkeypatch.setattr("sys.argv", ["scex-sumo", "convert", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def way_of(way: str, lossy: Path, folder: Path) -> list[str | Path]:
+    """Return the options of a way to convert or to check; the net to be checked is there."""
+    net = folder / "n.net.xml"
+    if way == "check":
+        convert(read_road(lossy), net)
+    return {"convert": ["-o", net], "json": ["-o", net, "--json-report"], "check": ["--check", net]}[way]
+
+
+def test_losses_are_said_last_one_line_for_each_kind(
+    lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, lossy, "-o", tmp_path / "n.net.xml") == 0
+    lines = capsys.readouterr().out.splitlines()
+    lost = "1 of 41 lanelets (2%) not driven, subtype moving_walkway: 30040"
+    assert lines[-1] == f"warning: lost: {lost}"
+
+
+@pytest.mark.parametrize("way", ["convert", "json", "check"])
+def test_losses_are_an_error_where_the_user_is_strict(
+    way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = way_of(way, lossy, tmp_path)
+    assert call(monkeypatch, lossy, *asked, "--strict") == 1
+    said = capsys.readouterr()
+    assert "--strict, and the map lost 1 lanelets not driven, subtype moving_walkway" in said.err
+    if way == "json":
+        assert json.loads(said.out)["lost_lanelets"] == [30040]
+    if way == "check":
+        assert said.out.split()[:2] == ["net", "n.net.xml"]
+
+
+@pytest.mark.parametrize("way", ["convert", "json", "check"])
+def test_an_unfaithful_net_fails_whatever_is_asked(
+    way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = way_of(way, lossy, tmp_path)
+    monkeypatch.setattr("scex_sumo.lanelet2sumo.judge.report.DEVIATION_MAX_M", -1.0)
+    assert call(monkeypatch, lossy, *asked) == 1
+
+
+def test_the_limits_of_the_maps_or_another_country_hold_where_the_map_gives_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    german = write_map(tmp_path / "de.osm", [straight(1, 0, 50)])
+    american = write_map(tmp_path / "us.osm", [straight(1, 0, 50, tags={**ROAD, "region": "us_ca"})])
+    speeds = []
+    for path, *asked in ([german], [german, "--country", "us"], [american], [american, "--country", "DE"]):
+        assert call(monkeypatch, path, "-o", tmp_path / "n.net.xml", *asked) == 0
+        [lane] = NetFile(tmp_path / "n.net.xml").lanes.values()
+        speeds.append(float(lane.get("speed", "")))
+    kmh = pytest.approx([50 / 3.6, 40.2 / 3.6, 40.2 / 3.6, 50 / 3.6], abs=0.01)  # 25 mph in towns of the US
+    assert speeds == kmh
+    assert call(monkeypatch, german, "--country", "atlantis") == 2
+    assert "unknown country 'atlantis'; known: de, at, " in capsys.readouterr().err

@@ -1,0 +1,201 @@
+"""Plans from predictions: where they go, and where they must not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.humans.guard.guarded import Guarded
+from scex_sumo.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely, way_of
+from scex_sumo.learned.surface import CELL_M
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, SeedScene
+from tests.behaviors import roads
+from tests.learned import nets
+
+WIDE = roads.road(roads.lane(1, [(0.0, 0.0), (600.0, 0.0)], width=12.0))
+TIMES = 0.1 * np.arange(1, 31)
+
+
+def along(
+    road: Road,
+    scene: SeedScene | SceneHistory,
+    acceleration: FloatArray,
+    offset: FloatArray | None,
+    *,
+    clear: bool = False,
+) -> Plan:
+    history = scene if isinstance(scene, SceneHistory) else roads.present(scene)
+    who = roads.every(history)
+    paths, row = chosen_paths(history, road, who, "straight")
+    rows = np.broadcast_to(acceleration, (len(who), 30))
+    wanted = None if offset is None else np.broadcast_to(offset, (len(who), 30))
+    return plan_along(history, who, paths, row, rows, wanted, road=road, clear=clear)
+
+
+@pytest.mark.parametrize("acceleration", [-3.0, 0.0, 2.0])
+def test_the_way_is_that_of_the_acceleration_and_nobody_reverses(acceleration: float) -> None:
+    made = along(WIDE, roads.scene_of((50.0, 0.0, 0.0, 6.0)), np.full(30, acceleration), np.zeros(30))
+    time = np.minimum(TIMES, 2.0) if acceleration < 0 else TIMES  # 6 m/s at -3 m/s² last 2 s
+    assert made.x[0] == pytest.approx(50 + 6 * time + acceleration * time**2 / 2)
+    assert made.speed[0] == pytest.approx(6 + acceleration * time)
+    assert made.speed.min() >= 0
+    assert way_of(np.array([6.0]), np.full((1, 30), acceleration))[0, 1:] == pytest.approx(made.x[0] - 50)
+
+
+@pytest.mark.parametrize("speed", [8.0, 15.0, 30.0])
+@pytest.mark.parametrize("aim", [1.75, -1.75])
+def test_a_smooth_change_of_the_offset_is_followed(speed: float, aim: float) -> None:
+    u = TIMES / 3
+    wanted = aim * u**3 * (10 - 15 * u + 6 * u**2)
+    made = along(WIDE, roads.scene_of((50.0, 0.0, 0.0, speed)), np.zeros(30), wanted)
+    # The third derivative is not fed forward: at 8 m/s, 0.15 m of 1.75 m.
+    assert np.abs(made.y[0] - wanted).max() < 0.2
+    lateral = np.diff(made.y[0], 2) / 0.01
+    assert np.abs(lateral).max() < 1.6  # the wanted one has 1.1 m/s²
+
+
+def test_an_even_drift_goes_on_evenly() -> None:
+    angle = 0.05
+    scene = roads.scene_of((50.0, 0.0, angle, 10.0))
+    made = along(WIDE, scene, np.zeros(30), 10 * np.tan(angle) * np.cos(angle) * TIMES)
+    assert made.y[0] == pytest.approx(10 * np.sin(angle) * TIMES, abs=0.02)
+    assert made.heading[0] == pytest.approx(np.full(30, angle), abs=0.01)
+
+
+def test_without_a_wanted_offset_the_vehicle_comes_back_to_its_path_slowly() -> None:
+    made = along(WIDE, roads.scene_of((50.0, 1.0, 0.0, 10.0)), np.zeros(30), None)
+    # It starts straight ahead, so that it is a little late.
+    assert made.y[0, 29] == pytest.approx(np.exp(-1.0), abs=0.07)
+    assert np.all(np.diff(made.y[0]) < 1e-9)
+
+
+@pytest.mark.parametrize("aim", [8.0, -8.0])
+def test_the_box_stays_on_the_road_whatever_the_network_wants(aim: float) -> None:
+    made = along(WIDE, roads.scene_of((50.0, 0.0, 0.0, 10.0)), np.zeros(30), aim * TIMES / 3)
+    assert np.abs(made.y).max() + 0.9 < 6.0
+    assert np.abs(made.y).max() > 6.0 - 0.9 - EDGE_MARGIN_M - 1.5 * CELL_M - 0.3  # but uses what there is
+
+
+def test_a_driver_makes_way_before_the_road_narrows() -> None:
+    narrowing = roads.road(
+        roads.lane(1, [(0.0, 0.0), (100.0, 0.0)], width=10.0, successors=(2,)),
+        roads.lane(2, [(100.0, 0.0), (300.0, 0.0)], width=3.5, predecessors=(1,)),
+    )
+    made = along(narrowing, roads.scene_of((80.0, 2.5, 0.0, 10.0)), np.zeros(30), np.full(30, 2.5))
+    inside = made.x[0] > 101.0
+    assert inside.sum() > 5
+    assert np.abs(made.y[0, inside]).max() + 0.9 < 1.75 + CELL_M
+
+
+def test_where_the_road_is_narrower_than_the_box_its_middle_is_aimed_at() -> None:
+    alley = roads.road(roads.lane(1, [(0.0, 0.0), (300.0, 0.0)], width=1.5))
+    made = along(alley, roads.scene_of((50.0, 0.3, 0.0, 10.0)), np.zeros(30), np.full(30, 0.3))
+    assert made.y[0, 29] == pytest.approx(0.0, abs=0.1)
+
+
+def least_distance(scene: SeedScene, made: Plan) -> float:
+    sizes = scene.length[0], scene.width[0]
+    return float(rectangle_distance(*(Rectangles.of(made[k], *sizes) for k in (0, 1))).min())
+
+
+@pytest.mark.parametrize("behind", [0.0, 3.0, 12.0])
+@pytest.mark.parametrize("apart", [2.4, 3.0])
+def test_two_who_head_for_each_other_side_by_side_do_not_touch(behind: float, apart: float) -> None:
+    scene = roads.scene_of(
+        (60.0, apart / 2, -0.04, 12.0), (60.0 - behind, -apart / 2, 0.04, 12.0 + behind / 1.5)
+    )
+    # Both aim at the middle of the road, and go on as they are at first.
+    u = TIMES / 3
+    fades, drifts = 1 - u**3 * (10 - 15 * u + 6 * u**2), 0.48 * 3 * (u - u**3 * (6 - 8 * u + 3 * u**2))
+    wanted = np.array([[1.0], [-1.0]]) * (apart / 2 * fades - drifts)
+    assert least_distance(scene, along(WIDE, scene, np.zeros(30), wanted)) == 0.0
+    made = along(WIDE, scene, np.zeros(30), wanted, clear=True)
+    assert least_distance(scene, made) > 0.15
+    assert np.abs(np.diff(made.y, 2, axis=1)).max() < 0.04  # 4 m/s²
+
+
+def test_one_who_is_too_near_is_made_room_for() -> None:
+    scene = roads.scene_of((50.0, 1.0, 0.0, 10.0), (50.0, -1.0, 0.0, 10.0))
+    made = along(WIDE, scene, np.zeros(30), np.array([[1.0], [-1.0]]) * np.ones(30), clear=True)
+    assert 2.15 < made.y[0, 29] - made.y[1, 29] < 2.3  # 1.8 m and 0.4 m
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        (62.0, 0.3, 0.0, 8.0),  # ahead in the lane
+        (52.0, 3.5, 0.0, 12.0),  # in the next lane
+        (70.0, -8.0, np.pi / 2, 6.0),  # about to cross
+        (50.0, 90.0, 0.0, 10.0),
+    ],
+)
+def test_those_who_are_not_in_the_way_sideways_change_nothing(other: roads.Vehicle) -> None:
+    scene = roads.scene_of((50.0, 0.3, 0.0, 10.0), other)
+    plans = [along(WIDE, scene, np.zeros(30), np.zeros(30), clear=clear) for clear in (False, True)]
+    assert all(np.array_equal(*(getattr(made, key)[0] for made in plans)) for key in ("x", "y", "heading"))
+
+
+@pytest.mark.parametrize("name", ["graph_predictor", "graph_image_predictor"])
+def test_with_the_guard_a_driver_steers_clear_of_who_is_beside_it_and_without_it_does_not(
+    tmp_path: Path, name: str
+) -> None:
+    close = roads.scene_of((50.0, 1.1, -0.04, 10.0), (50.0, -1.1, 0.04, 10.0))
+    alone = roads.scene_of((50.0, 1.1, -0.04, 10.0), (90.0, -1.1, 0.04, 10.0))
+    raw = build(parse_models(f"{name}:weights={nets.untrained(tmp_path, name, close, roads.fork())}")[0])
+    models = raw, Guarded(raw).model
+    before, after = (roads.plan(model, WIDE, roads.present(close)) for model in models)
+    assert np.all(after.y[0] - after.y[1] > before.y[0] - before.y[1] - 1e-9)
+    assert after.y[0, 20] - after.y[1, 20] > 2.1
+    one, other = (roads.plan(model, WIDE, roads.present(alone)) for model in models)
+    assert all(np.array_equal(getattr(one, k), getattr(other, k)) for k in ("x", "y", "heading", "speed"))
+
+
+def test_without_a_road_offsets_are_not_bounded() -> None:
+    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
+    who = roads.every(history)
+    paths, row = chosen_paths(history, roads.straight(), who, "straight")
+    made = plan_along(history, who, paths, row, np.zeros((1, 30)), 3.0 * TIMES[None] / 3)
+    assert made.y[0, 29] > 2.5
+
+
+def test_a_free_trajectory_is_taken_as_it_is_in_the_vehicles_own_frame() -> None:
+    history = roads.present(roads.scene_of((50.0, 7.0, np.pi / 2, 4.0)))
+    free = np.stack([4 * TIMES, TIMES**2], -1)[None]
+    made = plan_freely(history, roads.every(history), free)
+    assert made.x[0] == pytest.approx(50 - TIMES**2)
+    assert made.y[0] == pytest.approx(7 + 4 * TIMES)
+    middle = TIMES - 0.05
+    assert made.heading[0] == pytest.approx(np.pi / 2 + np.arctan(2 * middle / 4))
+    assert made.speed[0] == pytest.approx(np.hypot(4, 2 * middle))
+
+
+def test_a_free_trajectory_that_stands_keeps_its_heading() -> None:
+    history = roads.present(roads.scene_of((0.0, 0.0, 0.5, 1.0), (0.0, 9.0, -0.5, 0.0)))
+    free = np.zeros((2, 30, 2))
+    free[0, :, 0] = free[0, :, 1] = np.minimum(TIMES, 0.5)  # left ahead for half a second, then nothing
+    free[1] = np.random.default_rng(0).normal(0, 1e-4, (30, 2))
+    made = plan_freely(history, roads.every(history), free)
+    assert made.heading[0] == pytest.approx(np.full(30, 0.5 + np.pi / 4))
+    assert made.speed[0, 5:] == pytest.approx(np.zeros(25))
+    assert made.heading[1] == pytest.approx(np.full(30, -0.5))
+
+
+def test_a_replan_continues_the_plan() -> None:
+    scene = roads.scene_of((50.0, 1.0, 0.0, 10.0))
+    whole = along(WIDE, scene, np.full(30, -1.0), None)
+    history = roads.present(scene)
+    states = history.states.map(np.copy)
+    states.assign((slice(None), slice(None), slice(0, 6)), history.states[:, :, 5:])
+    for key in ("x", "y", "heading", "speed"):
+        getattr(states, key)[0, 0, 6:] = getattr(whole, key)[0, :5]
+    further = along(WIDE, replace(history, states=states, step=5), np.full(30, -1.0), None)
+    assert further.y[0, :20] == pytest.approx(whole.y[0, 5:25], abs=0.03)
+    assert further.x[0, :20] == pytest.approx(whole.x[0, 5:25], abs=0.01)

@@ -1,0 +1,242 @@
+"""The joint predictor: all vehicles of a future are rolled out together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.driving.paths import chosen_paths, seed_paths
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.humans.observations import path_edges
+from scex_sumo.humans.population import population
+from scex_sumo.learned import joint
+from scex_sumo.learned.driver import choice_of
+from scex_sumo.learned.joint import _ahead, _conflicts, _crossing, _near, _yielding
+from scex_sumo.learned.path_inputs import PATH_COLUMNS, path_inputs
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
+from tests.behaviors import roads
+from tests.learned import nets
+
+ROAD = roads.fork()
+SCENE = roads.scene_of(
+    (8.0, 0.3, 0.02, 6.0), (20.0, -0.2, 0.0, 5.0), (35.0, 0.0, 0.0, 4.0), (50.0, 0.0, 0.0, 9.0)
+)
+STATES = ("x", "y", "heading", "speed")
+DRAWS = np.random.default_rng(5).random((6, SCENE.vehicles))
+CLOSE = 1e-6  # m and rad: rounding of coordinates
+
+
+def model(folder: Path, text: str = "joint_predictor", **numbers: int) -> Behavior:
+    file = nets.untrained(folder, "joint_predictor", SCENE, ROAD, **numbers)
+    return build(parse_models(f"{text}:weights={file}")[0])
+
+
+def drawn(scene: SeedScene = SCENE, draws: np.ndarray = DRAWS) -> SceneHistory:
+    return roads.present(scene, len(draws), draws)
+
+
+def ends(plan: Plan, children: int) -> np.ndarray:
+    """(C, V) ways of the vehicles in 3 s, along x."""
+    return plan.x[:, -1].reshape(children, -1)
+
+
+@pytest.mark.parametrize("numbers", [{}, {"accelerations": 5, "sideways": 3}])
+def test_a_plan_has_thirty_steps_and_follows_from_the_draws(tmp_path: Path, numbers: dict[str, int]) -> None:
+    made = roads.plan(model(tmp_path, **numbers), ROAD, drawn())
+    assert made.x.shape == made.speed.shape == (6 * SCENE.vehicles, 30)
+    again = roads.plan(model(tmp_path, **numbers), ROAD, drawn())
+    assert all(np.array_equal(getattr(made, key), getattr(again, key)) for key in STATES)
+    assert ends(made, 6).std(axis=0).min() > 0.1  # futures differ
+
+
+def test_the_plan_is_what_closed_loop_then_drives(tmp_path: Path) -> None:
+    driver = model(tmp_path)
+    planned = roads.plan(driver, ROAD, roads.present(SCENE))
+    driven = roads.closed_loop(driver, ROAD, SCENE, steps=30, replan=5)
+    for key in STATES:
+        assert np.array_equal(getattr(driven, key)[0], getattr(planned, key))
+
+
+def test_the_order_of_the_vehicles_does_not_matter(tmp_path: Path) -> None:
+    driver, order = model(tmp_path), [2, 0, 3, 1]
+    made = roads.plan(driver, ROAD, drawn())
+    other = roads.plan(driver, ROAD, drawn(SCENE.reordered(order, name="other"), DRAWS[:, order]))
+    for key in STATES:
+        values = getattr(made, key).reshape(6, SCENE.vehicles, 30)[:, order]
+        assert np.abs(values - getattr(other, key).reshape(values.shape)).max() < CLOSE
+
+
+@pytest.mark.parametrize(("turn", "shift"), [(0.0, (1000.0, -500.0)), (2.0, (30.0, 7.0))])
+def test_the_place_of_the_map_does_not_matter(
+    tmp_path: Path, turn: float, shift: tuple[float, float]
+) -> None:
+    cos, sin = np.cos(turn), np.sin(turn)
+
+    def line(points: np.ndarray) -> np.ndarray:
+        return points @ np.array([[cos, sin], [-sin, cos]]) + shift
+
+    def moved(states: States) -> States:
+        x, y = np.moveaxis(line(np.stack([states.x, states.y], -1)), -1, 0)
+        return States(x=x, y=y, heading=wrap(states.heading + turn), speed=states.speed)
+
+    lanes = {
+        key: replace(
+            one,
+            centreline=line(one.centreline),
+            left_bound=line(one.left_bound),
+            right_bound=line(one.right_bound),
+        )
+        for key, one in ROAD.lanes.items()
+    }
+    driver = model(tmp_path, "joint_predictor:mode=best")
+    here = moved(roads.plan(driver, ROAD, drawn()))
+    scene = replace(SCENE, history=moved(SCENE.history))
+    there = roads.plan(driver, Road(name="moved", lanes=lanes), drawn(scene))
+    # Rounded numbers of the network may fall to the other side, and the surface is a grid.
+    assert np.hypot(here.x - there.x, here.y - there.y).max() < 0.15
+    assert np.abs(here.speed - there.speed).max() < 0.1
+
+
+def test_other_models_vehicles_are_seen_where_they_are(tmp_path: Path) -> None:
+    driver, history = model(tmp_path, "joint_predictor:mode=best"), drawn()
+    mine = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    states = history.states.map(np.copy)
+    states.x[:, 1] -= 5.0
+    near = roads.plan(driver, ROAD, replace(history, states=states), mine)
+    far = roads.plan(driver, ROAD, history, mine)
+    assert np.abs(near.x - far.x).max() > 1e-3
+
+
+def test_the_shipped_follower_goes_with_its_leader_and_drawn_modes_do_not() -> None:
+    scene = roads.scene_of((60.0, 0.0, 0.0, 8.0), (68.5, 0.0, 0.0, 6.0))
+    draws = np.random.default_rng(0).random((300, 2))
+    history = roads.present(scene, len(draws), draws)
+
+    def agreement(text: str) -> float:
+        follower, leader = ends(roads.plan(build(parse_models(text)[0]), roads.straight(), history), 300).T
+        return float(np.corrcoef(follower, leader)[0, 1])
+
+    assert agreement("joint_predictor") > 0.2
+    assert abs(agreement("graph_predictor:mode=draw")) < 0.12
+
+
+@pytest.mark.parametrize(
+    "ahead",
+    [(71.0, 0.0, 0.0, 0.0), (80.0, 0.0, 0.0, 0.0), (69.0, 0.0, 0.0, 7.0)],
+    ids=["standing", "standing further away", "moving"],
+)
+def test_drawn_followers_stop_behind_whatever_their_leaders_do(ahead: tuple[float, ...]) -> None:
+    scene = roads.scene_of((60.0, 0.0, 0.0, 8.0), ahead)
+    draws = np.random.default_rng(0).random((400, 2))
+    history = roads.present(scene, len(draws), draws)
+    made = roads.plan(build(parse_models("joint_predictor")[0]), roads.straight(), history)
+    follower, leader = (made[k::2] for k in range(2))
+    size = scene.length[0], scene.width[0]
+    boxes = (
+        Rectangles.of(one.map(np.ravel), *(np.full(one.x.size, s) for s in size))
+        for one in (follower, leader)
+    )
+    assert rectangle_distance(*boxes).min() > 0
+
+
+def test_whoever_comes_first_at_a_crossing_the_other_waits(tmp_path: Path) -> None:
+    """An untrained network draws any motion; both vehicles can stop at first."""
+    crossing = roads.road(
+        roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]), roads.lane(2, [(100.0, -100.0), (100.0, 200.0)])
+    )
+    scene = roads.scene_of((86.0, 0.0, 0.0, 8.0), (100.0, -15.0, np.pi / 2, 8.0))
+    draws = np.random.default_rng(0).random((300, 2))
+    driver = build(
+        parse_models(
+            f"joint_predictor:weights={nets.untrained(tmp_path, 'joint_predictor', scene, crossing)}"
+        )[0]
+    )
+    made = roads.plan(driver, crossing, roads.present(scene, len(draws), draws))
+    first, second = (made[k::2] for k in range(2))
+    size = [np.full(first.x.size, s) for s in (scene.length[0], scene.width[0])]
+    boxes = (Rectangles.of(each.map(np.ravel), *size) for each in (first, second))
+    assert rectangle_distance(*boxes).min() > 0
+    through = first.x[:, -1] > 110.0, second.y[:, -1] > 10.0
+    assert all((some & ~other).any() for some, other in (through, through[::-1]))
+
+
+def test_where_a_vehicle_has_merged_the_other_one_follows_it() -> None:
+    ramp = [(80.0, -30.0), (110.0, 0.0), (300.0, 0.0)]
+    merge = roads.road(roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]), roads.lane(2, ramp))
+    scene = roads.scene_of((80.0, 0.0, 0.0, 8.0), (92.0, -18.0, np.pi / 4, 8.0))
+    paths, rows = chosen_paths(roads.present(scene), merge, roads.every(roads.present(scene)), "straight")
+    ((begin, end),) = {tuple(span) for span in _conflicts(paths).span[:, 1].tolist()[:1]}
+    assert begin > 20.0 and end == np.inf
+    waits = _crossing(roads.present(scene), paths, rows, np.array([20.0, 30.0]))
+    assert (waits.follower.tolist(), waits.leader.tolist(), waits.speed.tolist()) == ([0], [-1], [0.0])
+    follows = _crossing(roads.present(scene), paths, rows, np.array([20.0, begin + 12.0]))
+    own = _conflicts(paths).span[0, 0, 0]
+    assert (follows.leader.tolist(), follows.speed.tolist()) == ([1], [8.0])
+    assert follows.gap[0] == pytest.approx(own - 20.0 + 12.0 - scene.length[0])
+
+
+def test_paths_are_as_probable_as_network_and_likely_driver_agree(tmp_path: Path) -> None:
+    scene = roads.scene_of((8.0, 0.3, 0.02, 6.0))
+    driver = model(tmp_path).driver
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(type(driver), "path_prior", lambda *_: 0.0)
+        alone = choice_of(replace(scene), driver, ROAD).paths[0]
+    edges = path_edges(scene, seed_paths(scene, ROAD), population())
+    both = np.diff(alone, prepend=0.0) * np.diff(edges, prepend=0.0)
+    assert len(both) > 1 and 0.01 < both[0] / both.sum() < 0.99
+    assert np.allclose(choice_of(scene, driver, ROAD).paths[0], np.cumsum(both) / both.sum(), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("aside", "both", "yields"),
+    [(2.3, False, []), (1.85, False, [0]), (1.85, True, [0, 1]), (-1.85, False, [0])],
+)
+def test_of_two_boxes_that_come_too_near_the_rear_one_yields(
+    aside: float, both: bool, yields: list[int]
+) -> None:
+    history = roads.present(roads.scene_of((0.0, 0.0, 0.0, 5.0), (2.0, 2.3 * np.sign(aside), 0.0, 5.0)))
+    x = np.array([[0.0], [2.0]]) + 0.5 * np.arange(1, 6)
+    y = np.array([[0.0], [aside]]) + np.zeros(5)
+    made = Plan(x=x, y=y, heading=np.zeros((2, 5)), speed=np.full((2, 5), 5.0))
+    assert _yielding(history, made, _near(history, made), both=both).tolist() == yields
+
+
+def test_vehicles_side_by_side_touch_less_often_if_one_yields(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two lanes become one; the motions of an untrained network do not depend on the other vehicle."""
+    ahead = [(130.0, 0.0), (300.0, 0.0)]
+    lanes = (roads.lane(k, [(0.0, y), (80.0, y), *ahead]) for k, y in ((1, 1.05), (2, -1.05)))
+    merge, scene = roads.road(*lanes), roads.scene_of((78.0, 1.05, 0.0, 4.0), (80.0, -1.05, 0.0, 4.0))
+    draws = np.random.default_rng(0).random((200, 2))
+    file = nets.untrained(tmp_path, "joint_predictor", scene, merge)
+    driver = build(parse_models(f"joint_predictor:weights={file}")[0])
+
+    def touching() -> int:
+        made = roads.plan(driver, merge, roads.present(scene, len(draws), draws))
+        boxes = [Rectangles.of(made[k::2], scene.length[0], scene.width[0]) for k in range(2)]
+        return int((rectangle_distance(*boxes) == 0).any(axis=1).sum())
+
+    some = touching()
+    monkeypatch.setattr(joint, "_yielding", lambda *_, both: np.empty(0, dtype=int))
+    assert 0 < 2 * some < touching()
+
+
+@pytest.mark.parametrize(("heading", "counts"), [(-0.3, True), (0.0, False), (0.3, False)])
+def test_a_vehicle_that_comes_into_the_way_counts_as_ahead(heading: float, counts: bool) -> None:
+    history = roads.present(roads.scene_of((60.0, 0.0, 0.0, 8.0), (66.0, 3.0, heading, 6.0)))
+    who = roads.every(history)
+    inputs = path_inputs(
+        history, roads.straight(), who, *chosen_paths(history, roads.straight(), who, "straight")
+    )
+    pairs = _ahead(history, inputs)
+    assert list(zip(pairs.follower, pairs.leader, strict=True)) == [(0, 1)] * counts
+    bound = pairs.bound(inputs.features[:, PATH_COLUMNS.index("speed")], np.zeros(2))
+    assert np.isfinite(bound).tolist() == [counts, False]

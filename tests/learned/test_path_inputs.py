@@ -1,0 +1,149 @@
+"""What learned drivers see of the road, on roads drawn by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.learned.path_inputs import (
+    AHEAD_M,
+    LEADER_COLUMNS,
+    PATH_COLUMNS,
+    PathInputs,
+    path_inputs,
+)
+from scex_sumo.learned.surface import CELL_M
+from scex_sumo.road import Road
+from scex_sumo.scene import SceneHistory, SeedScene
+from tests.behaviors import roads
+
+
+def seen(road: Road, scene: SeedScene | SceneHistory) -> PathInputs:
+    history = scene if isinstance(scene, SceneHistory) else roads.present(scene)
+    who = roads.every(history)
+    return path_inputs(history, road, who, *chosen_paths(history, road, who, "straight"))
+
+
+def column(inputs: PathInputs, name: str, vehicle: int = 0) -> float:
+    return float(inputs.features[vehicle, PATH_COLUMNS.index(name)])
+
+
+def test_there_is_a_column_for_every_name_and_those_of_others_come_last() -> None:
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0)))
+    assert inputs.features.shape == (1, len(PATH_COLUMNS))
+    assert PATH_COLUMNS[-len(LEADER_COLUMNS) :] == LEADER_COLUMNS
+
+
+def test_a_vehicle_beside_a_straight_path_and_askew_sees_it_so() -> None:
+    askew = 0.1
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.5, askew, 10.0)))
+    assert column(inputs, "offset") == pytest.approx(0.5)
+    assert column(inputs, "heading_error") == pytest.approx(askew)
+    for ahead in AHEAD_M:
+        assert column(inputs, f"x_{ahead:g}") == pytest.approx(np.cos(askew) * ahead - np.sin(askew) * 0.5)
+        assert column(inputs, f"y_{ahead:g}") == pytest.approx(-np.sin(askew) * ahead - np.cos(askew) * 0.5)
+        assert column(inputs, f"heading_{ahead:g}") == pytest.approx(-askew)
+        assert column(inputs, f"curvature_{ahead:g}") == pytest.approx(0.0, abs=1e-9)
+        assert column(inputs, f"limit_{ahead:g}") == 15.0
+
+
+def test_the_path_of_a_curve_turns_as_it_does() -> None:
+    curve = roads.road(roads.lane(1, roads.arc(50.0, np.pi)))
+    inputs = seen(curve, roads.scene_of((50 * np.sin(1.0), 50 * (1 - np.cos(1.0)), 1.0, 10.0)))
+    assert column(inputs, "curvature_20") == pytest.approx(1 / 50, rel=0.02)
+    assert column(inputs, "heading_20") == pytest.approx(20 / 50, rel=0.02)
+    assert column(inputs, "y_20") == pytest.approx(50 * (1 - np.cos(20 / 50)), rel=0.02)
+    # It drove straight so far, where the curve asks for 0.2 rad/s.
+    assert column(inputs, "yaw_rate_error") == pytest.approx(-10 / 50, rel=0.02)
+
+
+def test_a_leader_is_seen_with_its_gap_and_what_stopping_for_it_takes() -> None:
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 12.0), (80.0, 0.0, 0.0, 4.0)))
+    gap = 30.0 - 4.5
+    wanted = {
+        "leader": 1,
+        "leader_gap": gap,
+        "leader_speed": 4,
+        "closing": 8,
+        "needed_deceleration": 64 / 2 / gap,
+    }
+    for name, value in wanted.items():
+        assert column(inputs, name) == pytest.approx(value)
+    assert column(inputs, "leader", 1) == 0
+    assert column(inputs, "leader_gap", 1) == 100
+    assert column(inputs, "leader_speed", 1) == 4
+    assert column(inputs, "closing", 1) == 0
+
+
+def test_the_queue_ahead_is_counted_from_the_first_to_the_last_who_stands() -> None:
+    queue = [(80.0, 0.0, 0.0, 4.0), (100.0, 0.0, 0.0, 0.0), (110.0, 0.0, 0.0, 0.0)]
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 12.0), *queue))
+    wanted = {
+        "ahead": 3,
+        "ahead_standing": 2,
+        "ahead_speed": 4 / 3,
+        "first_standing_gap": 50.0 - 4.5,
+        "last_standing_gap": 60.0 - 4.5,
+    }
+    for name, value in wanted.items():
+        assert column(inputs, name) == pytest.approx(value)
+    nobody = {"ahead": 0, "ahead_standing": 0, "first_standing_gap": 100, "last_standing_gap": 0}
+    assert {name: column(inputs, name, 3) for name in nobody} == nobody
+
+
+def test_who_crosses_the_path_is_not_in_the_queue() -> None:
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 12.0), (80.0, 0.0, np.pi / 2, 0.0)))
+    assert column(inputs, "leader") == 1
+    assert column(inputs, "ahead") == 0
+
+
+def test_one_wrong_speed_shows_against_those_before_it() -> None:
+    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
+    history.states.speed[0, 0] = 10.0
+    history.states.speed[0, 0, -1] = 11.1
+    inputs = seen(roads.straight(), history)
+    assert column(inputs, "mean_of_11") == pytest.approx(0.1 - 1.1)
+    assert column(inputs, "unsteady") > 0.1
+    history.states.speed[0, 0] = 10.0 + np.arange(-10, 1) * 0.1
+    steady = seen(roads.straight(), history)
+    for name in ("line_of_6", "line_of_11", "parabola_of_11", "unsteady", "stood"):
+        assert column(steady, name) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_room_is_what_the_box_has_beside_it() -> None:
+    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0), width=1.8))
+    for side in ("room_left", "room_right"):
+        assert column(inputs, side) == pytest.approx(1.75 - 0.9, abs=1.5 * CELL_M)
+
+
+def test_the_end_of_the_mapped_road_comes_nearer() -> None:
+    inputs = seen(roads.straight(100.0), roads.scene_of((60.0, 0.0, 0.0, 10.0)))
+    assert column(inputs, "end") == pytest.approx(40.0, abs=2.0)
+
+
+def test_acceleration_and_yaw_rate_are_those_of_the_last_third_of_a_second() -> None:
+    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
+    history.states.speed[0, 0, -4:] = [10.0, 10.2, 10.4, 10.6]
+    history.states.heading[0, 0, -4:] = [3.1, 3.15, -3.08, -3.03]  # over the jump at pi
+    inputs = seen(roads.straight(), history)
+    assert column(inputs, "acceleration") == pytest.approx(2.0)
+    assert column(inputs, "yaw_rate") == pytest.approx((2 * np.pi - 6.13) / 0.3)
+
+
+def test_features_do_not_depend_on_where_north_is() -> None:
+    turn, shift = 2.2, np.array([500.0, -200.0])
+
+    def placed(angle: float, where: np.ndarray) -> np.ndarray:
+        cos, sin = np.cos(angle), np.sin(angle)
+        spin = np.array([[cos, -sin], [sin, cos]])
+        line = roads.arc(40.0, 1.2) @ spin.T + where
+        start = spin @ np.array([40 * np.sin(0.3), 40 * (1 - np.cos(0.3))]) + where
+        scene = roads.scene_of((*start, 0.3 + angle, 8.0))
+        return seen(roads.road(roads.lane(1, line)), scene).features
+
+    turned, plain = placed(turn, shift), placed(0.0, np.zeros(2))
+    # The surface is a grid, of which 0.25 m remain in rooms and 2 m in the way to the end.
+    coarse = {"room_left": 0.3, "room_right": 0.3, "end": 2.01}
+    tolerance = np.array([coarse.get(name, 1e-6) for name in PATH_COLUMNS])
+    assert (np.abs(turned - plain) <= tolerance).all()

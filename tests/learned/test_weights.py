@@ -1,0 +1,185 @@
+"""Files of weights: what comes back, and what is said of files that are not usable."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import safetensors.numpy
+
+from scex_sumo.base.errors import InputError
+from scex_sumo.base.files import sha256_of
+from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.learned.layers import exact
+from scex_sumo.learned.profiles import SHIPPED
+from scex_sumo.learned.weights import ABOUT, load_weights, save_weights
+from tests.behaviors import roads
+from tests.learned import nets
+
+ROAD, SCENE = roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0), (70.0, 0.3, 0.0, 8.0))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return nets.untrained(tmp_path, "graph_predictor", SCENE, ROAD)
+
+
+def about(file: Path) -> dict[str, Any]:
+    with safetensors.safe_open(file, framework="numpy") as opened:
+        return json.loads(opened.metadata()[ABOUT])
+
+
+def altered(file: Path, *, state: dict[str, np.ndarray] | None = None, **changes: Any) -> Path:
+    state = safetensors.numpy.load_file(file) if state is None else state
+    header = {ABOUT: json.dumps({**about(file), **changes})}
+    file.write_bytes(safetensors.numpy.save(state, header))
+    return file
+
+
+@pytest.mark.parametrize("kind", ["graph", "hybrid"])
+def test_weights_come_back_as_they_were_with_what_was_said_of_them(tmp_path: Path, kind: str) -> None:
+    sizes = nets.small(modes=3)
+    state = nets.drawn(kind, SCENE, ROAD, sizes)
+    save_weights(tmp_path / "w", kind, sizes, state, {"command": "train", "figures": {"ade": 0.5}})
+    back = load_weights(tmp_path / "w", kind)
+    assert back.sizes == sizes
+    assert {name: values.tolist() for name, values in back.state.items()} == {
+        name: values.tolist() for name, values in state.items()
+    }
+    assert back.meta["command"] == "train"
+    assert back.meta["figures"] == {"ade": 0.5}
+    assert back.meta["sha256"] == sha256_of(tmp_path / "w")
+
+
+def test_the_same_weights_are_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        nets.untrained(tmp_path / name, "graph_predictor", SCENE, ROAD)
+    one, other = ((tmp_path / name / "graph_predictor.safetensors").read_bytes() for name in ("a", "b"))
+    assert one == other
+
+
+def refused(name: str, file: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        build(parse_models(f"{name}:weights={file}")[0])
+    words = str(caught.value)
+    assert "\n" not in words
+    assert words.startswith(f"{file}: ")
+    return words
+
+
+def test_a_missing_file_says_so(tmp_path: Path) -> None:
+    wanted = "no such file; give a file that 'scex-sumo train' wrote"
+    assert wanted in refused("graph_predictor", tmp_path / "absent.safetensors")
+    assert "is a folder" in refused("graph_predictor", tmp_path)
+
+
+def test_something_else_than_weights_says_so(tmp_path: Path, file: Path) -> None:
+    other = tmp_path / "other"
+    for content in (b"", b"hello", file.read_bytes()[:2000], pickle.dumps({"format": 1})):
+        other.write_bytes(content)
+        assert "not a file of weights" in refused("graph_predictor", other)
+    for header in (None, {"format": "pt"}, {ABOUT: "7"}, {ABOUT: "{"}, {ABOUT: "[" * 100_000}, {ABOUT: "{}"}):
+        other.write_bytes(safetensors.numpy.save({"model": np.zeros(3)}, header))
+        assert "not weights of scex-sumo" in refused("graph_predictor", other)
+
+
+def test_a_file_of_earlier_versions_says_that_it_must_be_trained_again(tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    old = tmp_path / "old.pt"
+    torch.save({"format": "scex-sumo weights 1"}, old)
+    words = refused("graph_predictor", old)
+    assert "a PyTorch file, as earlier versions wrote it; train again with: scex-sumo train graph" in words
+
+
+def test_weights_of_the_other_model_are_refused(file: Path) -> None:
+    words = refused("graph_image_predictor", file)
+    assert "weights of graph_predictor, needs those of graph_image_predictor" in words
+    assert "scex-sumo train hybrid" in words
+
+
+def test_weights_of_another_architecture_are_refused(file: Path) -> None:
+    numbers = about(file)["architecture"]
+    for change in ({"hidden": 32}, {"layers": 3}, {"depth": 3}, {"hidden": "wide"}):
+        altered(file, architecture={**numbers, **change})
+        assert "weights of another architecture" in refused("graph_predictor", file)
+    for wrong in (7, None, [1], "hidden", [["hidden"]], "", []):
+        altered(file, architecture=wrong)
+        assert "weights of another architecture" in refused("graph_predictor", file)
+
+
+def test_a_width_of_zero_is_refused_before_a_network_is_built(file: Path) -> None:
+    altered(file, architecture={**about(file)["architecture"], "hidden": 0})
+    assert "hidden is 0, 1 to 1024 expected" in refused("graph_predictor", file)
+
+
+def test_a_spread_of_zero_is_refused_before_anything_is_divided_by_it(file: Path) -> None:
+    state = safetensors.numpy.load_file(file)
+    state["path_scale.spread"][0] = 0.0
+    altered(file, state=state)
+    assert "has inputs whose spread is not positive" in refused("graph_predictor", file)
+
+
+def test_weights_for_other_inputs_are_refused(file: Path) -> None:
+    columns = about(file)["columns"]
+    altered(file, columns={**columns, "path": ["speed"]})
+    assert "with 1 path inputs; version" in refused("graph_predictor", file)
+    altered(file, columns={**columns, "path": 7})
+    assert "with no path inputs; version" in refused("graph_predictor", file)
+
+
+@pytest.mark.parametrize(("value", "words"), [(float("nan"), "not finite"), (1e9, "too large for exact")])
+def test_weights_that_are_not_finite_or_huge_are_refused(file: Path, value: float, words: str) -> None:
+    state = safetensors.numpy.load_file(file)
+    state["head.knots.weight"][0, 0] = value
+    altered(file, state=state)
+    assert words in refused("graph_predictor", file)
+
+
+def test_the_free_head_needs_weights_that_have_it(tmp_path: Path) -> None:
+    file = nets.untrained(tmp_path, "graph_image_predictor", SCENE, ROAD, free=False)
+    assert build(parse_models(f"graph_image_predictor:weights={file}")[0])
+    with pytest.raises(InputError, match="trained without the head for free trajectories; use head=bounded"):
+        build(parse_models(f"graph_image_predictor:head=free:weights={file}")[0])
+
+
+def test_the_shipped_weights_are_small_exact_and_say_what_they_are_made_from() -> None:
+    sizes = 0
+    for name, kind in nets.KIND_OF.items():
+        file = SHIPPED / f"{name}.safetensors"
+        weights = load_weights(file, kind)
+        assert exact(weights.state)[1] < 1
+        assert weights.meta["command"].startswith(f"scex-sumo train {kind}")
+        sizes += file.stat().st_size
+    assert sizes <= 3_000_000
+
+
+def test_a_header_that_lies_is_refused(file: Path) -> None:
+    numbers, state = about(file)["architecture"], safetensors.numpy.load_file(file)
+    for name, value in (("layers", 1024), ("heads", 1024), ("modes", True), ("edges", 1)):
+        altered(file, state=state, architecture={**numbers, name: value})
+        assert "weights of another architecture" in refused("graph_predictor", file)
+    altered(file, architecture=numbers)
+    name = next(iter(state))
+    for wrong in (state[name].astype(np.float64), state[name][None], np.zeros(0, np.float32)):
+        altered(file, state={**state, name: wrong})
+        assert "weights of another architecture" in refused("graph_predictor", file)
+    altered(file, state={key: values for key, values in state.items() if key != name})
+    assert f"weights of another architecture (no {name})" in refused("graph_predictor", file)
+
+
+def test_shapes_larger_than_the_file_are_refused_before_they_cost_memory(file: Path) -> None:
+    content = file.read_bytes()
+    (length,) = struct.unpack("<Q", content[:8])
+    header = json.loads(content[8 : 8 + length])
+    header["head.knots.weight"] = {"dtype": "F32", "shape": [2**20, 2**20], "data_offsets": [0, 2**42]}
+    lying = json.dumps(header).encode()
+    file.write_bytes(struct.pack("<Q", len(lying)) + lying + content[8 + length :])
+    assert "not a file of weights" in refused("graph_predictor", file)
+    file.write_bytes(struct.pack("<Q", 2**62) + content[8:])
+    assert "not a file of weights" in refused("graph_predictor", file)

@@ -1,0 +1,351 @@
+"""Training runs on recordings of our own: they learn, go on where they stopped, and notice bad tracks."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from scex_sumo.base.errors import MapError, MissingExtraError, ResultError, TrackError, UsageError  # noqa: E402
+from scex_sumo.converters.datasets.moment import Split  # noqa: E402
+from scex_sumo.converters.datasets.recordings import Recording, find_recordings, load_recording  # noqa: E402
+from scex_sumo.generators.scene_model import load_scenes  # noqa: E402
+from scex_sumo.learned.training.command import train_command  # noqa: E402
+from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402
+from scex_sumo.learned.training.data.augment import Images, turned  # noqa: E402
+from scex_sumo.learned.training.data.dataset import (  # noqa: E402
+    Dataset,
+    SampleOptions,
+    make_dataset,
+    map_shift,
+    part_scenes,
+)
+from scex_sumo.learned.training.data.samples import load_samples  # noqa: E402
+from scex_sumo.learned.training.options import TrainOptions  # noqa: E402
+from scex_sumo.learned.training.train import Progress, Trainer  # noqa: E402
+from scex_sumo.learned.weights import load_weights  # noqa: E402
+from scex_sumo.road import Road  # noqa: E402
+from scex_sumo.scenarios import example_path  # noqa: E402
+from tests.behaviors import roads  # noqa: E402
+
+SMALL = {"hidden": 16, "heads": 2, "layers": 1}
+# The examples last 18 s: half of it for training is 9 s, of which the last 5 s are targets.
+SAMPLING = SampleOptions(copies=1, stops=1, split=Split(validation=0.45, test=0.0))
+CPU = torch.device("cpu")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread() -> Iterator[None]:
+    """Small networks gain nothing from threads, and wait for each other on a busy machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def merge() -> list[Recording]:
+    (one,) = (
+        r for r in find_recordings([example_path("motorway_merge").parent]) if r.name == "motorway_merge"
+    )
+    return [one]
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("samples")
+
+
+@pytest.fixture(scope="module")
+def small(cache: Path) -> Dataset:
+    return make_dataset(merge(), SAMPLING, cache=cache)
+
+
+def options(**given: object) -> TrainOptions:
+    usual = {"kind": "graph", "epochs": 2, "rounds": 0, "nodes": 100, "sizes": SMALL}
+    return TrainOptions(**{**usual, **given})
+
+
+def trained(
+    small: Dataset, given: TrainOptions, folder: Path | None = None, stop: int | None = None
+) -> tuple[Trainer, list[Progress]]:
+    """A run, in closed loop with the first graphs as what it drifted to; interrupted after an epoch."""
+    part = dataset_module.TrainingSamples.concatenate([small.train])
+    run = Trainer(small, given, device=CPU, drift=lambda file, number: part, folder=folder)
+    run.resume()
+    log: list[Progress] = []
+
+    def report(progress: Progress) -> None:
+        log.append(progress)
+        if progress.epoch == stop:
+            raise KeyboardInterrupt
+
+    try:
+        run.run(report)
+    except KeyboardInterrupt:
+        assert stop is not None
+    return run, log
+
+
+def weights(run: Trainer) -> dict[str, np.ndarray]:
+    return {name: value.numpy() for name, value in run.finished().state_dict().items()}
+
+
+def assert_same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
+    assert one.keys() == other.keys()
+    for name in one:
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+def test_the_loss_falls(small: Dataset) -> None:
+    _, log = trained(small, options(epochs=4))
+    first, last = (sum(progress.parts.values()) for progress in (log[0], log[-1]))
+    assert last < 0.8 * first  # an untrained network is metres off after 3 s
+
+
+def test_the_same_seed_gives_the_same_weights_and_another_others(small: Dataset) -> None:
+    once, again = (weights(trained(small, options(epochs=1))[0]) for _ in range(2))
+    other = weights(trained(small, options(epochs=1, seed=1))[0])
+    assert_same(once, again)
+    assert any((once[name] != other[name]).any() for name in once)
+
+
+@pytest.mark.parametrize("rounds", [0, 1])
+def test_an_interrupted_run_goes_on_to_the_same_weights(small: Dataset, tmp_path: Path, rounds: int) -> None:
+    given = options(epochs=3, rounds=rounds)
+    whole, _ = trained(small, given, tmp_path / "whole")
+    _, before = trained(small, given, tmp_path / "parts", stop=2)
+    resumed, after = trained(small, given, tmp_path / "parts")
+    assert [p.epoch for p in before + after] == [1, 2, 3]
+    assert_same(weights(resumed), weights(whole))
+
+
+def test_a_checkpoint_of_other_options_is_refused(small: Dataset, tmp_path: Path) -> None:
+    trained(small, options(epochs=1), tmp_path)
+    with pytest.raises(ResultError, match=r"another run|another seed"):
+        trained(small, options(epochs=1, seed=5), tmp_path)
+
+
+def test_a_broken_checkpoint_is_named(small: Dataset, tmp_path: Path) -> None:
+    (tmp_path / "checkpoint.pt").write_bytes(b"torn")
+    with pytest.raises(ResultError, match=r"checkpoint\.pt: not a checkpoint"):
+        trained(small, options(epochs=1), tmp_path)
+
+
+def test_a_broken_round_is_named(small: Dataset, tmp_path: Path) -> None:
+    trained(small, options(epochs=4, rounds=1), tmp_path, stop=3)
+    (file,) = tmp_path.glob("round*.npz")
+    file.write_bytes(b"")
+    with pytest.raises(ResultError, match=r"round0\.npz cannot be read; train without --resume"):
+        trained(small, options(epochs=4, rounds=1), tmp_path)
+
+
+def test_training_stops_when_validation_gets_no_better(small: Dataset) -> None:
+    run, log = trained(small, options(epochs=30, patience=1, rate=0.0))
+    assert len(log) == 2  # the first is the best, the second is no better
+    assert run.best_epoch == 1
+
+
+def test_the_hybrid_learns_from_turned_maps(small: Dataset) -> None:
+    _, log = trained(small, options(kind="hybrid", epochs=3))
+    assert "free" in log[0].parts
+    assert sum(log[-1].parts.values()) < sum(log[0].parts.values())
+
+
+def test_the_joint_network_learns_motions_of_the_recordings(small: Dataset) -> None:
+    run, log = trained(
+        small, options(kind="joint", epochs=4, sizes={**SMALL, "accelerations": 9, "sideways": 3})
+    )
+    assert log[-1].parts["motion"] < log[0].parts["motion"] < 2 * np.log(27)
+    assert log[-1].score.loss < log[0].score.loss
+    head = run.finished().head
+    assert (np.diff(head.acceleration) > 0).all() and (np.diff(head.sideways) > 0).all()
+    assert head.acceleration[0] < 0 < head.acceleration[-1]
+
+
+def test_a_turned_or_mirrored_map_shows_the_vehicle_that_is_turned_with_it_the_same_road(
+    small: Dataset,
+) -> None:
+    maps = Images.of_roads(small.roads, CPU).maps[0]
+    pose = torch.as_tensor(small.validation.pose[:1])
+    in_the_mirror = pose * torch.tensor([1.0, -1.0, -1.0])
+    for number, image in enumerate(maps):
+        x, y, heading = turned(pose if number < 4 else in_the_mirror, number % 4)[0]
+        column, row = (float(v) for v in torch.stack([x, y]) - image.corner)
+        here = image.raster[:, round(row), round(column)]
+        assert float(here[0]) == 1.0  # drivable
+        # The lane's direction there is the vehicle's: cos and sin of the difference.
+        along = here[3] * torch.cos(heading) + here[4] * torch.sin(heading)
+        assert float(along) == pytest.approx(1.0, abs=0.05)
+
+
+def test_samples_come_from_the_cache_the_second_time(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
+) -> None:
+    def fails(*given: object) -> Callable[..., None]:
+        raise AssertionError("made again")
+
+    monkeypatch.setattr(dataset_module, "_make", fails)
+    again = make_dataset(merge(), SAMPLING, cache=cache)
+    np.testing.assert_array_equal(small.train.feature, again.train.feature)
+    assert small.digest == again.digest
+    with pytest.raises(AssertionError, match="made again"):
+        make_dataset(merge(), replace(SAMPLING, copies=2), cache=cache)
+
+
+def test_simulated_traffic_is_for_training_alone_and_a_share_of_each_epoch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
+) -> None:
+    monkeypatch.setattr(dataset_module, "SIMULATED_S", 60.0)
+    maps = [example_path("roundabout")]
+    mixed = make_dataset(merge(), SAMPLING, maps=maps, cache=tmp_path)
+    assert mixed.sites == ("motorway_merge", "roundabout.osm, simulated")
+    assert mixed.kinds == ("interaction", "simulated")
+    assert mixed.recorded == small.recorded == len(small.train) < len(mixed.train)
+    assert set(mixed.train.site[mixed.recorded :]) == {1} and set(mixed.validation.site) == {0}
+    assert mixed.digest != small.digest
+    monkeypatch.setattr(dataset_module, "_make_simulated", lambda *_: pytest.fail("made again"))
+    again = make_dataset(merge(), SAMPLING, maps=maps, cache=tmp_path)
+    np.testing.assert_array_equal(mixed.train.feature, again.train.feature)
+    run = Trainer(mixed, options(simulated=0.2), device=CPU)
+    used = np.concatenate(run._groups(np.random.default_rng(0)))
+    nodes, simulated = mixed.train.nodes[used], used >= mixed.recorded
+    assert np.array_equal(np.sort(used[~simulated]), np.arange(mixed.recorded))
+    assert nodes[simulated].sum() / nodes.sum() == pytest.approx(0.2, abs=0.02)
+
+
+def test_damaged_samples_in_the_cache_are_made_again(tmp_path: Path, cache: Path, small: Dataset) -> None:
+    """NumPy raises an EOFError for no byte, which command lines take for Ctrl-C."""
+    files = [Path(shutil.copy(file, tmp_path)) for file in cache.glob("motorway_merge-*.npz")]
+    for content in (b"", b"PK\x03\x04", b"\x93NUMPY"):
+        for file in files:
+            file.write_bytes(content)
+            assert load_samples(file) is None
+    again = make_dataset(merge(), SAMPLING, cache=tmp_path)
+    np.testing.assert_array_equal(small.train.feature, again.train.feature)
+    assert files and all(load_samples(file) for file in files)
+
+
+def test_tracks_that_are_not_finite_are_named() -> None:
+    loaded = load_recording(merge()[0])
+    x = loaded.table.vehicles.x.copy()
+    x[50] = np.nan
+    broken = replace(loaded, table=replace(loaded.table, vehicles=loaded.table.vehicles.with_columns(x=x)))
+    with pytest.raises(TrackError, match=r"motorway_merge: track \d+ has no finite x around"):
+        part_scenes(broken, "train", split=SAMPLING.split, every_s=0.5)
+
+
+def test_a_recording_too_short_says_so() -> None:
+    with pytest.raises(TrackError, match="no vehicle for validation"):
+        make_dataset(merge(), SampleOptions(copies=0, stops=0))
+
+
+def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
+    def train(**given: Any) -> None:
+        train_command(**{"kind": "graph", "data": [tmp_path], "out": tmp_path / "w.safetensors", **given})
+
+    with pytest.raises(UsageError, match="unknown network; known: graph, hybrid, joint"):
+        train(kind="transformer")
+    with pytest.raises(UsageError, match="needs --out"):
+        train(out=None)
+    with pytest.raises(UsageError, match="needs --data"):
+        train(data=[])
+    with pytest.raises(UsageError, match="no such folder"):
+        train(data=[tmp_path / "nowhere"])
+    with pytest.raises(UsageError, match=r"--simulated .*nowhere\.osm: no such map"):
+        train(simulated=[tmp_path / "nowhere.osm"])
+    (tmp_path / "w.safetensors").write_bytes(b"")
+    with pytest.raises(ResultError, match="--overwrite"):
+        train()
+    with pytest.raises(ResultError, match="--overwrite"):  # finished: there is nothing to go on from
+        train(resume=True)
+    for place, resume in (("..", True), (".", True), (".", False), (str(tmp_path), False)):
+        with pytest.raises(UsageError, match="is a folder; give a file for the weights"):
+            train(out=Path(place), resume=resume)
+    for few in ({"epochs": 0}, {"rounds": -1}):
+        with pytest.raises(UsageError, match="--epochs needs at least 1"):
+            train(out=tmp_path / "other.safetensors", **few)
+    networks = {
+        "simulated": [example_path("roundabout")],
+        "rounds": 0,
+        "minutes": 1.0,
+        "edges": False,
+        "device": "cpu",
+        "resume": True,
+        "cache": tmp_path,
+    }
+    for option, value in networks.items():
+        with pytest.raises(UsageError, match=rf"train scenes: has no --(no-)?{option}; only graph, hybrid"):
+            train(kind="scenes", out=tmp_path / "other.safetensors", **{option: value})
+    with pytest.raises(UsageError, match="has no --minutes, --cache;"):
+        train(kind="scenes", out=tmp_path / "other.safetensors", minutes=1.0, cache=tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["graph", "joint"])
+def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch, kind: str) -> None:
+    short = replace(SAMPLING, copies=0)
+    monkeypatch.setattr(dataset_module.SampleOptions, "__call__", None, raising=False)
+    monkeypatch.setattr("scex_sumo.learned.training.data.dataset.SampleOptions", lambda **given: short)
+    folder = tmp_path / "data"
+    folder.mkdir()
+    for suffix in (".osm", ".csv"):
+        source = example_path("motorway_merge").with_suffix(suffix)
+        (folder / source.name).write_bytes(source.read_bytes())
+    out = tmp_path / "mine.safetensors"
+    train_command(kind, [folder], out, epochs=2, rounds=1, cache=tmp_path / "cache")
+    meta = load_weights(out, kind).meta
+    assert meta["sites"] == ["motorway_merge"]
+    assert meta["command"] == f"scex-sumo train {kind} --data data --seed 0 --epochs 2 --rounds 1 --every 0.5"
+    assert meta["validation"]["motorway_merge"]["fde_m"] > 0
+    # no checkpoints left
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.safetensors"]
+
+
+def test_a_scene_model_says_by_which_command_it_was_made(tmp_path: Path) -> None:
+    folder, out = example_path("motorway_merge").parent, tmp_path / "mine.safetensors"
+    train_command("scenes", [folder], out, seed=3, epochs=1, every=1.0, validation=["roundabout"])
+    command = (
+        f"scex-sumo train scenes --data {folder.name} --seed 3 --epochs 1 --validation roundabout --every 1"
+    )
+    assert load_scenes(out).meta["command"] == command
+
+
+def test_training_says_that_it_needs_torch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scex_sumo.learned.training.command.find_spec", lambda name: None)
+    with pytest.raises(
+        MissingExtraError, match=r"^train: needs torch; install with: pip install 'scex-sumo\[learned\]'$"
+    ):
+        train_command("graph", [tmp_path], tmp_path / "w.safetensors")
+
+
+def test_maps_of_one_site_may_lie_elsewhere_and_must_be_the_same() -> None:
+    def shifted(by: float, bend: float = 0.0) -> Road:
+        points = np.array([[0.0, 0.0], [50.0, bend]]) + by
+        return roads.road(roads.lane(1, points))
+
+    np.testing.assert_allclose(map_shift(shifted(0.0), shifted(7.0)), [7.0, 7.0])
+    with pytest.raises(MapError, match="another map than that of its site"):
+        map_shift(shifted(0.0), shifted(7.0, bend=9.0))
+
+
+def test_samples_of_a_map_that_lies_elsewhere_lie_on_that_of_the_site(small: Dataset) -> None:
+    moved = small.train.at(2, np.array([10.0, -4.0]))
+    np.testing.assert_allclose(
+        moved.pose - small.train.pose, np.tile([-10.0, 4.0, 0.0], (len(moved.pose), 1))
+    )
+    assert (moved.site == 2).all()
+
+
+def test_names_that_are_not_there_are_refused(tmp_path: Path) -> None:
+    for suffix in (".osm", ".csv"):
+        source = example_path("motorway_merge").with_suffix(suffix)
+        (tmp_path / source.name).write_bytes(source.read_bytes())
+    for option, what in (("leave_out", "site or recording"), ("validation", "recording")):
+        with pytest.raises(UsageError, match=f"nowhere: no such {what}; known: motorway_merge"):
+            train_command("graph", [tmp_path], tmp_path / "w.safetensors", **{option: ["nowhere"]})

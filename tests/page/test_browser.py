@@ -1,0 +1,537 @@
+"""In a real browser the report plays, brushes, jumps to encounters, follows thresholds, and saves."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo import example_path
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.page import contents
+from scex_sumo.page.report import under_test_curves, write_report
+from scex_sumo.page.scene import packed_tracks
+from scex_sumo.reports.encounter_rows import meetings
+from scex_sumo.results.run import Run, open_run
+from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.studies.under_test.table import under_test_rows
+from tests.command import scex
+from tests.page.test_numbers import body
+
+
+def text(page: Any, selector: str) -> str:
+    return str(page.inner_text(selector))
+
+
+def drag(page: Any, selector: str, start: float, stop: float) -> None:
+    """Drag along a canvas, from one share of its width to another."""
+    page.locator(selector).scroll_into_view_if_needed()
+    box = page.locator(selector).bounding_box()
+    y = box["y"] + 0.7 * box["height"]
+    page.mouse.move(box["x"] + start * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + (start + stop) / 2 * box["width"], y)
+    page.mouse.move(box["x"] + stop * box["width"], y)
+    page.mouse.up()
+    page.wait_for_timeout(100)
+
+
+def test_the_verdict_comes_first_and_says_what_the_tables_say(page: Any, run: Run) -> None:
+    verdict = text(page, "#verdict")
+    assert "P(collision)" in verdict
+    collided = len(run.table("collisions.parquet")["child"].unique())
+    assert f"{collided} of {run.children} futures" in verdict
+    share = run.p_critical("wttc").value
+    assert f"{100 * share:.0f} %" in verdict
+    assert page.locator("#verdict li").count() == 3
+
+
+def test_it_plays_to_the_end(page: Any) -> None:
+    page.select_option("#speed", "2")
+    page.keyboard.press("Space")
+    page.wait_for_selector("#clock:has-text('3.0 s')", timeout=15_000)
+    page.wait_for_selector("#play:has-text('▶')")
+
+
+def test_it_opens_on_the_worst_encounter_with_the_play_bar_in_sight(page: Any, run: Run) -> None:
+    worst = run.encounters.to_pylist()[0]
+    page.wait_for_selector("#encounters tr.chosen")
+    assert page.input_value("#child") == str(worst["child"])
+    assert text(page, "#clock") == f"{worst['time_s']:.1f} s"
+    title = text(page, "#pair-title")
+    assert str(worst["track_id"]) in title and title.endswith(f"future {worst['child']}")
+    chosen = text(page, "#encounters tr.chosen td >> nth=0")
+    assert chosen == f"{worst['track_id']} → {worst['other_id']}"
+    for name in ("#play", "#time", "#strips"):
+        box = page.locator(name).bounding_box()
+        assert box["y"] + box["height"] <= 900
+    places = [_on_map(page, run, worst[name]) for name in ("track_id", "other_id")]
+    assert all(place is not None for place in places)
+
+
+def _on_map(page: Any, run: Run, track: int) -> tuple[float, float] | None:
+    """Return a place in the middle of the map where the pointer finds a vehicle."""
+    box = page.locator("#map").bounding_box()
+    for ring in range(12):
+        for turn in np.arange(0, 2 * np.pi, np.pi / 6):
+            x = box["x"] + box["width"] / 2 + 10 * ring * np.cos(turn)
+            y = box["y"] + box["height"] / 2 + 10 * ring * np.sin(turn)
+            page.mouse.move(x, y)
+            if page.locator("#vehicle b").all_inner_texts() == [f"vehicle {track}"]:
+                return float(x), float(y)
+    return None
+
+
+def test_a_vehicle_says_its_id_speed_and_model_and_a_click_lists_its_encounters(page: Any, run: Run) -> None:
+    worst = run.encounters.to_pylist()[0]
+    track, child, step = worst["track_id"], worst["child"], round(worst["time_s"] * 10)
+    place = _on_map(page, run, track)
+    vehicle = run.info["seed_scene"]["track_ids"].index(track)
+    speed = run.states(child).speed[vehicle, 10 - 1 + step]
+    assert place is not None
+    said = text(page, "#vehicle p >> nth=0")
+    assert abs(float(said.split(" · ")[1].removesuffix(" m/s")) - speed) < 0.07
+    assert said.endswith(run.models_of(child)[vehicle])
+    page.mouse.click(*place)
+    page.wait_for_selector("#vehicle > button")
+    met = [one for one in meetings(run) if track in (one.row["track_id"], one.row["other_id"])]
+    mine = [one.words() for one in met]
+    assert [button.get_attribute("title") for button in page.locator(LISTED).all()] == mine[:6]
+    page.mouse.move(0, 0)
+    page.locator(LISTED).last.click()
+    row = met[:6][-1].row
+    page.wait_for_selector(f"#clock:has-text('{row['time_s']:.1f} s')")
+    assert page.input_value("#child") == str(row["child"])
+
+
+def test_an_encounter_leads_to_its_pair_child_and_step(page: Any) -> None:
+    row = page.locator("#encounters tr.go").nth(1)
+    pair = row.locator("td").first.inner_text().split(" → ")
+    row.click()
+    page.wait_for_selector("#encounters tr.chosen >> nth=0")
+    page.wait_for_selector(f"#pair-title:has-text('{pair[0]}')")
+    title = text(page, "#pair-title")
+    assert title.startswith(f"{pair[0]} ") and f" and {pair[1]} " in title
+    assert text(page, "#clock") == row.locator("td").last.inner_text()
+
+
+def test_curves_have_the_values_of_the_run_at_the_shown_step(page: Any, run: Run) -> None:
+    row = run.encounters.to_pylist()[0]
+    seen = [run.info["seed_scene"]["track_ids"].index(row[name]) for name in ("track_id", "other_id")]
+    states, scene = run.states(row["child"]), run.scene
+    page.keyboard.press("ArrowLeft")
+    step = round(10 * row["time_s"]) - 1
+    page.wait_for_selector(f"#clock:has-text('{step / 10:.1f} s')")
+    speed, acceleration, gap, _ = page.locator("#strips header span:last-child").all_inner_texts()
+    now = states[seen, LOGGED_HISTORY - 1 + step]
+    np.testing.assert_allclose([float(v) for v in speed.split(" / ")], now.speed, atol=0.07)
+    around = [states.speed[seen, LOGGED_HISTORY - 1 + step + by] for by in (-1, 1)]
+    np.testing.assert_allclose(
+        [float(v) for v in acceleration.split(" / ")], (around[1] - around[0]) / 0.2, atol=0.16
+    )
+    bodies = [
+        body(np.array([now.x[i], now.y[i], now.heading[i]]), np.array([scene.length[v], scene.width[v]]))
+        for i, v in enumerate(seen)
+    ]
+    assert abs(float(gap) - bodies[0].distance(bodies[1])) < 0.07
+    cursor = page.eval_on_selector(".strip i", "cursor => cursor.style.left")
+    assert float(cursor.removesuffix("%")) == pytest.approx(100 * step / run.info["steps"])
+    page.locator(".strip canvas").last.click(position={"x": 1, "y": 20})
+    page.wait_for_selector("#clock:has-text('0.0 s')")
+
+
+@pytest.mark.parametrize(
+    "focused", ["#all", "#child", "#speed", "#show-ids", "#find", "#encounters th button"]
+)
+def test_space_always_plays_but_in_the_search(page: Any, focused: str) -> None:
+    page.locator(".strip canvas").last.click(position={"x": 1, "y": 20})  # a slow machine sees it play, too
+    page.wait_for_selector("#clock:has-text('0.0 s')")
+    page.locator(focused).first.focus()
+    was = page.is_checked("#show-ids")
+    page.keyboard.press("Space")
+    page.wait_for_timeout(60)
+    assert (text(page, "#play") == "▶") == (focused == "#find")
+    assert page.is_checked("#show-ids") == was
+    assert page.input_value("#find") == (" " if focused == "#find" else "")
+
+
+def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any, run: Run) -> None:
+    row, whole = run.encounters.to_pylist()[0], text(page, "#p-collision")
+    pair = {row["track_id"], row["other_id"]}
+    futures = critical_futures(run, pair)["critical"]
+    page.click("#only-pair")
+    page.wait_for_selector(".chip")
+    assert text(page, "#chips b") == f"{len(futures)} of {run.children} futures"
+    collided = len(futures & set(run.collisions["child"].to_pylist()))
+    assert text(page, "#p-collision") == f"{100 * collided / len(futures):.0f} %"
+    assert "exact" not in text(page, "#p-collision-words")
+    assert text(page, "#p-collision-words").startswith(f"{collided} of {len(futures)} futures selected")
+    assert page.locator("#encounters tbody tr").count() == 1
+    assert page.locator("#models tbody tr").count() == 2
+    shown = page.locator("#worst tbody tr td:first-child").all_inner_texts()
+    assert {frozenset(names.split(" – ")) for names in shown} <= {frozenset(map(str, pair))}
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    assert 0 <= page.locator(".chip").bounding_box()["y"] < 60
+    page.keyboard.press("Escape")
+    page.wait_for_selector(".chip", state="detached")
+    assert text(page, "#p-collision") == whole == f"{100 * run.p_collision():.4g} %"
+    assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
+
+
+def critical_futures(run: Run, pair: set[int]) -> dict[str, set[int]]:
+    """Return the futures in which a pair is critical, by question."""
+    hits = {r["child"] for r in run.collisions.to_pylist() if {r["track_id"], r["other_id"]} == pair}
+    met = [r for r in run.pair_outcomes.to_pylist() if {r["track_a"], r["track_b"]} == pair]
+    found = {
+        "collision": hits,
+        "ttc": hits | {r["child"] for r in met if r["min_ttc_path"] < 1.5},
+        "pet": hits | {r["child"] for r in met if r["min_pet"] < 1.0},
+        "drac": hits | {r["child"] for r in met if r["max_drac"] > 3.4},
+    }
+    return {**found, "critical": set.union(*found.values())}
+
+
+def test_every_number_of_the_encounters_follows_a_selection(page: Any, run: Run) -> None:
+    ids = run.info["seed_scene"]["track_ids"]
+    page.evaluate("location.hash = 'only.v2=0&only.v4=0'")
+    page.wait_for_selector(".chip >> nth=1")
+    tracks = [text(page, f".chip >> nth={n}").removesuffix(" ×").split(" as ") for n in (0, 1)]
+    drives = [
+        [run.models_of(child)[ids.index(int(track))] == model for track, model in tracks]
+        for child in range(run.children)
+    ]
+    chosen = {child for child, both in enumerate(drives) if all(both)}
+    assert 0 < len(chosen) < run.children
+    rows = page.locator("#encounters tbody tr").all()
+    assert rows
+    for line in rows:
+        pair, *cells = line.locator("td").all_inner_texts()
+        futures = critical_futures(run, {int(track) for track in pair.split(" → ")})
+        shown = [cells[0], *cells[2:5]]
+        for name, cell in zip(("collision", "ttc", "pet", "drac"), shown, strict=True):
+            share = 100 * len(futures[name] & chosen) / len(chosen)
+            assert cell in (f"{share:.0f} %", f"{share:.1f} %"), (pair, name)
+        assert "–" in cells[1]
+    gap, after = rows[0].locator("td").all_inner_texts()[-2:]
+    rows[0].click()
+    page.wait_for_selector(f"#clock:has-text('{after}')")
+    assert int(page.input_value("#child")) in chosen
+    page.wait_for_function("() => document.querySelectorAll('.strip header span:last-child')[2].innerText")
+    assert page.locator(".strip header span:last-child").nth(2).inner_text() == gap.removesuffix(" m")
+
+
+def test_human_like_encounters_play_and_the_legend_says_which_set_is_shown(
+    browser: Any, run: Run, tmp_path: Path
+) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    shutil.copytree(run.folder, copy / "reference")
+    both = open_run(copy)
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(write_report(both).resolve().as_uri())
+    page.wait_for_selector("#encounters tr.chosen")
+    row = meetings(both)[1]
+    assert row.futures == "human-like"
+    assert text(page, "#shown") == f"shown: stress test, future {row.row['child']}"
+    page.locator("#encounters tr.go").nth(1).click()
+    page.wait_for_selector("#shown:has-text('human-like')")
+    assert text(page, "#shown") == f"shown: human-like future {row.row['child']}"
+    assert text(page, "#pair-title").endswith(f"human-like future {row.row['child']}")
+    assert text(page, "#encounters tr.chosen td >> nth=1") == "human-like"
+    assert page.locator("#encounters tr.chosen").count() == 1
+    page.wait_for_function("() => location.hash.includes('future=h')")
+    page.keyboard.press("ArrowLeft")
+    step = round(10 * row.row["time_s"]) - 1
+    page.wait_for_selector(f"#clock:has-text('{step / 10:.1f} s')")
+    seen = [both.info["seed_scene"]["track_ids"].index(row.row[name]) for name in ("track_id", "other_id")]
+    speed = both.reference.states(row.row["child"]).speed[seen, LOGGED_HISTORY - 1 + step]  # type: ignore[union-attr]
+    said = page.locator(".strip header span:last-child").first.inner_text()
+    np.testing.assert_allclose([float(v) for v in said.split(" / ")], speed, atol=0.07)
+    page.click("#only-pair")
+    page.wait_for_selector(".chip")
+    hits = critical_futures(both, set(row.pair))
+    words = f"{len(hits['collision'])} of {len(hits['critical'])} futures selected"
+    for name in ("p-collision", "likely-collision"):
+        assert text(page, f"#{name}-words").startswith(words)
+    page.close()
+
+
+def test_a_future_without_tracks_says_how_it_is_seen(
+    browser: Any, run: Run, tmp_path: Path, monkeypatch: Any
+) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    monkeypatch.setattr(contents, "packed_tracks", lambda wanted: packed_tracks(wanted, budget=1))
+    page = browser.new_page()
+    page.goto(write_report(open_run(copy)).resolve().as_uri())
+    page.wait_for_selector("#encounters tr.chosen")
+    worst = run.encounters.to_pylist()[0]["child"]
+    assert page.input_value("#child") == str(worst)
+    other = (worst + 1) % run.children
+    page.fill("#child", str(other))
+    page.locator("#child").blur()
+    page.wait_for_selector("#said:has-text('no tracks')")
+    assert text(page, "#said").endswith(f"--child {other}")
+    page.keyboard.press("Space")
+    page.keyboard.press("ArrowDown")
+    page.wait_for_timeout(100)
+    assert page.input_value("#child") == str(worst)
+    page.close()
+
+
+def test_a_future_alone_filters_p_and_the_worst_futures(page: Any, run: Run) -> None:
+    child = run.encounters.to_pylist()[0]["child"]
+    page.click("#only-future")
+    page.wait_for_selector(".chip")
+    assert text(page, "#p-collision") in ("0 %", "100 %")
+    value, limit = run.metrics["wttc"][child].as_py(), run.thresholds["wttc"]
+    share = page.locator(".share:has-text('WTTC') b").first.inner_text()
+    assert share == ("100 %" if value <= limit else "0 %")
+    assert set(page.locator("#worst tbody tr td:last-child").all_inner_texts()) <= {str(child)}
+
+
+def test_encounters_are_filtered_by_vehicle_and_words_and_sorted(page: Any, run: Run) -> None:
+    rows = run.encounters.to_pylist()
+    track = rows[1]["track_id"]
+    page.fill("#find", str(track))
+    mine = [row for row in rows if track in (row["track_id"], row["other_id"])]
+    page.wait_for_function(ROWS, arg=len(mine))
+    page.fill("#find", "collides")
+    hits = sum(row["collision"] > 0 for row in rows)
+    page.wait_for_function(ROWS, arg=hits)
+    page.fill("#find", "")
+    page.wait_for_function(ROWS, arg=len(rows))
+    page.locator("#encounters th button").last.click()
+    times = [float(t.split()[0]) for t in page.locator("#encounters td:last-child").all_inner_texts()]
+    assert times == sorted(times)
+
+
+def test_the_address_keeps_the_state(page: Any, browser: Any, run: Run) -> None:
+    page.locator("#encounters tr.go").nth(1).click()
+    page.fill("#find", str(run.encounters["track_id"][1]))
+    page.locator("#encounters th button").first.click()
+    page.fill(LIMIT, "7")
+    page.locator(LIMIT).blur()
+    page.select_option("#curve", "cumulative")
+    page.locator("#models td.go").first.click()
+    page.click("#only-future")
+    page.wait_for_function("() => location.hash.includes('only.future')")
+    read = """() => [
+        ...["child", "time", "curve"].map((id) => window[id].value),
+        ...["chips", "pair-title", "encounters", "verdict"].map((id) => window[id].innerText),
+    ]"""
+    before = page.evaluate(read)
+    other = browser.new_page(viewport={"width": 1400, "height": 900})
+    other.goto(page.url)
+    other.wait_for_selector(".chip >> nth=1")
+    assert other.evaluate(read) == before
+    assert other.input_value(LIMIT) == "7"
+    other.close()
+
+
+def test_an_address_that_means_nothing_changes_nothing(page: Any, run: Run) -> None:
+    page.evaluate(
+        "location.hash = 'pair=1,x&future=zz&t=no&only.m99=1,2&only.v0=77&limit.wttc=x&vehicle=-3&sort=z'"
+    )
+    page.wait_for_selector("#pairbox", state="hidden")
+    assert text(page, "#chips") == ""
+    assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
+
+
+def test_on_paper_thresholds_and_legend_stay(page: Any) -> None:
+    page.emulate_media(media="print")
+    assert page.is_visible(LIMIT)
+    assert page.is_visible("#legend") and page.is_visible("#strips")
+    assert page.locator("#player").is_hidden()
+
+
+def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -> None:
+    assert page.locator("#legend").count() == page.locator("#legend, .legend").count() == 1
+    assert {*run.models_of(0)} <= {*page.locator("#legend div").all_inner_texts()}
+    for metric, chart in zip(run.columns, page.locator(".chart").all(), strict=True):
+        unit = metric_of(metric).column_unit
+        assert f"[{unit}]" in chart.locator("header").inner_text() or not unit or chart.is_hidden()
+    for metric in ("collision", "distance"):
+        page.select_option("#focus", label=metric)
+        page.wait_for_selector(f"#worst th:has-text('{'m/s' if metric == 'collision' else '[m]'}')")
+
+
+def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
+    assert run.exact is not None and run.exact.p_collision() is not None
+    shown = text(page, "#any-collision")
+    assert shown == f"{100 * run.p_collision():.2f} %"
+    first = "#exact-table tbody tr:first-child td:nth-child(2)"
+    own = text(page, first)
+    page.locator("#weights input").nth(2).fill("0.7")  # constant_velocity; the others share the rest
+    rest = {name: 0.1 for name in run.exact.models} | {"constant_velocity": 0.7}
+    assert text(page, "#any-collision") == f"{100 * run.p_collision(rest):.2f} %"
+    one, other = text(page, "#exact-table tbody tr:first-child td").split(" → ")
+    pair = run.encounter(int(one), int(other)).probability(weights=rest)
+    assert text(page, first) == f"{100 * pair:.2f} %" != own
+    assert "keeps its speed (constant_velocity)" in text(page, "#exact-table")
+    page.click("#own-weights")
+    assert (text(page, "#any-collision"), text(page, first)) == (shown, own)
+
+
+def test_a_brushed_metric_selects_the_children_everywhere(page: Any, run: Run) -> None:
+    drag(page, "#charts .chart:first-child canvas", 0.02, 0.3)
+    chosen = int(text(page, "#chips b").split(" of ")[0])
+    assert 0 < chosen < run.children
+    page.keyboard.press("ArrowDown")
+    page.wait_for_timeout(100)
+    first = int(page.input_value("#child"))
+    assert run.metrics["distance"][first].as_py() < 0.4 * max(run.samples("distance"))
+    page.keyboard.press("Escape")
+    page.wait_for_timeout(100)
+    assert text(page, "#chips") == ""
+
+
+def test_a_dragged_threshold_moves_the_share(page: Any) -> None:
+    before = text(page, "#verdict .share:nth-of-type(1)")
+    limit = float(page.input_value(LIMIT))
+    drag(page, "#charts .chart:first-child canvas", _grip(page), 0.95)
+    assert float(page.input_value(LIMIT)) > limit
+    assert text(page, "#verdict .share:nth-of-type(1)") != before
+
+
+def test_a_threshold_that_is_dragged_back_has_the_share_of_the_table_again(page: Any, run: Run) -> None:
+    share = "#charts .chart:first-child b"
+    limit, before = float(page.input_value(LIMIT)), page.get_attribute(share, "title")
+    page.fill(LIMIT, str(limit + 2))
+    page.locator(LIMIT).blur()
+    page.wait_for_function(f"before => document.querySelector('{share}').title !== before", arg=before)
+    page.fill(LIMIT, str(limit + 0.05))
+    page.locator(LIMIT).blur()
+    page.wait_for_timeout(100)
+    canvas, at = "#charts .chart:first-child canvas", _grip(page)
+    drag(page, canvas, at, at + 0.01)
+    found = run.p_critical("distance")
+    assert float(page.input_value(LIMIT)) == limit
+    assert page.get_attribute(share, "title") == before
+    assert f"95 %: {100 * found.low:.0f} % – {100 * found.high:.0f} %" in before
+
+
+LIMIT = "#charts .chart:first-child input"
+LISTED = "#vehicle > p ~ button"
+ROWS = "count => document.querySelectorAll('#encounters tbody tr').length === count"
+
+
+def _grip(page: Any) -> float:
+    """Where the first chart's threshold is, as a share of its width."""
+    canvas = "#charts .chart:first-child canvas"
+    page.evaluate("document.querySelector('#charts .chart input').scrollIntoView()")
+    find = """canvas => {
+        const { left, top, width } = canvas.getBoundingClientRect();
+        const isGrip = (x) => {
+            canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: left + x, clientY: top + 60 }));
+            return canvas.style.cursor === "ew-resize";
+        };
+        return ([...Array(Math.floor(width)).keys()].find(isGrip) + 9) / width;
+    }"""
+    return float(page.eval_on_selector(canvas, find))
+
+
+def test_a_driver_of_a_vehicle_selects_the_children_that_have_it(page: Any, run: Run) -> None:
+    page.locator("#models td.go").first.click()
+    page.wait_for_selector(".chip")
+    track, model = text(page, ".chip").removesuffix(" ×").split(" as ")
+    vehicle = run.info["seed_scene"]["track_ids"].index(int(track))
+    expected = sum(run.models_of(child)[vehicle] == model for child in range(run.children))
+    assert text(page, "#chips b").startswith(f"{expected} of ")
+
+
+def test_commands_are_copied(page: Any) -> None:
+    page.fill("#child", "7")
+    page.locator("#child").blur()
+    page.click("[data-copy*=view]")
+    page.wait_for_selector("#said:has-text('copied')")
+    assert text(page, "#said").endswith("--child 7")
+
+
+@pytest.mark.parametrize(
+    ("button", "ending", "start"),
+    [("#save-png", ".png", b"\x89PNG"), ("#save-webm", ".webm", b"\x1aE\xdf\xa3")],
+)
+def test_pictures_and_films_are_saved(
+    page: Any, tmp_path: Path, button: str, ending: str, start: bytes
+) -> None:
+    page.select_option("#speed", "2")
+    with page.expect_download(timeout=15_000) as waiting:
+        page.click(button)
+    saved = tmp_path / "saved"
+    waiting.value.save_as(saved)
+    assert waiting.value.suggested_filename.endswith(ending)
+    assert saved.read_bytes().startswith(start)
+    assert saved.stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("width", [390, 820, 1600])
+def test_nothing_is_wider_than_the_screen(page: Any, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    page.wait_for_timeout(200)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_the_map_is_drawn_in_light_and_dark(page: Any) -> None:
+    pixel = """() => {
+        const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+        copy.drawImage(document.getElementById("map"), 0, 0);
+        return copy.getImageData(3, 3, 1, 1).data[0];
+    }"""
+    light = page.evaluate(pixel)
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_timeout(200)
+    assert light > 150 > 60 > page.evaluate(pixel)
+
+
+def test_the_worst_children_are_those_with_the_event(page: Any, run: Run) -> None:
+    page.select_option("#focus", label="distance")
+    page.wait_for_timeout(100)
+    page.locator("#worst tr.go").first.click()
+    page.wait_for_timeout(100)
+    child = int(page.input_value("#child"))
+    assert run.metrics["distance"][child].as_py() == min(run.samples("distance"))
+
+
+def test_the_driver_under_test_has_its_table_and_curves(browser: Any, tmp_path: Path) -> None:
+    words = (
+        "--children",
+        12,
+        "--reference",
+        "none",
+        "--under-test",
+        "7=emergency_brake",
+        "-o",
+        tmp_path / "out",
+    )
+    scex("run", example_path("roundabout"), *words).check_returncode()
+    run, page = open_run(tmp_path / "out"), browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto((run.folder / "report.html").resolve().as_uri())
+    page.wait_for_selector("#under-test td")
+    rows = under_test_rows(run.under_test)
+    assert page.locator("#under-test td:first-child").all_inner_texts() == [row[0] for row in rows]
+    canvases = page.locator("#tested-curves canvas")
+    assert canvases.count() == len(under_test_curves(run))
+    drawn = """canvas => {
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        return new Set(new Uint32Array(data.buffer)).size;
+    }"""
+    assert canvases.first.evaluate(drawn) > 10
+    page.close()
+
+
+def test_a_result_without_encounters_says_so(browser: Any, run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    for name in ("collisions.parquet", "encounters.parquet"):
+        (copy / name).unlink()
+    pq.write_table(run.metrics.drop_columns(["collision"]), copy / "metrics.parquet")
+    page = browser.new_page()
+    page.goto(write_report(open_run(copy)).resolve().as_uri())
+    page.wait_for_selector("#worst tr.go")
+    assert "not in this result" in text(page, "#verdict")
+    page.close()

@@ -1,0 +1,122 @@
+"""The commands that make a result folder something to look at."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo import example_path
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.commands.plot import plot_command
+from scex_sumo.exporters.command import export_command
+from scex_sumo.page.command import report_command
+from scex_sumo.views.command import view_command
+from tests.command import scex
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run as the command line makes it."""
+    out = tmp_path_factory.mktemp("run") / "out"
+    done = scex("run", example_path("roundabout"), "--children", 8, "-o", out)
+    assert f"report: {out / 'report.html'}" in done.stdout
+    return out
+
+
+def test_a_run_leaves_its_report_and_no_pictures(folder: Path) -> None:
+    assert (folder / "report.html").is_file()
+    assert not [*folder.glob("*.png"), *folder.glob("*.svg")]
+
+
+def test_the_report_is_written_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = (folder / "report.html").read_bytes()
+    (folder / "report.html").unlink()
+    report_command(folder)
+    assert capsys.readouterr().out.strip() == str(folder / "report.html")
+    assert (folder / "report.html").read_bytes() == before
+
+
+@pytest.mark.parametrize(("ending", "start"), [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF")])
+def test_figures_come_in_the_format_of_their_file(
+    folder: Path, tmp_path: Path, ending: str, start: bytes
+) -> None:
+    file = tmp_path / f"figure{ending}"
+    plot_command(folder, metric="distance", curve="cumulative", out=file)
+    assert file.read_bytes().startswith(start)
+
+
+def test_the_same_figure_has_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    for name in ("one.pdf", "two.pdf"):
+        plot_command(folder, metric=None, curve="density", out=tmp_path / name)
+    assert (tmp_path / "one.pdf").read_bytes() == (tmp_path / "two.pdf").read_bytes()
+
+
+def test_what_cannot_be_drawn_is_said(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"unknown ending; known: \.svg, \.png, \.pdf"):
+        plot_command(folder, metric=None, curve="density", out=tmp_path / "figure.gif")
+    with pytest.raises(UsageError, match="unknown curve; known: density, cumulative"):
+        plot_command(folder, metric=None, curve="histogram", out=None)
+    with pytest.raises(UsageError, match="unknown metric 'speed'"):
+        plot_command(folder, metric="speed", curve="density", out=tmp_path / "figure.svg")
+    with pytest.raises(ResultError, match="no such folder"):
+        report_command(tmp_path / "none")
+
+
+def test_a_collision_has_no_density_and_a_printed_name_is_understood(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--metric collision: is 0 or 1 in each future and has no density"):
+        plot_command(folder, metric="collision", curve="density", out=tmp_path / "figure.svg")
+    plot_command(folder, metric="TTC", curve="density", out=tmp_path / "printed.svg")
+    plot_command(folder, metric="ttc", curve="density", out=tmp_path / "column.svg")
+    assert (tmp_path / "printed.svg").read_bytes() == (tmp_path / "column.svg").read_bytes()
+
+
+def test_the_page_draws_its_curves_from_the_values_of_the_futures(folder: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(folder, tmp_path / "out")
+    report_command(copy)
+    before = (copy / "report.html").read_bytes()
+    (copy / "densities.parquet").unlink()
+    report_command(copy)
+    assert (copy / "report.html").read_bytes() == before
+
+
+@pytest.mark.parametrize("command", ["report", "plot", "encounters", "export"])
+def test_files_that_do_not_fit_together_are_one_line(folder: Path, tmp_path: Path, command: str) -> None:
+    copy = shutil.copytree(folder, tmp_path / "out")
+    info = json.loads((copy / "run.json").read_text())
+    info["steps"] = 0
+    (copy / "run.json").write_text(json.dumps(info))
+    encounters = pq.read_table(copy / "encounters.parquet")
+    pq.write_table(encounters.drop_columns(["collision"]), copy / "encounters.parquet")
+    metrics = pq.read_table(copy / "metrics.parquet")
+    pq.write_table(metrics.drop_columns(["collision"]), copy / "metrics.parquet")
+    pq.write_table(pq.read_table(copy / "worst.parquet").drop_columns(["metric"]), copy / "worst.parquet")
+    words = {"export": ["--critical", "ttc", "--to", "gif", "-o", tmp_path / "x.gif"]}.get(command, [])
+    done = scex(command, copy, *words)
+    if command == "plot":  # needs none of these files
+        assert done.returncode == 0
+    else:
+        assert (done.returncode, done.stderr.count("\n")) == (1, 1) and done.stderr.startswith("error: ")
+
+
+@pytest.mark.parametrize("what", ["report", "view", "grid", "export"])
+def test_no_command_reads_the_states_of_all_children_at_once(
+    folder: Path, tmp_path: Path, what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(file: Path, **_: object) -> None:
+        raise AssertionError(f"{file} was read as a whole")
+
+    monkeypatch.setattr("scex_sumo.results.run.read_states", read)
+    copy = shutil.copytree(folder, tmp_path / "out")
+    if what == "report":
+        report_command(copy)
+    elif what == "export":
+        export_command(copy, child=3, to="interaction", out=tmp_path / "child.csv")
+        assert (tmp_path / "child.csv").read_text().count("\n") == 1 + 14 * 40
+    else:
+        view_command(
+            copy, child=3 if what == "view" else None, grid=4 if what == "grid" else None, write_only=True
+        )

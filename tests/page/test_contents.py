@@ -1,0 +1,200 @@
+"""The report holds the run: tracks to the centimetre, values, events and the tables that are there."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+from base64 import b64encode
+from pathlib import Path
+
+import numpy as np
+import pyarrow.compute as pc
+import pytest
+
+from scex_sumo.page.contents import report_contents
+from scex_sumo.page.packing import decoded_motion
+from scex_sumo.page.report import report_html, write_report
+from scex_sumo.page.scene import packed_tracks, road_paths
+from scex_sumo.reports.encounter_rows import meetings
+from scex_sumo.results.run import Run, open_run
+from scex_sumo.statistics.density import wilson_of
+from scex_sumo.views.road_lines import SURFACE, road_lines
+from tests.page.packed import unpack
+
+DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
+
+
+def test_tracks_come_back_to_the_centimetre_and_milliradian(run: Run) -> None:
+    info, arrays = unpack(DATA.search(report_html(run))[1])  # type: ignore[index]
+    assert info["packed"] == list(range(run.children))
+    for child in (0, run.children - 1):
+        poses = poses_of(arrays, child)
+        states = run.states(child)
+        np.testing.assert_allclose(poses[..., 0], states.x[:, 10:], atol=0.0101)
+        np.testing.assert_allclose(poses[..., 1], states.y[:, 10:], atol=0.0101)
+        np.testing.assert_allclose(poses[..., 3], states.speed[:, 10:], atol=0.0101)
+        turned = np.angle(np.exp(1j * (poses[..., 2] - states.heading[:, 10:])))
+        np.testing.assert_allclose(turned, 0, atol=0.00101)
+
+
+def poses_of(arrays: dict[str, np.ndarray], place: int) -> np.ndarray:
+    """Return the poses (V, T, 4) of a packed future."""
+    first = np.searchsorted(arrays["owner"], np.arange(len(arrays["start"])))
+    rows = arrays["which"][place] + first
+    return decoded_motion(arrays["start"], arrays["motion"][:, rows])
+
+
+def test_of_too_many_different_tracks_a_page_holds_the_first_futures(run: Run) -> None:
+    wanted = [(run, child, child) for child in (7, 3, *range(20, 60))]
+    whole, part = packed_tracks(wanted), packed_tracks(wanted, budget=2_000)
+    assert whole.futures.tolist() == sorted(child for _, child, _ in wanted)
+    kept = len(part.futures)
+    assert 1 < kept < len(wanted)
+    assert part.futures.tolist() == sorted([7, 3, *range(20, 60)][:kept])
+    assert part.motion.shape[1] < whole.motion.shape[1] and len(part.which) == kept
+    arrays = {"owner": part.owner, "start": part.start, "which": part.which, "motion": part.motion}
+    at = part.futures.tolist().index(7)
+    np.testing.assert_allclose(poses_of(arrays, at)[..., 0], run.states(7).x[:, 10:], atol=0.0101)
+
+
+def test_equal_trajectories_are_stored_once(run: Run) -> None:
+    _, arrays = report_contents(run)
+    owner = arrays["owner"]
+    rows = {(v, arrays["motion"][:, u].tobytes()) for u, v in enumerate(owner)}
+    assert len(rows) == len(owner) < arrays["which"].size / 2
+    assert (np.bincount(owner) == arrays["which"].max(axis=0) + 1).all()
+
+
+def test_values_models_and_worst_events_are_those_of_the_tables(run: Run) -> None:
+    info, arrays = report_contents(run)
+    assert [metric["column"] for metric in info["metrics"]] == run.columns
+    distance = run.metrics["distance"].to_numpy(zero_copy_only=False)
+    np.testing.assert_allclose(arrays["values"][0], distance)
+    assert [info["models"][m] for m in arrays["levels"][7]] == run.models_of(7)
+    known = {
+        (row["child"], row["metric"], row["timestamp_ms"] / 100 - 10, row["track_id"], row["other_id"])
+        for row in run.worst.to_pylist()
+    }
+    events = [event for event in info["events"]["rows"] if event["metric"] >= 0]
+    shown = {
+        (child, run.columns[e["metric"]], e["step"], *[info["track_ids"][v] for v in e["pair"]])
+        for e in events
+        for child in e["children"]
+        if e["pair"]
+    }
+    assert shown == {row for row in known if row[-1] is not None}
+    distances = [event["cells"][1] for event in events if event["metric"] == 0]
+    assert distances == sorted(distances)
+
+
+def test_the_road_around_the_vehicles_is_there(run: Run) -> None:
+    road = report_contents(run)[0]["road"]
+    surfaces = [group for group in road if group["kind"] == SURFACE]
+    assert sum(group["path"].count("M") for group in surfaces) > 20
+    assert all(2 <= group["width"] <= 6 for group in surfaces)
+    assert [group["kind"] for group in road] == sorted(group["kind"] for group in road)
+
+
+def test_a_line_of_the_road_begins_at_a_point_and_goes_on_in_steps(tmp_path: Path) -> None:
+    net = tmp_path / "map.net.xml"
+    lane = '<lane id="a_0" index="0" speed="9" length="3" shape="10.00,-5.00 12.00,-5.00,1.5 12.00,-4.00"/>'
+    net.write_text(f'<net><edge id="a">{lane}</edge></net>')
+    (group,) = road_paths(road_lines(net, (0, 20, -10, 0)))
+    assert group == {"kind": SURFACE, "width": 3.2, "path": "M200 -100l40 0 0 20"}
+    assert road_lines(net, (13, 20, -10, 0)) == []
+
+
+def test_a_result_without_its_net_is_shown_without_a_road(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    shutil.rmtree(copy / "sumo")
+    info, _ = report_contents(open_run(copy))
+    assert info["road"] == []
+
+
+def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
+    info, _ = report_contents(run)
+    collisions, encounters = run.table("collisions.parquet"), run.table("encounters.parquet").to_pylist()
+    assert info["collisions"]["children"] == collisions["child"].to_pylist()
+    np.testing.assert_allclose([x for x, _ in info["collisions"]["places"]], collisions["x"], atol=0.00501)
+    assert info["collision"]["count"] == len(collisions["child"].unique())
+    ids = info["track_ids"]
+    assert [(ids[a], ids[b]) for a, b in (row["pair"] for row in info["encounters"]["rows"])] == [
+        (row["track_id"], row["other_id"]) for row in encounters
+    ]
+    assert info["encounters"]["rows"][0]["words"] == meetings(run)[0].words()
+
+
+def test_metrics_of_the_likely_children_are_taken_where_they_are(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    shutil.copytree(run.folder, copy / "reference")
+    arrays = report_contents(open_run(copy))[1]
+    drawn, human = np.split(arrays["values"], 2, axis=1)
+    np.testing.assert_array_equal(human, drawn)
+    assert np.isfinite(drawn[0]).all()
+
+
+def test_shared_values_and_bands_are_those_of_the_table(run: Run) -> None:
+    info, _ = report_contents(run)
+    table = run.table("densities.parquet")
+    for metric in info["metrics"]:
+        rows = table.filter(pc.equal(table["metric"], metric["column"]))
+        assert bool(rows.num_rows) == bool(metric["ticks"])
+        low, high = (np.clip(rows["cdf"].to_numpy() + sign * metric["band"], 0, 1) for sign in (-1, 1))
+        np.testing.assert_allclose(low, rows["low"], atol=1e-12)
+        np.testing.assert_allclose(high, rows["high"], atol=1e-12)
+        assert metric["atoms"] == [row["x"] for row in rows.to_pylist() if row["atom"] > 0]
+    assert any(metric["atoms"] for metric in info["metrics"])
+
+
+def test_intervals_elsewhere_are_those_of_the_design(run: Run) -> None:
+    metric = next(m for m in report_contents(run)[0]["metrics"] if m["column"] == "distance")
+    for share, number in metric["numbers"][:-1]:
+        critical = run.values("distance") <= np.sort(run.values("distance"))[round(share * run.children) - 1]
+        expected = run.intervals.share(critical)
+        assert wilson_of(share, number) == pytest.approx((expected.low, expected.high))
+    assert metric["numbers"][-1][0] == 1.0
+
+
+def test_the_page_refers_to_nothing_outside_and_runs_only_its_own_script(run: Run) -> None:
+    text = report_html(run)
+    assert not re.search(r"(?:src|href)=\"(?!data:)", text)
+    assert not re.search(r"https?://", text)
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]  # type: ignore[index]
+    assert policy.startswith("default-src 'none'")
+    assert "unsafe" not in policy
+    script = text[text.rindex("<script>") + len("<script>") : text.rindex("</script>")]
+    assert b64encode(hashlib.sha256(script.encode()).digest()).decode() in policy
+
+
+def test_the_same_result_gives_the_same_bytes(run: Run) -> None:
+    before = (run.folder / "report.html").read_bytes()
+    assert write_report(open_run(run.folder)).read_bytes() == before
+
+
+def test_the_file_is_small(run: Run) -> None:
+    assert (run.folder / "report.html").stat().st_size < 200_000
+
+
+def test_likely_children_that_collide_are_counted(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    shutil.copytree(run.folder, copy / "reference")
+    assert report_contents(open_run(copy))[0]["likely_collisions"]["value"] == run.p_collision.value
+
+
+def test_notes_that_warn_stand_above_the_answer_and_the_others_below(run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(run.folder, copy)
+    info = json.loads((copy / "run.json").read_text())
+    info["net_notes"] = ["2 lights without a lane", "warning: 9 of 90 lanelets (10%) not driven"]
+    (copy / "run.json").write_text(json.dumps(info))
+    text = report_html(open_run(copy))
+    parts = ("9 of 90 lanelets (10%) not driven", 'id="verdict"', "2 lights without a lane")
+    places = [text.index(part) for part in parts]
+    assert places == sorted(places)
+    assert "<h2>Warnings</h2>" in text and "warning: 9" not in text[: text.index('id="data"')]
+    assert "<h2>Warnings</h2>" not in report_html(run)

@@ -1,0 +1,51 @@
+"""In a notebook a run is its report and a seed scene a table; in a console both are one line."""
+
+from __future__ import annotations
+
+import importlib.util
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+from scex_sumo import example_path, extrapolate, read_seed
+from scex_sumo.base.errors import UsageError
+from scex_sumo.page.notebook import run_html, scene_html
+from scex_sumo.page.report import report_html
+from scex_sumo.results.run import Run
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    out = tmp_path_factory.mktemp("run") / "out"
+    return extrapolate(read_seed(example_path("roundabout")), children=8, out=out)
+
+
+def test_a_run_is_its_report_in_a_frame(run: Run) -> None:
+    html = run_html(run)
+    assert html.startswith("<iframe srcdoc=")
+    assert unescape(html).count(report_html(run)) == 1
+    assert 'sandbox="allow-scripts"' in html
+
+
+def test_a_seed_scene_is_one_line_and_a_table_of_its_vehicles() -> None:
+    scene = read_seed(example_path("roundabout"))
+    assert (
+        repr(scene)
+        == f"SeedScene({scene.name!r}: 14 vehicles, {scene.future.shape[1]} steps recorded after it)"
+    )  # type: ignore[union-attr]
+    assert scene_html(scene).count("<tr>") == 1 + scene.vehicles
+
+
+def test_a_run_plots_itself(run: Run, tmp_path: Path) -> None:
+    (panel,) = run.plot(tmp_path / "ttc.svg", metric="ttc")
+    assert panel.get_title(loc="left") == "1/TTC"
+    assert (tmp_path / "ttc.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_without_pandas_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(UsageError, match=r"pip install 'scex-sumo\[notebook\]'"):
+        run.to_pandas()
+    with pytest.raises(UsageError, match="unknown table 'cars'; known: metrics"):
+        run.to_pandas("cars")

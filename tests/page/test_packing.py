@@ -1,0 +1,61 @@
+"""What is packed comes out as it went in, in the smallest type, and differences add up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scex_sumo.page.packing import (
+    UNITS,
+    coded_motion,
+    decoded_motion,
+    pack,
+    quantized,
+    smallest,
+)
+from tests.page.packed import unpack
+
+
+def test_arrays_and_words_come_out_as_they_went_in() -> None:
+    arrays = {
+        "small": np.array([[1, -2], [3, 127]]),
+        "wide": np.array([40_000, -70_000]),
+        "half": np.array([-32_768, -129, -128, 127, 128, 32_767]),
+        "none": np.zeros((0, 3), dtype=np.int64),
+        "real": np.array([0.5, np.inf, np.nan]),
+    }
+    info, found = unpack(pack({"name": "größer", "limit": None}, arrays))
+    assert info == {"name": "größer", "limit": None}
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(found[name], values)
+
+
+def test_what_json_does_not_know_becomes_null_or_words() -> None:
+    known = {"whole": np.int64(3), "real": np.float64(0.5), "pair": (1, 2.5)}
+    assert unpack(pack(known, {}))[0] == {"whole": "3", "real": 0.5, "pair": [1, 2.5]}
+    endless = {**known, "most": np.inf, "deep": [{"least": -np.inf}, np.nan]}
+    plain = {"whole": "3", "real": 0.5, "pair": [1, 2.5], "most": None, "deep": [{"least": None}, None]}
+    assert unpack(pack(endless, {}))[0] == plain
+
+
+@pytest.mark.parametrize(("value", "size"), [(127, 1), (-128, 1), (128, 2), (-32_769, 4)])
+def test_integers_take_as_few_bytes_as_they_need(value: int, size: int) -> None:
+    assert smallest(np.array([value])).itemsize == size
+
+
+def test_steady_motion_takes_nothing_and_any_motion_comes_back_to_the_unit() -> None:
+    units, time_s = np.array(UNITS), 0.1 * np.arange(31)
+    heading, speed = 0.3 + 0.2 * time_s, 8.0 + 2.0 * time_s
+    x, y = 1000 + 8 * time_s, 500 - 3 * time_s
+    turning = np.stack([x + np.cumsum(np.sin(time_s)), y, heading, speed], axis=1)
+    steady = np.stack([x, 0 * x, 0 * x, 8 + 0 * x], axis=1)
+    poses = np.stack([steady, turning])
+    start = quantized(poses[:, 0], units)
+    motion = coded_motion(start, poses[:, 1:])
+    assert not motion[:, 0].any() and motion[:, 1].any()
+    off = np.abs(decoded_motion(start, motion) - poses[:, 1:])
+    assert (off <= 0.501 * units).all()
+
+
+def test_values_are_rounded_to_the_nearest_unit() -> None:
+    assert quantized(np.array([0.014, -0.016]), 0.01).tolist() == [1, -2]

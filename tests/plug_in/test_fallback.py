@@ -1,0 +1,236 @@
+"""A model that fails is stood in for, vehicle by vehicle, and it is said why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import ScexError
+from scex_sumo.behaviors.models.idm import IdmDriver, follow_path
+from scex_sumo.behaviors.registry import DEFAULTS
+from scex_sumo.plug_in.fallback import Fallible
+from scex_sumo.plug_in.user_model import SingleVehicle
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
+from tests.behaviors import roads
+
+TWO = roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
+ROAD = roads.straight()
+
+
+class Forward:
+    """Straight on at the present speed; `change` spoils the plan of all vehicles in one call."""
+
+    def __init__(self, change: Callable[[Plan, VehicleIndex], Plan] | None = None) -> None:
+        self.change = change
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        now = history.now[who.child, who.vehicle]
+        x, y, heading, speed = (
+            np.repeat(a[:, None], 40, axis=1) for a in (now.x, now.y, now.heading, now.speed)
+        )
+        made = Plan(x=x + speed * 0.1 * np.arange(1, 41), y=y, heading=heading, speed=speed)
+        return made if self.change is None else self.change(made, who)
+
+
+def asked(model: Forward, children: int = 1) -> tuple[Plan, Plan]:
+    """What a fallible model plans for everybody, and what the path-following driver would."""
+    history = roads.present(TWO, children)
+    return roads.plan(Fallible(model, "mine"), ROAD, history), follow_path(
+        history, ROAD, roads.every(history)
+    )
+
+
+def test_a_usable_plan_stands_as_it_is() -> None:
+    made, _ = asked(Forward())
+    assert made.x[0] == pytest.approx(10.0 + 0.5 * np.arange(1, 31))
+    assert made.fallback is not None and not made.fallback.any()
+    assert made.reasons == ("", "")
+
+
+def test_only_the_vehicle_without_a_finite_plan_falls_back() -> None:
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
+        made.speed[1, 7] = np.nan
+        return made
+
+    made, path = asked(Forward(spoil))
+    assert made.fallback is not None and made.fallback.tolist() == [False, True]
+    assert made.reasons == ("", "plan.speed is not finite")
+    assert made.x[0] == pytest.approx(10.0 + 0.5 * np.arange(1, 31))
+    assert np.array_equal(made.x[1], path.x[1]) and np.isfinite(made.speed).all()
+
+
+def test_what_is_not_finite_after_three_seconds_does_not_matter() -> None:
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
+        made.x[:, 30:] = np.nan
+        return made
+
+    made, _ = asked(Forward(spoil))
+    assert made.fallback is not None and not made.fallback.any()
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [(0, "plan starts 6.0 m from where the vehicle's motion leads"), (10, "plan jumps at step 11 to 6.0 m")],
+)
+def test_a_plan_that_jumps_falls_back(step: int, words: str) -> None:
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
+        made.y[1, step:] += 6.0
+        return made
+
+    made, path = asked(Forward(spoil))
+    assert made.reasons[0] == "" and made.reasons[1].startswith(words)
+    assert np.array_equal(made.y[1], path.y[1])
+
+
+def test_the_hardest_stop_that_a_vehicle_can_make_is_no_jump() -> None:
+    def stop(made: Plan, who: VehicleIndex) -> Plan:
+        made.x[:] = made.x[:, :1]  # from 5 m/s to 0 within one step
+        return replace(made, speed=np.zeros_like(made.x))
+
+    made, _ = asked(Forward(stop))
+    assert made.reasons == ("", "")
+
+
+def test_a_plan_that_is_too_short_falls_back() -> None:
+    made, path = asked(Forward(lambda made, who: replace(made, y=made.y[:, :29])))
+    assert made.reasons == ("plan.y has shape (1, 29), needs (1, 30) or more steps",) * 2
+    assert np.array_equal(made.x, path.x)
+
+
+def test_what_is_no_plan_is_said() -> None:
+    made, _ = asked(Forward(lambda made, who: None))  # type: ignore[arg-type,return-value]
+    assert made.reasons[0] == "returned NoneType, which has no x; needs a scex_sumo.Plan"
+
+
+def fails_for(child: int, vehicle: int) -> Forward:
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
+        if ((who.child == child) & (who.vehicle == vehicle)).any():
+            raise KeyError("no\nroad")
+        return made
+
+    return Forward(spoil)
+
+
+def test_one_vehicle_that_makes_a_model_raise_falls_back_alone() -> None:
+    made, path = asked(fails_for(1, 0), children=3)
+    assert made.fallback is not None and np.flatnonzero(made.fallback).tolist() == [2]
+    assert made.reasons[2].startswith(r"raised KeyError: 'no\nroad' (test_fallback.py, line ")
+    assert np.array_equal(made.x[2], path.x[2])
+    assert made.x[3] == pytest.approx(60.0 + 0.5 * np.arange(1, 31))
+
+
+class Drawing:
+    """Draws one number per vehicle, then fails for child 1's second vehicle."""
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        draws = np.array([rng[c].random() for c in who.child])
+        if ((who.child == 1) & (who.vehicle == 1)).any():
+            raise ValueError("no")
+        made = Forward().plan(history, road, who, rng)
+        return replace(made, y=made.y + draws[:, None])
+
+
+def test_a_model_that_ends_the_program_does_not() -> None:
+    def leave(made: Plan, who: VehicleIndex) -> Plan:
+        raise SystemExit(3)
+
+    made, path = asked(Forward(leave))
+    assert made.reasons[0].startswith("raised SystemExit: 3 (test_fallback.py")
+    assert np.array_equal(made.x, path.x)
+
+
+def test_another_childs_failure_does_not_change_what_a_child_draws() -> None:
+    history = roads.present(TWO, 2)
+    together = roads.plan(Fallible(Drawing(), "mine"), ROAD, history)
+    alone = roads.plan(Drawing(), ROAD, roads.present(TWO, 1))  # type: ignore[arg-type]
+    assert np.array_equal(together.y[:2], alone.y[:, :30])
+    assert together.fallback is not None and together.fallback.tolist() == [False, False, False, True]
+
+
+class OneAtATime:
+    def plan_one(
+        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+    ) -> States:
+        if vehicle == 1:
+            raise RuntimeError
+        now = history.now[child, vehicle]
+        return States(x=float(now.x) + 0.5 * np.arange(1, 31), y=np.zeros(30), heading=np.zeros(30),
+                      speed=np.full(30, 5.0))  # fmt: skip
+
+
+def test_a_driving_function_that_fails_for_one_vehicle_is_asked_once_for_each() -> None:
+    history = roads.present(TWO, 2)
+    made = roads.plan(Fallible(SingleVehicle(OneAtATime()), "mine"), ROAD, history)
+    assert made.fallback is not None and made.fallback.tolist() == [False, True] * 2
+    assert made.reasons[1].startswith("raised RuntimeError: no message (test_fallback.py")
+
+
+def test_a_models_own_fallback_is_counted_and_kept() -> None:
+    def own(made: Plan, who: VehicleIndex) -> Plan:
+        return replace(made, fallback=np.array([True, False]), reasons=("no lane", ""))
+
+    made, _ = asked(Forward(own))
+    assert made.reasons == ("no lane", "")
+    assert made.x[0] == pytest.approx(10.0 + 0.5 * np.arange(1, 31))
+    silent, _ = asked(Forward(lambda made, who: replace(made, fallback=np.array([True, False]))))
+    assert silent.reasons == ("had no plan of its own", "")
+
+
+def test_a_model_that_fails_for_everybody_is_an_error_before_anything_runs() -> None:
+    history = roads.present(TWO)
+    model = Forward(lambda made, who: replace(made, y=made.y[:, :7]))
+    with pytest.raises(
+        ScexError,
+        match=r"^mine: no usable plan for any of 2 vehicles of the seed scene: plan.y has shape \(1, 7\), "
+        r"needs \(1, 30\) or more steps; it is class Forward of .*test_fallback.py; needs a Plan of x, y",
+    ) as caught:
+        Fallible(model, "mine").try_on(history, ROAD, roads.every(history), roads.generators(history))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_model_that_fails_for_some_may_run() -> None:
+    history = roads.present(TWO)
+    model = Fallible(fails_for(0, 1), "mine")
+    model.try_on(history, ROAD, roads.every(history), roads.generators(history))
+    made = roads.plan(model, ROAD, history)
+    assert made.fallback is not None and made.fallback.tolist() == [False, True]
+
+
+def test_the_path_following_driver_is_the_calibrated_driver_on_the_straight_path() -> None:
+    scene = roads.scene_of((30.0, 0.4, 0.0, 8.0))
+    history = roads.present(scene)
+    expected = roads.plan(IdmDriver(DEFAULTS["calibrated_driver"]), roads.fork(), history)
+    made = follow_path(history, roads.fork(), roads.every(history))
+    assert np.array_equal(made.x, expected.x) and np.array_equal(made.y, expected.y)
+
+
+def moved(history: SceneHistory, x: float, y: float, heading: float) -> SceneHistory:
+    """The vehicle driven somewhere else during the child's first second."""
+    states = history.states.map(np.copy)
+    states.x[:], states.y[:], states.heading[:] = x, y, heading
+    return replace(history, states=states, step=10)
+
+
+def test_a_vehicle_that_a_model_has_turned_left_goes_on_to_the_left() -> None:
+    # On lane 11 of the fork, which turns left into +y at x = 65; the straight path is along y = 0.
+    history = moved(roads.present(roads.scene_of((45.0, 0.0, 0.0, 8.0))), 65.0, 20.0, np.pi / 2)
+    made = follow_path(history, roads.fork(), roads.every(history))
+    assert made.x[0] == pytest.approx(65.0, abs=0.1)
+    assert made.y[0, -1] > 35.0
+
+
+def test_a_vehicle_that_a_model_has_driven_off_the_road_goes_straight_on() -> None:
+    history = moved(roads.present(roads.scene_of((45.0, 0.0, 0.0, 8.0))), 80.0, -30.0, 0.5)
+    made = follow_path(history, ROAD, roads.every(history))
+    way = 0.8 * np.arange(1, 31)
+    assert made.x[0] == pytest.approx(80.0 + way * np.cos(0.5))
+    assert made.y[0] == pytest.approx(-30.0 + way * np.sin(0.5))
+    assert made.speed[0] == pytest.approx(8.0)

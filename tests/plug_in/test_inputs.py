@@ -1,0 +1,122 @@
+"""What a predictor is given, from scenes that one can do by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.plug_in.inputs import (
+    ARRAYS,
+    Surroundings,
+    lane_pieces,
+    predictor_inputs,
+    vehicle_kind,
+)
+from scex_sumo.scene import Obstacles, States
+from tests.behaviors import roads
+
+# One looks along +y at (10, 20); a second is 6 m ahead of it and crosses to the right; a third is 80 m off.
+SCENE = roads.scene_of((10.0, 20.0, np.pi / 2, 4.0), (10.0, 26.0, 0.0, 3.0), (90.0, 20.0, 0.0, 3.0))
+
+
+def given(*names: str, **how: float) -> dict[str, np.ndarray]:
+    history = roads.present(SCENE, 2)
+    surroundings = Surroundings(**how)  # type: ignore[arg-type]
+    return predictor_inputs(history, roads.straight(), roads.every(history), surroundings, names or ARRAYS)
+
+
+def test_the_own_history_ends_at_the_origin_with_the_heading_ahead() -> None:
+    history = given("history")["history"]
+    assert history.shape == (6, 11, 5)
+    assert history[:, -1, :4] == pytest.approx(np.tile([0.0, 0.0, 1.0, 0.0], (6, 1)))
+    # A second ago it was 4 m behind, whatever its heading on the map.
+    assert history[0, 0] == pytest.approx([-4.0, 0.0, 1.0, 0.0, 4.0])
+
+
+def test_neighbours_are_in_the_own_frame_nearest_first_and_masked_beyond_the_radius() -> None:
+    arrays = given(neighbours=3, radius=50.0)
+    assert arrays["neighbours"].shape == (6, 3, 11, 5)
+    assert arrays["neighbour_mask"].tolist()[:3] == [[True, False, False]] * 2 + [[False] * 3]
+    # 6 m ahead, turned to the right, so that its heading is -90 degrees in the first one's frame.
+    assert arrays["neighbours"][0, 0, -1] == pytest.approx([6.0, 0.0, 0.0, -1.0, 3.0])
+    # A second ago it was 3 m further left.
+    assert arrays["neighbours"][0, 0, 0, :2] == pytest.approx([6.0, 3.0])
+    assert not arrays["neighbours"][0, 1:].any()
+    assert arrays["neighbour_size"][0].tolist() == [[4.5, 1.8], [0.0, 0.0], [0.0, 0.0]]
+    wide = given("neighbours", "neighbour_mask", neighbours=2, radius=100.0)
+    assert wide["neighbour_mask"].all()
+    assert wide["neighbours"][0, 1, -1, :2] == pytest.approx([0.0, -80.0])
+
+
+def test_pedestrians_are_neighbours_with_their_own_past() -> None:
+    still = np.zeros((1, 14))
+    walked = Obstacles(
+        ids=("P1",),
+        types=("pedestrian/bicycle",),
+        length=np.array([0.5]),
+        width=np.array([0.6]),
+        states=States(
+            x=still + 10.0, y=23.0 + 0.1 * np.arange(14)[None], heading=still + np.pi / 2, speed=still + 1
+        ),
+        present=np.array([[True] * 13 + [False]]),
+    )
+    history = roads.present(replace(SCENE, obstacles=walked))
+    who = roads.every(history)
+
+    def seen(step: int) -> dict[str, np.ndarray]:
+        return predictor_inputs(
+            replace(history, step=step), roads.straight(), who, Surroundings(neighbours=3)
+        )
+
+    now, later, gone = seen(0), seen(2), seen(3)
+    # At y = 24 now, 4 m ahead of the first vehicle, which is nearer than the vehicle 6 m ahead.
+    assert now["neighbours"][0, 0, -1, :2] == pytest.approx([4.0, 0.0])
+    assert now["neighbours"][0, 0, 0, 0] == pytest.approx(3.0)
+    assert now["neighbour_kind"][0].tolist() == [4, 0, 0]
+    assert later["neighbours"][0, 0, -1, 0] == pytest.approx(4.2)
+    assert gone["neighbour_kind"][0].tolist() == [0, 0, 0]
+
+
+def test_lanes_are_pieces_of_centrelines_in_the_own_frame() -> None:
+    arrays = given("lanes", "lane_limit", "lane_mask", lanes=40, points=5, spacing=2.5, radius=30.0)
+    assert arrays["lanes"].shape == (6, 40, 5, 2)
+    # The lane runs along +x at y = 0: 20 m behind the first vehicle, from its left to its right.
+    nearest = arrays["lanes"][0, 0]
+    assert nearest[:, 0] == pytest.approx(-20.0)
+    assert np.diff(nearest[:, 1]) == pytest.approx(-2.5)
+    mask = arrays["lane_mask"][0]
+    # Middles at x = 5, 15, 25, ... of which those within √(30² - 20²) = 22.4 m of x = 10 are seen.
+    assert mask.sum() == 3
+    assert arrays["lane_limit"][0, mask] == pytest.approx(15.0)
+    assert not arrays["lanes"][0, ~mask].any()
+
+
+def test_a_piece_ends_where_the_next_of_its_lane_begins() -> None:
+    pieces, limit = lane_pieces(roads.straight(50.0), 10, 2.0)
+    # 50 m in pieces of at most 18 m: three of 16.7 m.
+    assert pieces.shape == (3, 10, 2) and len(limit) == 3
+    assert pieces[:, 0, 0] == pytest.approx([0.0, 50 / 3, 100 / 3])
+    assert pieces[:-1, -1] == pytest.approx(pieces[1:, 0])
+
+
+def test_a_map_without_lanes_gives_none() -> None:
+    history = roads.present(SCENE)
+    arrays = predictor_inputs(history, roads.road(), roads.every(history), Surroundings())
+    assert not arrays["lane_mask"].any() and arrays["lanes"].shape == (3, 32, 10, 2)
+
+
+@pytest.mark.parametrize(
+    ("word", "kind"),
+    [("car", 0), ("truck_bus", 1), ("Motorcycle", 2), ("bicycle", 3), ("pedestrian/bicycle", 4), ("tram", 5)],
+)
+def test_recorded_types_are_numbered(word: str, kind: int) -> None:
+    assert vehicle_kind(word) == kind
+
+
+@pytest.mark.parametrize("how", [{"neighbours": 0}, {"radius": -1.0}, {"points": 1}, {"spacing": 0.0}])
+def test_surroundings_that_make_no_sense_are_refused(how: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match=next(iter(how))):
+        Surroundings(**how)  # type: ignore[arg-type]

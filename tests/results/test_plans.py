@@ -1,0 +1,109 @@
+"""Plans come back from the result folder as they were made, for whom and when they were made."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.results.folder import ResultFolder
+from scex_sumo.results.parts import Part
+from scex_sumo.results.plans import plans_table, read_plans
+from scex_sumo.scene import States
+from tests.seeds import straight_seed
+
+SEED = dataclasses.replace(straight_seed(), track_ids=np.array([20, 3]))
+THERE = np.ones((1, 2), dtype=bool)
+
+
+def plans_of(children: list[int]) -> Part:
+    """Two plans of four steps per vehicle; x tells child, replan, vehicle and step by its digits."""
+    c, r, v, h = np.meshgrid(children, [0, 1], [0, 1], range(4), indexing="ij")
+    x = 1000.0 * c + 100 * r + 10 * v + h
+    count = len(children)
+    return Part(
+        children=np.asarray(children),
+        states=States.empty((count, 10, 2)),
+        values=np.zeros((count, 12)),
+        defined=np.ones((count, 12), dtype=bool),
+        worst=pa.table({}),
+        plan_x=x,
+        plan_y=-x,
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A result folder with the plans of children 0, 1 and 10, remade every five steps."""
+    table = plans_table(SEED, plans_of([0, 1, 10]), replan=5)
+    ResultFolder(tmp_path / "out", {}).write_table("plans.parquet", table)
+    return tmp_path / "out"
+
+
+def test_rows_are_ordered_by_child_vehicle_and_step(folder: Path) -> None:
+    rows = pq.read_table(folder / "plans.parquet").to_pylist()
+    keys = [(row["child"], row["track_id"], row["step"]) for row in rows]
+    assert keys == [(child, track, step) for child in (0, 1, 10) for track in (20, 3) for step in (0, 5)]
+    assert rows[7] == {
+        "child": 1,
+        "track_id": 3,
+        "step": 5,
+        "x": [1110.0, 1111.0, 1112.0, 1113.0],
+        "y": [-1110.0, -1111.0, -1112.0, -1113.0],
+    }
+
+
+def test_plans_are_found_by_child_and_vehicle(folder: Path) -> None:
+    plans = read_plans(folder)
+    assert plans is not None
+    wanted = np.array([[3, 20], [20, 3]])
+    paths = plans.paths(np.array(["10", "1"]), wanted, np.ones((2, 2), dtype=bool), 7)
+    assert paths.x[0, :, :, 0].tolist() == [[10010, 10000], [10110, 10100]]
+    assert paths.x[1, :, :, 3].tolist() == [[1003, 1013], [1103, 1113]]
+    assert np.array_equal(paths.y, -paths.x)
+    # At step 4 nothing of the first plan is ahead any more; from step 5 on the second is the current one.
+    assert paths.index.tolist() == [0, 0, 0, 0, 1, 1, 1]
+    assert paths.column.tolist() == [1, 2, 3, 4, 0, 1, 2]
+
+
+def test_who_is_not_there_has_no_plan(folder: Path) -> None:
+    plans = read_plans(folder)
+    assert plans is not None
+    paths = plans.paths(np.array(["0"]), np.array([[3, 0]]), np.array([[True, False]]), 5)
+    assert paths.x[0, 0, 0].tolist() == [10, 11, 12, 13]
+    assert np.isnan(paths.x[0, :, 1]).all()
+
+
+@pytest.mark.parametrize(("case", "track"), [("2", 3), ("0", 4), ("eleven", 3)])
+def test_a_vehicle_without_plan_is_named(folder: Path, case: str, track: int) -> None:
+    plans = read_plans(folder)
+    assert plans is not None
+    with pytest.raises(ResultError, match=f"no plan of vehicle {track} in future {case}, .*run again"):
+        plans.paths(np.array([case]), np.array([[track, track]]), THERE, 5)
+
+
+def test_a_folder_without_plans_has_none(tmp_path: Path) -> None:
+    assert read_plans(tmp_path) is None
+    without = dataclasses.replace(plans_of([0]), plan_x=None, plan_y=None)
+    assert plans_table(SEED, without, replan=5) is None
+
+
+def test_a_damaged_file_is_said(folder: Path) -> None:
+    file = folder / "plans.parquet"
+    table = pq.read_table(file)
+    huge = table.set_column(2, "step", pa.array([1e308] * 12))
+    for wrong in (table.slice(1), table.slice(0, 0), table.take(list(range(12))[::-1]), huge):
+        pq.write_table(wrong, file)
+        with pytest.raises(ResultError, match="plans of some vehicles or futures are missing; run again"):
+            read_plans(folder)
+    pq.write_table(table.drop_columns(["y"]), file)
+    with pytest.raises(ResultError, match=r"plans\.parquet: column y is missing"):
+        read_plans(folder)
+    file.write_text("no parquet")
+    with pytest.raises(ResultError, match=r"plans\.parquet: cannot be read"):
+        read_plans(folder)

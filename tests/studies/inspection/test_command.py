@@ -1,0 +1,45 @@
+"""``inspect`` says what a recording holds, so that a moment and its vehicles can be chosen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scex_sumo import example_path, read_seed
+from scex_sumo.base.errors import UsageError
+from scex_sumo.studies.inspection.command import inspect_command
+
+MAP = Path(example_path("roundabout"))
+
+
+def test_moments_come_with_their_vehicles_and_the_fullest_are_marked(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    inspect_command(MAP)
+    said = capsys.readouterr().out
+    rows = [line.split("│")[1:-1] for line in said.splitlines() if line.startswith("│")]
+    assert rows and all(int(row[2]) <= int(row[1]) for row in rows)
+    complete = [int(row[2]) for row in rows]
+    assert [("*" in row[3]) for row in rows] == [count == max(complete) for count in complete]
+    best = f"{read_seed(MAP).time_s:g}"  # the moment that run takes, every 0.1 s
+    assert best in [row[0].strip() for row in rows if "*" in row[3]]
+    assert said.splitlines()[-1] == f"most vehicles: scex-sumo run {MAP} --time {best}"
+    assert "time [s]" in said
+
+
+def test_a_moment_lists_its_vehicles_by_id(capsys: pytest.CaptureFixture[str]) -> None:
+    inspect_command(MAP, time=4.5)
+    said = capsys.readouterr().out
+    assert "roundabout_t4.5: 14 vehicles" in said
+    ids = [int(line.split("│")[1]) for line in said.splitlines() if line.startswith("│")]
+    assert ids == list(range(3, 17))
+    assert said.splitlines()[-1].endswith("--time 4.5")
+    assert "speed [m/s]" in said
+
+
+def test_what_cannot_be_inspected_is_said(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--every 0: give a time above 0 s"):
+        inspect_command(MAP, every=0)
+    with pytest.raises(UsageError, match="--case 9: no such case"):
+        inspect_command(MAP, case="9")
