@@ -34,7 +34,6 @@ import numpy as np
 from recorded_scenes import NGSIM_TEST
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.behaviors.models import likely_driver
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.converters.datasets.moment import Part, Split, split_moments
 from scex_sumo.converters.datasets.recordings import (
@@ -47,6 +46,7 @@ from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.humans import driver as likely_driver
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
 from scex_sumo.studies.validate.realism import realism, realism_score

@@ -1,4 +1,4 @@
-"""Fits the population of likely_driver to recordings and writes ``behaviors/weights/likely_driver.json``.
+"""Fits the population of likely_driver to recordings and writes ``scex_sumo/humans/population.json``.
 
     python benchmarks/calibrate_likely.py [--data FOLDER] [--without SET] [-o FILE]
 

@@ -1,6 +1,6 @@
 """Population of drivers: the fitted joint distribution from which `LikelyDriver` draws.
 
-The numbers are in ``behaviors/weights/likely_driver.json``, written by ``benchmarks/calibrate_likely.py``.
+The numbers are in ``population.json``, written by ``benchmarks/calibrate_likely.py``.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.files import sha256_of
 
-SHIPPED = Path(__file__).parents[1] / "weights" / "likely_driver.json"
+SHIPPED = Path(__file__).with_name("population.json")
 NODES_S = (0.0, 1.5, 3.0)  # additional accelerations are drawn for these times, linear between them
 FAR_M = 50.0  # a leader beyond this does not influence them
 MAX_ADDITIONAL_MPS2 = 5.0

@@ -9,8 +9,8 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
-from scex_sumo.behaviors.models import likely_driver
 from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.humans import driver as likely_driver
 from scex_sumo.humans.attention import Attention, _bounds, kept_clear, looks_away, respond
 from scex_sumo.humans.guard.conflicts import StopLines
 from scex_sumo.humans.observations import leaders_of
