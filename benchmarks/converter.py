@@ -28,7 +28,7 @@ from scex_sumo.base.errors import ScexError
 from scex_sumo.base.programs import program
 from scex_sumo.converters.lanelet.origin import find_origin
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.lanelet2sumo.convert import convert
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Regulation, Road
 

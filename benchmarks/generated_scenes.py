@@ -30,12 +30,12 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.datasets.moment import Part, Split
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.generators.generate import generated_scene
 from scex_sumo.generators.scene_context import Placed, lane_cells, placed_on_lanes, states_of
 from scex_sumo.generators.scene_model import KINDS, SHIPPED, SceneModel, load_scenes, save_scenes
 from scex_sumo.generators.synthetic import synthetic_scene
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.learned.training.data.dataset import part_scenes
 from scex_sumo.learned.training.scenes import seen_part, train_scenes
 from scex_sumo.road import Road

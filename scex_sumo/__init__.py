@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scex_sumo.converters.datasets.recordings import seed_at as seed_at
     from scex_sumo.converters.lanelet.reader import read_road as read_road
     from scex_sumo.converters.maps import read_map as read_map
+    from scex_sumo.converters.net.convert import convert as convert
     from scex_sumo.converters.net.sumo_net import SumoNet as SumoNet
     from scex_sumo.converters.registries import Recording as Recording
     from scex_sumo.converters.tracks.rows import TrackTable as TrackTable
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
     from scex_sumo.formats.sumo.watch import Watch as Watch
     from scex_sumo.formats.sumo.watch import watch as watch
-    from scex_sumo.lanelet2sumo.convert import convert as convert
     from scex_sumo.learned.scene_graph.graph import SceneGraph as SceneGraph
     from scex_sumo.learned.scene_graph.graph import scene_graph as scene_graph
     from scex_sumo.learned.training.attention import plot_attention as plot_attention
@@ -91,7 +91,7 @@ _HOMES = {
     "VehicleIndex": "scex_sumo.scene",
     "Watch": "scex_sumo.formats.sumo.watch",
     "behavior": "scex_sumo.behaviors.registry",
-    "convert": "scex_sumo.lanelet2sumo.convert",
+    "convert": "scex_sumo.converters.net.convert",
     "dataset_report": "scex_sumo.studies.dataset_report",
     "example_path": "scex_sumo.scenarios",
     "extrapolate": "scex_sumo.extrapolation.extrapolate",

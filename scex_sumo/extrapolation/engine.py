@@ -18,6 +18,7 @@ from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.certainty.exact import find_exact, why_not_exact
 from scex_sumo.certainty.tables import remainder_of
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
@@ -25,7 +26,6 @@ from scex_sumo.extrapolation.rollout import count_fallbacks
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recorded_info, write_tables
-from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.exact import EXACT, Exact, remove_exact, write_exact
 from scex_sumo.results.folder import ResultFolder

@@ -11,10 +11,10 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.results.encounters import answers_of
 from scex_sumo.results.outcomes import encounters_of_rows
 from scex_sumo.scene import SeedScene

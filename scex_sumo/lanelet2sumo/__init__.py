@@ -1,1 +1,1 @@
-"""Converter from a Road to a SUMO net, and the judge of how faithful a net is."""
+"""Writer of SUMO nets: a road as edges, connections, nodes, lights, and text; and the judge of such nets."""

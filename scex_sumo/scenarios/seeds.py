@@ -109,8 +109,8 @@ def synthetic_seed(
         3
     """
     from scex_sumo.converters.maps import read_map
+    from scex_sumo.converters.net.convert import converted
     from scex_sumo.generators.synthetic import synthetic_scene
-    from scex_sumo.lanelet2sumo.convert import converted
 
     if like not in ("sumo", "recorded"):
         raise UsageError(f"--as {like}: unknown; known: sumo, recorded")

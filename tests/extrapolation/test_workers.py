@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ResultError
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.extrapolation.engine import add_reference, run_scene
 from scex_sumo.extrapolation.job import Job, batch_size
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers, succeeded
-from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 

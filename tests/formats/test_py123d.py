@@ -16,7 +16,7 @@ import shapely
 from scex_sumo import extrapolate, find_recordings, load_recording, read_map, read_seed
 from scex_sumo.base.errors import MapError, ScexError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
-from scex_sumo.lanelet2sumo.convert import convert
+from scex_sumo.converters.net.convert import convert
 from tests.formats import streets
 
 msgpack = pytest.importorskip("msgpack")

@@ -16,8 +16,9 @@ from shapely.geometry import LineString, Point, Polygon
 from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.generators.synthetic import LIMIT_S, synthetic_scene
-from scex_sumo.lanelet2sumo.convert import SumoNet, convert
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES, example_path, synthetic
 from scex_sumo.scene import SeedScene, States

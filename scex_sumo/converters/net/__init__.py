@@ -1,1 +1,1 @@
-"""Writer of SUMO nets: a road as edges, connections, nodes, lights, and text; no SUMO."""
+"""SUMO nets: reader, lane table, drawing, and the registry of their writers."""

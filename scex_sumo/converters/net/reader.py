@@ -25,6 +25,7 @@ from scex_sumo.road import Georeference
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
 MAX_M = 1e8  # of coordinates
+DECIMALS = 3  # millimetres: what SUMO's tools expect
 CAR = "passenger"
 
 Made = TypeVar("Made")
@@ -164,6 +165,14 @@ def net_root(path: Path) -> Element:
 def points_of(shape: str) -> FloatArray:
     """Return the points (P, 2) of a shape; SUMO may mix points with and without a height."""
     return np.array([point.split(",")[:2] for point in shape.split()], dtype=np.float64).reshape(-1, 2)
+
+
+def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
+    """Format a polyline as SUMO does: ``x,y x,y``."""
+    # Adding 0.0 turns a rounded -0.0 into 0.0.
+    return " ".join(
+        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
+    )
 
 
 def read_net(path: Path) -> NetContent:

@@ -36,6 +36,25 @@ class SumoNet:
     losses: tuple[MapLoss, ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WrittenNet:
+    """Files of a net before they are written.
+
+    Attributes:
+        content: of NET.net.xml.
+        drawing: content of NET.add.xml.
+        rows: of the lane table.
+        ends: edges before and after each internal SUMO lane.
+    """
+
+    content: str
+    drawing: str
+    rows: tuple[tuple[int, str], ...]
+    ends: Mapping[str, tuple[str, str]]
+    notes: tuple[str, ...] = ()
+    losses: tuple[MapLoss, ...] = ()
+
+
 def open_net(net_path: Path) -> SumoNet:
     """Open a net that `convert` wrote, with the files beside it."""
     table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
@@ -70,7 +89,7 @@ class LaneTable:
     """
 
     def __init__(
-        self, rows: Iterable[tuple[int, str]], ends: dict[str, tuple[str, str]] | None = None
+        self, rows: Iterable[tuple[int, str]], ends: Mapping[str, tuple[str, str]] | None = None
     ) -> None:
         self.rows = tuple(rows)
         self.ends = dict(ends or {})

@@ -16,7 +16,7 @@ from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import Origin
 
 if TYPE_CHECKING:
-    from scex_sumo.lanelet2sumo.convert import SumoNet
+    from scex_sumo.converters.net.sumo_net import SumoNet
     from scex_sumo.lanelet2sumo.judge.report import FidelityReport
     from scex_sumo.road import Road
 
@@ -99,7 +99,7 @@ def convert_command(
 
 
 def _convert(road: Road, out: Path | None, signals: Path | None) -> SumoNet:
-    from scex_sumo.lanelet2sumo.convert import convert
+    from scex_sumo.converters.net.convert import convert
 
     warn(road.notes)
     net_path = out if out is not None else Path(f"{road.name}.net.xml")

@@ -17,10 +17,10 @@ from scex_sumo.base.errors import TrackError, UsageError, reason_of
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.recordings import Recording
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import Models, RunSettings
-from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import describe_metrics, thresholds_of
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road

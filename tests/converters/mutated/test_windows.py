@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reader import read_net
-from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.driving import border_routes
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from tests.converters.mutated.mutations import EXAMPLES

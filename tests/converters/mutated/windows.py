@@ -16,8 +16,8 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.maps import read_map
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.geometry.polylines import cut, length_of, nearest, samples
-from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Road
 from tests.converters.mutated.cut_roads import cut_road, overlap

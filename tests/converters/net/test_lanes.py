@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import InputError
-from scex_sumo.lanelet2sumo.convert import LaneTable, convert
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.sumo_net import LaneTable
 from tests.converters.sumo_roads import lane, road
 
 

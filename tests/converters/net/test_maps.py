@@ -12,7 +12,8 @@ import sumolib
 from shapely import LineString, Point
 
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.lanelet2sumo.convert import SumoNet, convert
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import NetFile, load

@@ -9,9 +9,9 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.files import cache_folder
-from scex_sumo.converters.net import convert as converting
-from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.lanelet2sumo.convert import converted
+from scex_sumo.converters.net.convert import converted
+from scex_sumo.converters.net.sumo_net import SumoNet, WrittenNet
+from scex_sumo.lanelet2sumo import net as writer
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES
 
@@ -20,13 +20,13 @@ from scex_sumo.scenarios import EXAMPLES
 def conversions(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     """The roads that were converted, from an empty cache on."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    real, made = converting.convert, []
+    real, made = writer.write_net, []
 
-    def counted(road: Road, net_path: Path) -> SumoNet:
+    def counted(road: Road, signals: Path | None) -> WrittenNet:
         made.append(road.name)
-        return real(road, net_path)
+        return real(road, signals)
 
-    monkeypatch.setattr(converting, "convert", counted)
+    monkeypatch.setattr(writer, "write_net", counted)
     return made
 
 

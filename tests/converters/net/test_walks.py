@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from scex_sumo import example_path, read_map
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reader import read_net
-from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.net.walkers import ROUNDABOUT_ARMS, contacts, crosswalk, with_lanes

@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.cli import main
 from scex_sumo.converters.lanelet.file import write_map_file
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.lanelet2sumo.convert import convert
+from scex_sumo.converters.net.convert import convert
 from tests.converters.maps import ROAD, straight, write_map
 from tests.converters.mutated.mutations import example, renamed
 from tests.converters.sumo_roads import NetFile

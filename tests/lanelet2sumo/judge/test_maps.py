@@ -8,7 +8,7 @@ import pytest
 
 from scex_sumo.converters.lanelet.origin import find_origin
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.lanelet2sumo.convert import convert
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.judge.command import convert_command
 from scex_sumo.lanelet2sumo.judge.report import FidelityReport, check_net, drive_net
 from tests.converters.maps import write_map

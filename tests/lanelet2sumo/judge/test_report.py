@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import InputError
-from scex_sumo.lanelet2sumo.convert import convert
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.judge.driving import Driving
 from scex_sumo.lanelet2sumo.judge.report import TABLE, FidelityReport, check_net, drive_net
 from tests.converters.plain_net import Table, crossing, lane, write_net

@@ -24,8 +24,8 @@ from scex_sumo.converters.datasets.recordings import (
     seed_at,
 )
 from scex_sumo.converters.maps import read_map
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.generators.synthetic import simulated_scenes
-from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.learned.training.data.obstacles import add_obstacles
 from scex_sumo.learned.training.data.perturb import Perturbation, measured, perturbed
 from scex_sumo.learned.training.data.samples import (

@@ -9,6 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.lanelets import KEY, parts_text
+from scex_sumo.converters.net.reader import DECIMALS, shape_text
 from scex_sumo.lanelet2sumo.plan.layout import Connection, NetLane, NetLayout, Node
 from scex_sumo.lanelet2sumo.plan.lights import Programme
 from scex_sumo.lanelet2sumo.plan.pedestrians import SPEED_MPS, Walks
@@ -19,7 +20,6 @@ from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opp
 # Traffic light and link index by internal lane or crossing.
 Lights: TypeAlias = Mapping[str, tuple[str, int]]
 
-DECIMALS = 3  # millimetres: what SUMO's tools expect
 EXACT = 9  # decimals of lanes' shapes: drivers on a net that is read back shall plan as on its map
 ROOT = '<net version="1.20" junctionCornerDetail="5"{} limitTurnSpeed="-1.00">'
 NOBODY = "custom2"  # a class that no vehicle has
@@ -55,14 +55,6 @@ def net_text(
         "",
     ]
     return "\n".join(lines)
-
-
-def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
-    """Format a polyline as SUMO does: ``x,y x,y``."""
-    # Adding 0.0 turns a rounded -0.0 into 0.0.
-    return " ".join(
-        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
-    )
 
 
 def _programmes(programmes: Iterable[Programme]) -> Iterator[str]:

@@ -1,0 +1,62 @@
+"""Conversion of roads to SUMO nets: by a registered writer, or by a copy of the road's own net; cached."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from functools import partial
+from pathlib import Path
+
+from scex_sumo.base.cache import cached_object
+from scex_sumo.base.files import write_atomic
+from scex_sumo.base.importing import Registry
+from scex_sumo.base.version import __version__, version_of
+from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, WrittenNet, net_file
+from scex_sumo.road import MapLoss, Road
+
+NETS = Registry(
+    group="scex_sumo.nets", kind="net writer", builtin={"copy": "scex_sumo.converters.net.copy:copy_net"}
+)
+"""Net writers: functions ``write(road, signals)`` that return a `WrittenNet`."""
+DEFAULT_WRITER = "lanelet2sumo"
+
+
+def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = None) -> SumoNet:
+    """Write a road as a SUMO net, with its lane table NET.lanes.csv and its drawing NET.add.xml beside it.
+
+    Args:
+        signals: CSV of recorded signal phases (SPaT); the intersection's KML must lie beside it.
+
+    Raises:
+        MapError: the road has no vehicle lanes, or some without length; the signals cannot be used.
+
+    Example:
+        >>> net = scex.convert(scene.road, Path("roundabout.net.xml"))
+        >>> net.path.is_file()
+        True
+    """
+    return _with_files(_written(road, None if signals is None else Path(signals)), Path(net_path))
+
+
+def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
+    """Convert a road as `convert` does, or take the net from the cache.
+
+    ``keep=False`` neither reads nor writes the cache.
+    """
+    if not keep or road.net is not None:
+        return convert(road, net_path)
+    key = hashlib.sha256(pickle.dumps((__version__, version_of("shapely"), road))).digest()
+    return _with_files(cached_object("nets", key, partial(_written, road), (WrittenNet, MapLoss)), net_path)
+
+
+def _written(road: Road, signals: Path | None = None) -> WrittenNet:
+    written: WrittenNet = NETS.load(DEFAULT_WRITER if road.net is None else "copy")(road, signals)
+    return written
+
+
+def _with_files(net: WrittenNet, net_path: Path) -> SumoNet:
+    table, extras = LaneTable(net.rows, net.ends), net_file(net_path, ".add.xml")
+    write_atomic(net_path, net.content.encode())
+    table.write(net_file(net_path, ".lanes.csv"))
+    extras.write_text(net.drawing, encoding="utf-8")
+    return SumoNet(path=net_path, extras=extras, lanes=table, notes=net.notes, losses=net.losses)

@@ -1,0 +1,97 @@
+"""Writer of SUMO nets: a road as edges, connections, nodes and lights.
+
+The net is written directly, not by netconvert, to keep the map's shapes and coordinates.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+from scex_sumo.base.errors import MapError, listed
+from scex_sumo.converters.net.drawing import extras_text
+from scex_sumo.converters.net.sumo_net import WrittenNet, lane_table
+from scex_sumo.converters.registries import signal_format
+from scex_sumo.geometry.polylines import length_of
+from scex_sumo.lanelet2sumo.plan.footways import crossed_zones, footways
+from scex_sumo.lanelet2sumo.plan.layout import NetLayout, plan_net
+from scex_sumo.lanelet2sumo.plan.lights import Programme, fixed_programmes, with_crossings
+from scex_sumo.lanelet2sumo.plan.pedestrians import plan_walks
+from scex_sumo.lanelet2sumo.text import net_text
+from scex_sumo.lanelet2sumo.topology.borders import add_approaches, add_entries
+from scex_sumo.lanelet2sumo.topology.graph import Topology, build_rows, cut_lanes
+from scex_sumo.road import MapLoss, Road
+from scex_sumo.roads.conflicts import conflicts
+
+SHORTEST_M = 0.01
+JOINED_M = 0.3  # between consecutive bus or bicycle lanes
+
+
+def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
+    """Write a road as a SUMO net, with recorded signal phases if given, as `scex.convert`."""
+    lanes = road.vehicle_lanes
+    if not lanes:
+        raise MapError(f"{road.name}: no lanelet that cars may drive on; nothing to convert")
+    points = sorted(i for i, lane in lanes.items() if length_of(lane.centreline) < SHORTEST_M)
+    if points:
+        raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
+    lanes = add_entries(lanes, road.lanes)
+    found = conflicts(lanes, border_forks=True)
+    if (approached := add_approaches(lanes, found, road.lanes)).keys() != lanes.keys():
+        lanes, found = approached, conflicts(approached, border_forks=True)
+    ways = footways(road.lanes, lanes)
+    topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
+    layout = plan_net(topology, road.regulations, found)
+    recorded, notes = None, list[str]()
+    if signals is not None:
+        recorded, notes = signal_format(signals).read(layout, road.origin, signals)
+    fixed = fixed_programmes(layout, lanes, road.regulations, found)
+    walks = plan_walks(ways, topology, layout)
+    lights, unlit = with_crossings(_with_fixed_programmes(recorded, fixed), recorded, walks, layout)
+    if unlit:
+        notes.append(
+            f"crosswalks without green for people, because the lights never stop the cars: {listed(unlit)}"
+        )
+    layout = layout.beside(_side_lanes(road))
+    table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
+    why = "not possible in SUMO, because the lanes lie in different edges"
+    loss = MapLoss(kind="lane changes", why=why, elements=tuple(f"{a} to {b}" for a, b in lost))
+    return WrittenNet(
+        content=net_text(layout, lights, road.georeference, walks),
+        drawing=extras_text(road),
+        rows=table.rows,
+        ends=table.ends,
+        notes=tuple(notes),
+        losses=(*road.losses, *([loss] if lost else ())),
+    )
+
+
+def _side_lanes(road: Road) -> NetLayout:
+    own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
+    ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
+    joined = [
+        (i, j)
+        for i in own
+        for j in own
+        if j != i and own[i].kind == own[j].kind and math.dist(ends[i][1], ends[j][0]) < JOINED_M
+    ]
+    lanes = {
+        k: replace(
+            lane,
+            successors=tuple(j for i, j in joined if i == k),
+            predecessors=tuple(i for i, j in joined if j == k),
+            left=None,
+            right=None,
+            conflicts=(),
+        )
+        for k, lane in own.items()
+    }
+    return plan_net(Topology(build_rows(lanes)[0], lanes, []), road.regulations, [])
+
+
+def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -> list[Programme]:
+    if recorded is None:
+        return fixed
+    taken = {c.internal.name for c in recorded.connections}
+    return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]

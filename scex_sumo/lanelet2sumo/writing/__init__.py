@@ -1,1 +1,0 @@
-"""Text of a SUMO net and of its drawing."""
