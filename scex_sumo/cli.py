@@ -15,10 +15,9 @@ from typing import Annotated
 import typer
 
 from scex_sumo.base.errors import ScexError, ScexWarning, UsageError
-from scex_sumo.base.importing import Registry
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
-from scex_sumo.commands.shared import Command, with_shared
+from scex_sumo.commands.shared import COMMANDS, Command, with_shared
 
 
 def _version(wanted: bool) -> None:
@@ -33,19 +32,6 @@ def _root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
 ) -> None:
     """Take the options of all commands."""
-
-
-COMMANDS = Registry(
-    group="scex_sumo.commands",
-    kind="command",
-    builtin={
-        "run": "scex_sumo.commands.run:run_command",
-        "plot": "scex_sumo.commands.plot:plot_command",
-        "encounters": "scex_sumo.commands.encounters:encounters_command",
-        "models": "scex_sumo.commands.models:models_command",
-    },
-)
-"""A command is a function with Typer options; ``EXAMPLE`` in its module ends its help."""
 
 
 def command_line(arguments: Sequence[str] = ()) -> typer.Typer:

@@ -14,7 +14,8 @@ import sumolib.options
 import typer
 
 from scex_sumo.__main__ import start
-from scex_sumo.cli import COMMANDS, command_line
+from scex_sumo.cli import command_line
+from scex_sumo.commands.shared import COMMANDS
 
 _SHARED = ("config", "help")
 

@@ -40,8 +40,7 @@ from scex_sumo.commands.options import (
     parse_thresholds,
 )
 from scex_sumo.commands.seed import one_source, seed_scene
-from scex_sumo.commands.shared import Answer
-from scex_sumo.views.command import view_command
+from scex_sumo.commands.shared import COMMANDS, Answer
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
@@ -130,10 +129,9 @@ def run_command(
     )
     from scex_sumo.extrapolation.models import ModelSet
     from scex_sumo.extrapolation.settings import RunSettings
-    from scex_sumo.extrapolation.workers import Workers, succeeded
+    from scex_sumo.extrapolation.workers import Workers
     from scex_sumo.results.region import parse_region
     from scex_sumo.statistics.bands import MAX_CHILDREN
-    from scex_sumo.views.children import write_critical, write_critical_of
     from scex_sumo.world.base import DEFAULT_WORLD
 
     if until_band is not None and children is None:
@@ -188,7 +186,6 @@ def run_command(
                 overwrite=overwrite,
                 options=dataclasses.replace(options, progress=tick, command=command),
             )
-        views = pool.submit(partial(write_critical_of, folder), where="over the views") if plots else None
         if reference == NO_REFERENCE:
             drop_reference(result)
         else:
@@ -201,14 +198,12 @@ def run_command(
             from scex_sumo.page.report import write_report
 
             page = write_report(result, scene)
-            if views is None or not succeeded(views):
-                write_critical(result)
             print(f"report: {page}")
     shown, option = _worst_option(result)
     options_of_view = " ".join(f"--{name} {value}" for name, value in option.items())
     print(f"look:   scex-sumo view {shlex.quote(str(shown))} {options_of_view}")
     if gui:
-        view_command(shown, **option)
+        COMMANDS.load("view")(shown, **option)
     return partial(run_answer, result, page)
 
 

@@ -18,7 +18,20 @@ from typer import Option
 from typer.core import TyperArgument, TyperCommand
 
 from scex_sumo.base.errors import UsageError, nearest
+from scex_sumo.base.importing import Registry
 from scex_sumo.commands import console
+
+COMMANDS = Registry(
+    group="scex_sumo.commands",
+    kind="command",
+    builtin={
+        "run": "scex_sumo.commands.run:run_command",
+        "plot": "scex_sumo.commands.plot:plot_command",
+        "encounters": "scex_sumo.commands.encounters:encounters_command",
+        "models": "scex_sumo.commands.models:models_command",
+    },
+)
+"""A command is a function with Typer options; ``EXAMPLE`` in its module ends its help."""
 
 Answer = Callable[[], dict[str, Any]]
 """What a command with ``--json`` returns: a function that makes its answer."""

@@ -12,33 +12,12 @@ import pyarrow as pa
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.colors import Rgb, model_colors
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import write_atomic, writing
+from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import metric_of, side_of
-from scex_sumo.results.run import Run, open_run
+from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.drawings import ChildView
 from scex_sumo.views.replay import ReadNet, write_view
-
-
-def write_critical(run: Run) -> list[Path]:
-    """Write the most critical child by each metric.
-
-    A child that is worst by several metrics stops at its worst step by the last of them.
-    """
-    files, net = [], ReadNet.of(run.net.path)
-    columns = [c for c in run.columns if not c.endswith("_mean") and len(run.samples(c))]
-    children = {column: run.most_critical(column) for column in columns}
-    last = {number: column for column, number in children.items()}
-    views = {number: write_worst(run, column, net) for number, column in last.items()}
-    for column, number in children.items():
-        files.append(views[number].with_name(f"critical_{column}.sumocfg"))
-        write_atomic(files[-1], views[number].read_bytes())
-    return files
-
-
-def write_critical_of(folder: Path) -> None:
-    """Write the most critical children of the run in a folder, e.g. in another process."""
-    write_critical(open_run(folder))
 
 
 def write_child(run: Run, number: int) -> Path:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from scex_sumo.cli import COMMANDS
+from scex_sumo.commands.shared import COMMANDS
 from scex_sumo.scenarios import example_path
 from scex_sumo.sumo_tool import parser_of, words_of
 

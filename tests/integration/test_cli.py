@@ -64,6 +64,15 @@ def test_a_run_leaves_the_result_that_the_readme_promises(result: Path) -> None:
     assert repr(scex_sumo.open_run(result)) == f"Run({str(result)!r}: 12 futures of roundabout_t4.5)"
 
 
+def test_a_run_with_a_page_writes_the_net_and_no_views(tmp_path: Path) -> None:
+    done = scex(
+        "run", ROUNDABOUT, "--children", 2, "--steps", 3, "--reference", "none", "-o", tmp_path / "out"
+    )
+    assert done.returncode == 0, done.stderr
+    files = sorted(file.name for file in (tmp_path / "out" / "sumo").iterdir())
+    assert files == [f"roundabout.{ending}" for ending in ("add.xml", "lanes.csv", "net.xml")]
+
+
 def test_the_summary_names_every_metric(tmp_path: Path) -> None:
     out = tmp_path / "out"
     main = ("collision", "severe injuries", "body gap", "1/TTC on path", "DRAC", "THW", "WTTC of outlines")
