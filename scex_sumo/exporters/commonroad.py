@@ -16,6 +16,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import write_atomic
 from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.exporters.light_cycles import Cycles, LightCycle, light_cycles
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.geometry.polylines import along, arc_lengths
 from scex_sumo.road import Lane, Road
@@ -29,6 +30,18 @@ _LANELET_TYPES = {"vehicle": "urban", "bus": "busLane", "bicycle": "bicycleLane"
 _USERS = {"bicycle": "bicycle", "pedestrian": "pedestrian", "bus": "bus"}
 _ORDER = ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft")
 _STRAIGHT_RAD = np.pi / 6
+# SUMO's letters of the states of lights; o and O: blinking and off.
+_COLOURS = {
+    "r": "red",
+    "s": "red",
+    "u": "redYellow",
+    "y": "yellow",
+    "Y": "yellow",
+    "g": "green",
+    "G": "green",
+}
+_OFF = LightCycle(phases=((1, "O"),), offset=0)
+_TURNS = {"l": "left", "s": "straight", "r": "right"}
 _SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's, CommonRoad's default
 
 
@@ -37,11 +50,14 @@ def write_commonroad(request: Request) -> list[Path]:
 
     Time step 0 is the first logged frame; with an ego, it is the seed scene, and the ego is no obstacle.
     """
-    ego, files = request.ego_index(), []
+    ego, files, cycles = request.ego_index(), [], light_cycles(request.run.net)
+    seed_step = LOGGED_HISTORY - 1 if ego is None else 0
     for child in request.children:
         name = _benchmark(request.road.name, child)
         root = _root(name, request.file_stem(child))
-        road, used = road_elements(request.road, request.scene.track_ids.tolist())
+        road, used = road_elements(
+            request.road, request.scene.track_ids.tolist(), cycles=cycles, seed_step=seed_step
+        )
         root.extend(road)
         root.extend(_obstacles(request, child, ego, used))
         if ego is not None:
@@ -165,10 +181,18 @@ def lanelet_numbers(road: Road, taken: Collection[int] = ()) -> dict[int, int]:
     return {i: first + k if first else i for k, i in enumerate(lanes)}
 
 
-def road_elements(road: Road, taken: Collection[int] = ()) -> tuple[list[ET.Element], set[int]]:
-    """Return the elements of a road, and all their ids; ``taken`` are ids of obstacles."""
+def road_elements(
+    road: Road, taken: Collection[int] = (), *, cycles: Cycles | None = None, seed_step: int = 0
+) -> tuple[list[ET.Element], set[int]]:
+    """Return the elements of a road, and all their ids.
+
+    Args:
+        taken: ids of obstacles.
+        cycles: of the lights; those at other lanes are off.
+        seed_step: time step of the seed scene.
+    """
     numbers = lanelet_numbers(road, taken)
-    signals = _signals(road, numbers)
+    signals = _signals(road, numbers, cycles or {}, seed_step)
     both_ways = {lane.reverse_of for lane in road.lanes.values()} - {None}
     lanelets = [_lanelet(road.lanes[i], numbers, signals, both=i in both_ways) for i in numbers]
     signs = {int(element.get("id", "0")) for element in signals.elements}
@@ -187,7 +211,7 @@ def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, Flo
     return np.asarray(a), np.asarray(b)
 
 
-def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
+def _signals(road: Road, numbers: Mapping[int, int], cycles: Cycles, seed_step: int) -> _Signals:
     signals, free = _Signals(), max(numbers.values()) + 1
     driven = [i for i in numbers if road.lanes[i].kind == "vehicle"]
     for speed in sorted({road.lanes[i].speed_limit_mps for i in driven}):
@@ -200,24 +224,51 @@ def _signals(road: Road, numbers: Mapping[int, int]) -> _Signals:
         lanes = [i for i in bound if i in numbers]
         if not lanes:
             continue
-        first = road.lanes[lanes[0]]
-        if rule.kind == "traffic_light":
-            light = ET.Element("trafficLight", id=str(free))
-            _point(add(light, "position"), first.centreline[-1])
-            add(light, "direction", "all")
-            add(light, "active", "true")
-            signals.elements.append(light)
-        else:
-            kind = _STOP if rule.kind in ("stop", "all_way_stop") else _YIELD
-            signals.elements.append(_sign(free, kind, first))
-        tag = "trafficLightRef" if rule.kind == "traffic_light" else "trafficSignRef"
-        signals.refer(lanes, tag, free)
+        lit = rule.kind == "traffic_light"
+        tag = "trafficLightRef" if lit else "trafficSignRef"
         if len(rule.stop_lines) == 1 and len(lanes) == 1 and len(rule.stop_lines[0]) > 1:
             signals.stop_lines[lanes[0]] = rule.stop_lines[0], tag, free
-        free += 1
+        if lit:
+            for (cycle, turns), under in _lights(lanes, cycles).items():
+                signals.elements.append(_light(free, cycle, turns, road.lanes[under[0]], seed_step))
+                signals.refer(under, tag, free)
+                free += 1
+        else:
+            kind = _STOP if rule.kind in ("stop", "all_way_stop") else _YIELD
+            signals.elements.append(_sign(free, kind, road.lanes[lanes[0]]))
+            signals.refer(lanes, tag, free)
+            free += 1
     lights = [element for element in signals.elements if element.tag == "trafficLight"]
     signals.elements = [element for element in signals.elements if element.tag != "trafficLight"] + lights
     return signals
+
+
+def _lights(lanes: list[int], cycles: Cycles) -> dict[tuple[LightCycle, str], list[int]]:
+    """Return the lanes of each light: cycle, and direction where the cycles of a lane differ by it."""
+    found: dict[tuple[LightCycle, str], list[int]] = {}
+    for lane in lanes:
+        at_lane = cycles.get(lane, {_OFF: ""})
+        for cycle, letters in at_lane.items():
+            turns = [turn for letter, turn in _TURNS.items() if letter in letters.lower().replace("t", "l")]
+            apart = len(at_lane) > 1 and 0 < len(turns) < len(_TURNS)
+            direction = turns[0] + "".join(turn.title() for turn in turns[1:]) if apart else "all"
+            found.setdefault((cycle, direction), []).append(lane)
+    return found
+
+
+def _light(number: int, cycle: LightCycle, turns: str, lane: Lane, seed_step: int) -> ET.Element:
+    light = ET.Element("trafficLight", id=str(number))
+    repeated = add(light, "cycle")
+    for steps, letter in cycle.phases:
+        phase = add(repeated, "cycleElement")
+        add(phase, "duration", str(steps))
+        add(phase, "color", _COLOURS.get(letter, "inactive"))
+    whole = sum(steps for steps, _ in cycle.phases)
+    add(repeated, "timeOffset", str((seed_step + cycle.offset - 1) % whole + 1))  # positive, by the format
+    _point(add(light, "position"), lane.centreline[-1])
+    add(light, "direction", turns)
+    add(light, "active", "false" if cycle is _OFF else "true")
+    return light
 
 
 def _intersections(road: Road, numbers: Mapping[int, int], first: int) -> list[ET.Element]:

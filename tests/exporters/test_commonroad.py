@@ -1,18 +1,25 @@
 from __future__ import annotations
 
+import subprocess
+from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.commonroad import lanelet_numbers, point_by_point, road_elements
 from scex_sumo.exporters.request import EXPORTERS, Request
+from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.results.run import Run
+from scex_sumo.road import Regulation
 from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import synthetic_seed
 
 reader = pytest.importorskip("commonroad.common.file_reader")
 
@@ -88,6 +95,76 @@ def test_commonroad_io_reads_the_intersection_with_its_arms_and_turns(run: Run, 
         ends = [np.diff(lanes[min(turn)].centreline, axis=0)[[0, -1]] @ (1, 1j) for turn in turns]
         right, straight, left = (np.angle(end / begin) for begin, end in ends)
         assert right < straight < left
+
+
+@pytest.fixture(scope="module")
+def lit_run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Grid whose lights have phases for left turns, and begin 7 s late."""
+    folder = tmp_path_factory.mktemp("lit")
+    shape = ("--grid", "--grid.number", "2", "--grid.attach-length", "120", "--default.lanenumber", "2")
+    lights = ("-j", "traffic_light", "--turn-lanes", "1", "--tls.left-green.time", "6")
+    netgenerate = [program("netgenerate"), *shape, *lights, "-o", "lit.net.xml"]
+    subprocess.run(netgenerate, check=True, capture_output=True, env=environment(), cwd=folder)
+    net = folder / "lit.net.xml"
+    net.write_text(net.read_text().replace('offset="0"', 'offset="7"'))
+    scene = synthetic_seed(net, vehicles=4)
+    return extrapolate(scene, children=1, models=["standard_driver"], out=folder / "out")
+
+
+def shown_by_sumo(net: Path, folder: Path, steps: int) -> dict[str, list[str]]:
+    """State of each light of a net at each step from time 0 on."""
+    names = {logic.get("id", "") for logic in ET.parse(net).getroot().iter("tlLogic")}
+    events = [f'<timedEvent type="SaveTLSStates" source="{name}" dest="states.xml"/>' for name in names]
+    (folder / "events.add.xml").write_text(f"<additional>{''.join(events)}</additional>")
+    options = ["-n", str(net), "-a", "events.add.xml", "--step-length", "0.1", "--end", str(steps / 10)]
+    subprocess.run(
+        [program("sumo"), *options], check=True, capture_output=True, env=environment(), cwd=folder
+    )
+    shown: dict[str, list[str]] = {name: [] for name in names}
+    for state in ET.parse(folder / "states.xml").getroot().iter("tlsState"):
+        shown[state.get("id", "")].append(state.get("state", ""))
+    return shown
+
+
+@pytest.mark.parametrize("ego", [False, True])
+def test_commonroad_io_reads_lights_that_show_what_sumo_shows(
+    lit_run: Run, tmp_path: Path, *, ego: bool
+) -> None:
+    track = int(lit_run.scene.track_ids[0]) if ego else None
+    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, children=(0,), out=tmp_path, ego=track))
+    network = reader.CommonRoadFileReader(str(file)).open()[0].lanelet_network
+    seed_step, steps = (0 if ego else 9), 1200
+    shown = shown_by_sumo(lit_run.net.path, tmp_path, steps)
+    colours = {"r": "RED", "y": "YELLOW", "g": "GREEN", "G": "GREEN"}
+    turns = {"l": "LEFT", "t": "LEFT", "s": "STRAIGHT", "r": "RIGHT"}
+    links = [
+        link for link in ET.parse(lit_run.net.path).getroot().iter("connection") if link.get("tl") is not None
+    ]
+    for link in links:
+        (lane,) = lit_run.net.lanes.lanelets(f"{link.get('from')}_{link.get('fromLane')}")
+        lights = [
+            network.find_traffic_light_by_id(i) for i in network.find_lanelet_by_id(lane).traffic_lights
+        ]
+        turn = turns[link.get("dir", "")]
+        (light,) = [x for x in lights if x.direction.name == "ALL" or turn in x.direction.name]
+        letters = [state[int(link.get("linkIndex", ""))] for state in shown[link.get("tl", "")]]
+        read = [light.get_state_at_time_step(seed_step + t).name for t in range(steps)]
+        assert light.active and read == [colours[letter] for letter in letters]
+    assert len({c for link in links for c in shown[link.get("tl", "")]}) > 5
+
+
+def test_a_light_that_the_net_does_not_have_is_off() -> None:
+    road = read_map(example_path("urban_intersection"))
+    light = Regulation(element_id=1, kind="traffic_light", lanes=(min(road.vehicle_lanes),), lights=(1,))
+    elements, _ = road_elements(replace(road, regulations=(light,)))
+    (written,) = [element for element in elements if element.tag == "trafficLight"]
+    assert (written.findtext("active"), written.findtext("cycle/cycleElement/color")) == ("false", "inactive")
+    assert [part.tag for part in written] == [
+        "cycle",
+        "position",
+        "direction",
+        "active",
+    ]  # as the XSD has them
 
 
 def test_each_arm_of_a_roundabout_has_an_intersection_and_no_id_is_used_twice() -> None:
