@@ -153,6 +153,27 @@ def test_commonroad_io_reads_lights_that_show_what_sumo_shows(
     assert len({c for link in links for c in shown[link.get("tl", "")]}) > 5
 
 
+def test_an_export_with_lights_and_ego_meets_the_schema_of_commonroad_io(
+    lit_run: Run, tmp_path: Path
+) -> None:
+    etree = pytest.importorskip("lxml.etree")
+    ego = int(lit_run.scene.track_ids[0])
+    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, children=(0,), out=tmp_path, ego=ego))
+    (schema,) = Path(reader.__file__).parents[1].rglob("XML_commonRoad_XSD.xsd")
+    etree.XMLSchema(etree.parse(schema)).assertValid(etree.parse(file))
+
+
+def test_commonroad_crime_computes_its_wttc_on_an_export_with_lights(lit_run: Run, tmp_path: Path) -> None:
+    configuration = pytest.importorskip("commonroad_crime.data_structure.configuration")
+    measure = pytest.importorskip("commonroad_crime.measure")
+    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, children=(0,), out=tmp_path))
+    scenario, _ = reader.CommonRoadFileReader(str(file)).open(lanelet_assignment=True)
+    ego, *others = (vehicle.obstacle_id for vehicle in scenario.dynamic_obstacles)
+    settings = configuration.CriMeConfiguration()
+    settings.update(ego_id=ego, sce=scenario)
+    assert min(measure.WTTC(settings).compute(other, 9) for other in others) > 0.0
+
+
 def test_a_light_that_the_net_does_not_have_is_off() -> None:
     road = read_map(example_path("urban_intersection"))
     light = Regulation(element_id=1, kind="traffic_light", lanes=(min(road.vehicle_lanes),), lights=(1,))
