@@ -14,7 +14,9 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.certainty.extra import EVENTS
 from scex_sumo.certainty.futures import DrawnModels, ExtraFutures
+from scex_sumo.certainty.results import Exact
 from scex_sumo.certainty.search import MAX_VEHICLES, Search
 from scex_sumo.certainty.tables import InfluenceTable, reduced
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
@@ -24,7 +26,6 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.situations import plan_inputs_of
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.encounters import answers_of
-from scex_sumo.results.exact import EVENTS, Exact
 from scex_sumo.results.folder import assignments_table
 from scex_sumo.results.outcomes import encounters_of_rows
 from scex_sumo.results.parts import PARTS

@@ -19,6 +19,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import UsageError
+from scex_sumo.statistics.bands import remainder_of
 
 Cube: TypeAlias = frozenset[tuple[int, int]]
 """Partial assignment: track ids and the indices of their models."""
@@ -147,12 +148,6 @@ class InfluenceTable:
                     break
         return [self._phrase(one) for one in sets]
 
-    def told(self, most: int) -> str:
-        """Return the first cut sets in words, and the number of the others; empty if it never happens."""
-        ways = self.in_words()
-        more = f"; or in {len(ways) - most} more ways" if len(ways) > most else ""
-        return "; or ".join(ways[:most]) + more
-
     def _phrase(self, cube: Mapping[int, Iterable[int]]) -> str:
         parts = []
         for track in self.track_ids:
@@ -161,11 +156,6 @@ class InfluenceTable:
                 does = " or ".join(f"{WORDS[n]} ({n})" if n in WORDS else f"drives as {n}" for n in names)
                 parts.append(f"{track} {does}")
         return " and ".join(parts) or "whatever its drivers do"
-
-
-def remainder_of(checked: int) -> float:
-    """Return the largest share that is wrong, with 95 %, if none of ``checked`` draws is (rule of three)."""
-    return min(1.0, 3.0 / checked) if checked else 1.0
 
 
 def reduced(table: InfluenceTable) -> InfluenceTable:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +10,9 @@ import numpy as np
 
 from scex_sumo.converters.datasets.moment import busiest
 from scex_sumo.metrics.registry import critical_columns, metric_of, side_of
-from scex_sumo.reports.encounter_rows import STRESS_TEST, Meeting, meetings
-from scex_sumo.results.exact import Encounter
+from scex_sumo.reports.encounter_rows import Meeting, meetings
+from scex_sumo.reports.run_table import extra_rows
+from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
@@ -21,36 +22,31 @@ if TYPE_CHECKING:
     from scex_sumo.statistics.density import Interval
 
 
-def run_answer(run: Run, page: Path | None = None) -> dict[str, Any]:
+def run_answer(run: Run) -> dict[str, Any]:
     """Return the answer of ``run --json``."""
     scene, recorded = run.info["seed_scene"], run.info.get("recorded")
     return {
         "result": run.folder,
-        "report": page,
+        **{name: path for name, path in {"report": None, **run.written}.items()},
         "scene": {key: scene.get(key) for key in ("name", "time_s", "vehicles", "track_ids")},
         "futures": run.children,
         "notes": [*scene.get("notes", ()), *run.info["net_notes"], *run.info["run_notes"]],
         "collision": {
             "recorded": None if recorded is None else len(recorded["overlaps"]),
-            **_both(run, lambda one: one.p_collision if one.outcomes else None),
+            **_both(run, lambda one: one.collision.estimate if one.outcomes else None),
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
+        "rows": extra_rows(run),
         "encounters": meeting_rows(meetings(run)),
+        **{key: value for extra in extras_results() for key, value in extra.answer(run).items()},
     }
 
 
-def meeting_rows(
-    found: Sequence[Meeting], weights: Mapping[str, float] | None = None
-) -> list[dict[str, Any]]:
-    """Return encounters as rows; ``weights`` of models are for the probabilities of the stress test."""
-    rows = []
-    for one in found:
-        encounter = Encounter(row=one.row, run=one.run)
-        asked = weights if one.futures == STRESS_TEST else None
-        exact = None if encounter.table is None else encounter.table.probability(asked)
-        row = {"futures": one.futures, **one.row, "exact_collision": exact}
-        rows.append(row if asked is None else row | {"weighted": encounter.weighted(asked)})
-    return rows
+def meeting_rows(found: Sequence[Meeting]) -> list[dict[str, Any]]:
+    """Return encounters as rows."""
+    return [
+        {"futures": one.futures, **one.row, "exact_collision": one.encounter.collision.exact} for one in found
+    ]
 
 
 def _both(run: Run, share: Any) -> dict[str, Any]:

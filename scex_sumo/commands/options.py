@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.options import last_of_list
 
 
 def complete_models(incomplete: str) -> list[str]:
     """Complete the last of a list of models and sets of models."""
-    from scex_sumo.behaviors.registry import SETS, known_models
+    from scex_sumo.extrapolation.settings import complete_models as complete
 
-    return last_of_list(incomplete, [*SETS, *(model.name for model in known_models())])
+    return complete(incomplete)
 
 
 def complete_metrics(incomplete: str) -> list[str]:
@@ -32,12 +32,6 @@ def complete_results(incomplete: str) -> list[str]:
     results = [file for depth in ("*", "*/*") for file in within.glob(f"{depth}/run.json")]
     names = (file.parent.relative_to(within).as_posix() for file in results)
     return sorted(f"{typed}{slash}{name}" for name in names if name.startswith(begin))
-
-
-def last_of_list(incomplete: str, names: Iterable[str]) -> list[str]:
-    """Complete the last entry of a comma-separated list."""
-    typed, comma, last = incomplete.rpartition(",")
-    return [f"{typed}{comma}{name}" for name in names if name.startswith(last)]
 
 
 MapPath = Annotated[
@@ -132,29 +126,6 @@ ResultPath = Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", h
 def metric_option(help: str) -> Any:
     """Return an option that takes one metric."""
     return typer.Option(metavar="METRIC", help=help, autocompletion=complete_metrics)
-
-
-def parse_thresholds(entries: Sequence[str] | None) -> dict[str, float]:
-    """Return ``METRIC=VALUE`` entries as a mapping."""
-    return numbers_by_name("--threshold", entries or (), "METRIC=VALUE, e.g. --threshold ttc=0.5")
-
-
-def numbers_by_name(option: str, entries: Iterable[str], form: str) -> dict[str, float]:
-    """Return ``NAME=NUMBER`` entries of an option as a mapping.
-
-    Raises:
-        UsageError: an entry has another form; it tells the right ``form``, with an example.
-    """
-    found = {}
-    for entry in entries:
-        name, _, number = (part.strip() for part in entry.rpartition("="))
-        try:
-            found[name] = float(number)
-        except ValueError:
-            name = ""
-        if not name:
-            raise UsageError(f"{option} {entry}: needs {form}")
-    return found
 
 
 def two_tracks(text: str, option: str = "--encounter") -> tuple[int, int]:

@@ -27,7 +27,6 @@ COMMANDS = Registry(
     builtin={
         "run": "scex_sumo.commands.run:run_command",
         "plot": "scex_sumo.commands.plot:plot_command",
-        "encounters": "scex_sumo.commands.encounters:encounters_command",
         "models": "scex_sumo.commands.models:models_command",
     },
 )

@@ -101,7 +101,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             raise UsageError(f"assign: vehicle {self.agent} is the agent")
         if num_envs < 1 or hold < 1 or hold > steps:
             raise UsageError(f"num_envs {num_envs}, hold {hold}: need at least 1, hold at most {steps} steps")
-        settings = RunSettings(models=models, assign=assign or {}, baseline=False, steps=steps, replan=replan)
+        settings = RunSettings(models=models, assign=assign or {}, steps=steps, replan=replan)
         self._models = ModelSet.of(settings)
         for name, model in zip(self._models.names, self._models.built, strict=True):
             if isinstance(model, SumoDriver):

@@ -11,8 +11,9 @@ from typer import Argument, Option
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import replacing
+from scex_sumo.base.options import numbers_by_name
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import complete_metrics, numbers_by_name
+from scex_sumo.commands.options import complete_metrics
 
 if TYPE_CHECKING:
     import pyarrow as pa

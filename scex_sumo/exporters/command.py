@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.commands.options import Result, last_of_list, metric_option, two_tracks
+from scex_sumo.base.options import last_of_list
+from scex_sumo.commands.options import Result, metric_option, two_tracks
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run

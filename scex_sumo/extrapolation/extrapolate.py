@@ -1,73 +1,49 @@
-"""Extrapolation of a seed scene in Python."""
+"""Extrapolation of a seed scene in Python: all that ``scex-sumo run`` does."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+import dataclasses
+from functools import partial
+from typing import Any
 
-from scex_sumo.base.errors import warn_notes
+from scex_sumo.base.errors import UsageError, warn_notes
+from scex_sumo.base.options import python_words, split_options
 from scex_sumo.base.progress import Progress, progress_of
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.extrapolation.engine import RunOptions, run_scene
-from scex_sumo.extrapolation.settings import Models, RunSettings
+from scex_sumo.extrapolation.engine import run_scene
+from scex_sumo.extrapolation.extras import extra_named, extras_of
+from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.metrics.registry import Metric
-from scex_sumo.results.region import EVERYWHERE, Region
+from scex_sumo.results.extras import extra_types
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
-from scex_sumo.statistics.designs import DEFAULT_DESIGN
-from scex_sumo.world.base import DEFAULT_WORLD
 
 
+def run_options() -> tuple[type, ...]:
+    """Return the dataclasses whose fields are the options of a run: settings, other options, extras."""
+    return RunSettings, RunOptions, *extra_types().values()
+
+
+@python_words(run_options)
 def extrapolate(
     scene: SeedScene,
+    settings: RunSettings | None = None,
     *,
-    models: Models = DEFAULT_MODELS,
-    assign: Mapping[int, str] | None = None,
-    under_test: Mapping[int, str | None] | None = None,
-    baseline: bool = True,
-    children: int | str = 385,
-    design: str = DEFAULT_DESIGN,
-    until_band: float | None = None,
-    steps: int = 30,
-    replan: int = 5,
-    seed: int = 0,
-    world: str = DEFAULT_WORLD,
-    preset: str = "both",
-    metrics: Sequence[str | Metric] | None = None,
-    thresholds: Mapping[str, float] | None = None,
-    reflect: bool = True,
-    keep_plans: bool = False,
-    region: Region = EVERYWHERE,
-    out: str | Path | None = None,
-    overwrite: bool = False,
-    workers: int = 1,
-    batch: int | None = None,
-    gui: bool = False,
-    cache: bool = True,
-    exact: bool = True,
     progress: Progress | bool | None = None,
-    command: Sequence[str] | None = None,
+    **options: Any,
 ) -> Run:
-    """Simulate many child scenarios of a seed scene with different drivers, and measure each.
+    """Simulate many futures of a seed scene with different drivers, and measure each.
 
-    `scex_sumo.extrapolation.settings.RunSettings` describes the arguments up to ``region``; the others
-    change no value. Notes on net and run are `ScexWarning`.
+    Notes on net and run are `ScexWarning`.
 
     Args:
         scene: the seed scene, with its road.
-        out: result folder; None makes a temporary one that lives as long as the run.
-        overwrite: replace the result of another run in ``out``.
-        workers: processes that share the children.
-        batch: children side by side in one world; None for about 6000 vehicles.
-        gui: show the run live in sumo-gui.
-        cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
-        exact: run more futures for exact probabilities if all models are deterministic, see `Run.exact`.
+        settings: None makes them of the options.
         progress: True for a bar on a terminal or in a notebook; or called with (steps done, steps in all).
-        command: the command line, for ``run.json``.
+        options: fields of `RunSettings`, `RunOptions` and the registered extras, as ``scex-sumo run --help``
+            lists them, e.g. ``children``, ``models``, ``assign``, ``out``, ``reference``, ``exact``.
 
     Raises:
-        UsageError: an argument makes no sense.
+        UsageError: an option makes no sense.
         ResultError: the folder cannot be written, or holds another run.
         ScexError: any other fault of the input or the environment.
 
@@ -76,30 +52,17 @@ def extrapolate(
         >>> run.metrics.num_rows
         4
     """
-    settings = RunSettings(
-        models=models,
-        assign=assign or {},
-        under_test=under_test or {},
-        baseline=baseline,
-        children=children,
-        design=design,
-        until_band=until_band,
-        steps=steps,
-        replan=replan,
-        seed=seed,
-        world=world,
-        preset=preset,
-        metrics=metrics,
-        thresholds=thresholds or {},
-        reflect=reflect,
-        keep_plans=keep_plans,
-        region=region,
-    )
-    with (
-        progress_of(progress, scene.name) as tick,
-        Workers(1 if gui else min(workers, settings.count or workers)) as pool,
-    ):
-        options = RunOptions(batch=batch, gui=gui, cache=cache, exact=exact, progress=tick, command=command)
-        run = run_scene(scene, settings, out=out, overwrite=overwrite, workers=pool, options=options)
+    if not isinstance(scene, SeedScene):
+        raise UsageError(
+            f"extrapolate: got {type(scene).__name__}, needs a seed scene; make one with "
+            "scex_sumo.read_seed(map, tracks=...) or synthetic_seed(map, vehicles=...)"
+        )
+    values, how, *own = split_options(options, run_options())
+    settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
+    how = RunOptions(bar=partial(progress_of, progress), **how)
+    extras = [*extras_of({name: value for given in own for name, value in given.items()})]
+    extras += [extra_named(one) for one in how.extra]
+    with Workers(1 if how.gui else min(how.workers, settings.count or how.workers)) as pool:
+        run = run_scene(scene, settings, workers=pool, options=how, extras=extras)
     warn_notes([*run.info["net_notes"], *run.info["run_notes"]])
     return run

@@ -172,7 +172,7 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
         metrics=settings.measured,
         preset=settings.rule,
         counted=job.counted,
-        vehicles=settings.region.vehicles(job.scene),
+        vehicles=settings.counted.vehicles(job.scene),
         on_paths=job.on_paths,
     )
     values, hits = outcome.values, outcome.collisions

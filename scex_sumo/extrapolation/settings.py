@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.options import last_of_list, numbers_by_name, option
+from scex_sumo.base.progress import Progress
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, parse_models
 from scex_sumo.metrics.evaluate import PAPER_PRESET
@@ -20,7 +24,8 @@ from scex_sumo.metrics.registry import (
     describe_metrics,
     metrics_named,
 )
-from scex_sumo.results.region import EVERYWHERE, Region
+from scex_sumo.results.region import EVERYWHERE, Region, parse_region
+from scex_sumo.statistics.bands import MAX_CHILDREN as MAX_GROWN
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
@@ -28,10 +33,50 @@ from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
 MAX_CHILDREN, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
 """Limits: children, steps of each (ten minutes), states of all vehicles in all steps."""
 
+Driver: TypeAlias = Any
+"""A behaviour model as text, a `ModelSpec`, or a driver's class, function or object."""
 Models: TypeAlias = str | Sequence[str | ModelSpec]
+
+FUTURES: Final = 385
+"""Futures of a run, as in the paper."""
 
 RUN_PRESETS: Final = {"paper": ("paper",), "path": ("path",), "both": ("paper", "path")}
 """Sets of metrics that a run evaluates."""
+
+
+def complete_models(incomplete: str) -> list[str]:
+    """Complete the last of a list of models and sets of models."""
+    from scex_sumo.behaviors.registry import SETS, known_models
+
+    return last_of_list(incomplete, [*SETS, *(model.name for model in known_models())])
+
+
+def read_assign(entries: Sequence[str], option: str = "--assign") -> dict[int, str]:
+    """Read ``TRACK=MODEL`` entries of an option, each vehicle once."""
+    result: dict[int, str] = {}
+    for entry in entries:
+        track, equals, model = entry.partition("=")
+        if not equals or not model or not track.strip().lstrip("-").isdigit():
+            raise UsageError(f"{option} {entry}: needs TRACK=MODEL, e.g. {option} 17=emergency_brake")
+        if int(track) in result:
+            raise UsageError(f"{option} {entry}: vehicle {int(track)} is given twice; give it one model")
+        result[int(track)] = model
+    return result
+
+
+def read_under_test(entries: Sequence[str]) -> dict[int, str | None]:
+    """Read ``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn."""
+    alone = [entry for entry in entries if entry.strip().isdigit()]
+    models = read_assign([entry for entry in entries if entry not in alone], "--under-test")
+    for entry in alone:
+        if int(entry) in models:
+            raise UsageError(f"--under-test {entry}: vehicle {int(entry)} is given twice; give it once")
+    return {**models, **{int(entry): None for entry in alone}}
+
+
+def read_thresholds(entries: Sequence[str]) -> dict[str, float]:
+    """Read ``METRIC=VALUE`` entries."""
+    return numbers_by_name("--threshold", entries, "METRIC=VALUE, e.g. --threshold ttc=0.5")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,53 +84,92 @@ class RunSettings:
     """All that decides on the values of a run, except the seed scene.
 
     Attributes:
-        models: models to draw from, ``name[:parameter=value]...[@weight]``, comma-separated or a list.
-        assign: model by track id for vehicles that are not drawn; a user's model is under test.
-        under_test: model by track id for vehicles that are measured apart as well; None: as drawn.
-        baseline: run every child again without the models under test.
-        children: number, or ``"all"`` for every combination; 385, as in the paper, gives a 95 % interval of
-            +-5 % around a share of one half.
-        design: how assignments are drawn, one of `scex_sumo.statistics.designs.DESIGNS`.
-        until_band: half-width of the widest 95 % band at which the run ends; ``children`` is then the
-            maximum.
-        steps: of 0.1 s per child.
-        replan: steps between plans, 1 to 30.
-        seed: the same seed gives the same result.
-        world: ``sumo``; ``plain``, arrays alone, if SUMO drives no vehicle, with the same result to the bit;
-            ``checked``, arrays compared with SUMO in two children of each batch; or an entry point in
-            ``scex_sumo.worlds``.
-        preset: ``paper`` for the paper's six metrics, ``path`` for those along planned paths and between
-            outlines, ``both``.
+        models: a list, too; an entry is text, a `ModelSpec`, or a driver's class, function or object.
+        assign: by track id; an entry as of ``models``. A model of the user's is under test.
+        under_test: by track id, as ``assign``; None for a vehicle that is driven as drawn.
+        children: ``"all"`` runs every combination; 385, as in the paper, gives a 95 % interval of +-5 %
+            around a share of one half. With ``until_band`` it is the maximum.
+        until_band: half-width of the widest 95 % band at which the run ends.
+        world: ``plain`` has the same result to the bit if SUMO drives no vehicle; ``checked`` compares
+            arrays with SUMO in two children of each batch.
         metrics: names, import paths, metrics or presets in the place of the preset's.
         thresholds: by metric column, on top of the defaults.
-        reflect: separate values that many children share, and reflect densities at 0 if no value is negative;
-            False gives the paper's plain kernel.
-        region: only pairs with a vehicle inside count; all vehicles are simulated.
+        reflect: False gives the paper's plain kernel.
+        region: all vehicles are simulated.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
     Raises:
         UsageError: a setting makes no sense.
     """
 
-    models: Models = DEFAULT_MODELS
-    assign: Mapping[int, str] = field(default_factory=dict)
-    under_test: Mapping[int, str | None] = field(default_factory=dict)
-    baseline: bool = True
-    children: int | str = 385
-    design: str = DEFAULT_DESIGN
-    until_band: float | None = None
-    steps: int = 30
-    replan: int = 5
-    seed: int = 0
-    world: str = DEFAULT_WORLD
-    preset: str = "both"
-    metrics: Sequence[str | Metric] | None = None
-    thresholds: Mapping[str, float] = field(default_factory=dict)
-    reflect: bool = True
-    keep_plans: bool = False
-    region: Region = EVERYWHERE
+    children: int | str | None = option(
+        "Number of futures: 385; at most 10000 with --until-band.", None, metavar="N|all", text=True
+    )
+    steps: int = option("Steps of 0.1 s per future.", 30)
+    replan: int = option("Steps between two plans.", 5)
+    models: Models = option(
+        "Models to draw from; see 'scex-sumo models'.",
+        DEFAULT_MODELS,
+        metavar="MODEL[@WEIGHT],...",
+        text=True,
+        complete=complete_models,
+    )
+    assign: Mapping[int, Driver] = option(
+        "A vehicle's model; repeatable.",
+        factory=dict,
+        metavar="TRACK=MODEL",
+        several=True,
+        read=read_assign,
+    )
+    under_test: Mapping[int, Driver | None] = option(
+        "A driving function under test, measured apart; repeatable.",
+        factory=dict,
+        metavar="TRACK=MODEL",
+        several=True,
+        read=read_under_test,
+    )
+    design: str = option(
+        "How assignments are drawn: balanced (default) or random.", DEFAULT_DESIGN, metavar="NAME", text=True
+    )
+    until_band: float | None = option(
+        "Go on until all 95 % bands, or an exact P, are within +-W.", None, metavar="W"
+    )
+    region: Region | str | None = option(
+        "Only pairs with a vehicle in this circle, m.", None, metavar="X,Y,R", text=True
+    )
+    around: int | None = option("Only pairs with a vehicle within 30 m of this one.", None, metavar="TRACK")
+    preset: str = option(
+        "Metrics: the paper's, those along paths, or both (default: main ones are shown).",
+        "both",
+        metavar="|".join(RUN_PRESETS),
+        text=True,
+    )
+    metrics: str | Sequence[str | Metric] | None = option(
+        "Metrics, built-in or your own; default: the preset's.", None, metavar="NAME,...", text=True
+    )
+    thresholds: Mapping[str, float] = option(
+        "Where a metric becomes critical; repeatable.",
+        factory=dict,
+        metavar="METRIC=VALUE",
+        names=("--threshold",),
+        several=True,
+        read=read_thresholds,
+    )
+    reflect: bool = option("Separate shared values and reflect densities at 0.", True)
+    seed: int = option("Random seed.", 0)
+    world: str = option(
+        "plain: without SUMO; checked: plain, compared with SUMO; or an entry point.",
+        DEFAULT_WORLD,
+        metavar="sumo|plain|checked|NAME",
+    )
+    keep_plans: bool = option("Write plans.parquet, to evaluate gap times again.", False)
 
     def __post_init__(self) -> None:
+        self._put_region()
+        if self.children is None:
+            object.__setattr__(self, "children", FUTURES if self.until_band is None else MAX_GROWN)
+        if isinstance(self.metrics, str):
+            object.__setattr__(self, "metrics", [name.strip() for name in self.metrics.split(",")])
         if self.steps < 1:
             raise UsageError(f"--steps: got {self.steps}, needs at least 1")
         if self.steps > MAX_STEPS:
@@ -120,6 +204,21 @@ class RunSettings:
         object.__setattr__(self, "metrics", metrics_named(self.metrics or RUN_PRESETS[self.preset]))
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
+    def _put_region(self) -> None:
+        region = EVERYWHERE if self.region is None else self.region
+        if isinstance(region, str) or self.around is not None:
+            if region != EVERYWHERE and not isinstance(region, str):
+                raise UsageError("--region and --around exclude one another; give one of them")
+            region = parse_region(region if isinstance(region, str) else None, self.around)
+        object.__setattr__(self, "region", region)
+        object.__setattr__(self, "around", None)
+
+    @property
+    def counted(self) -> Region:
+        """The region in which pairs count."""
+        assert isinstance(self.region, Region)
+        return self.region
+
     def _put_under_test(self) -> None:
         assign, under_test = self.assign or {}, self.under_test or {}
         twice = sorted(set(under_test) & set(assign))
@@ -127,9 +226,7 @@ class RunSettings:
             raise UsageError(f"--under-test {twice[0]}: --assign names this vehicle too; give one of them")
         for text in under_test.values():
             parse_models(text or DEFAULT_MODELS)  # an error now, not after reading the scene
-        own = {
-            t: text for t, text in assign.items() if self.baseline and any(map(is_own, parse_models(text)))
-        }
+        own = {t: text for t, text in assign.items() if any(map(is_own, parse_models(text)))}
         object.__setattr__(self, "assign", {t: text for t, text in assign.items() if t not in own})
         object.__setattr__(self, "under_test", {**under_test, **own})
 
@@ -173,11 +270,6 @@ class RunSettings:
         """The metric columns of a child."""
         return columns_of(self.measured)
 
-    @property
-    def compared(self) -> bool:
-        """Whether every child runs again without the models under test."""
-        return self.baseline and any(model is not None for model in self.under_test.values())
-
     def to_json(self) -> dict[str, Any]:
         """Return the settings' entries of ``run.json``."""
         described = describe_metrics(self.measured)
@@ -193,7 +285,7 @@ class RunSettings:
             "preset": self.preset,
             "reflect": self.reflect,
             "keep_plans": self.keep_plans,
-            **self.region.to_json(),
+            **self.counted.to_json(),
         }
 
 
@@ -209,3 +301,41 @@ def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] =
             raise UsageError(f"--threshold {column}={value}: not a finite number; give one")
         found[column] = value
     return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunOptions:
+    """Options of a run that change no value of its result.
+
+    Attributes:
+        out: None makes a temporary folder that lives as long as the run.
+        workers: processes that share the children.
+        batch: children side by side in one world; None for about 6000 vehicles.
+        cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
+        extra: an object, too.
+        bar: opens a progress bar by its label; yields a function of (done, total), or None.
+        command: the command line, for ``run.json``.
+        compared: compare a checked world with SUMO's.
+
+    Raises:
+        UsageError: an option makes no sense.
+    """
+
+    workers: int = option("Processes.", 1)
+    batch: int | None = option("Futures in one SUMO process; default: automatic.", None)
+    gui: bool = option("Show the run live in sumo-gui, then its worst future.", False, names=("--gui",))
+    cache: bool = option("Keep converted maps and assignments for the next run.", True)
+    extra: Sequence[Any] = option(
+        "An extra of your own; repeatable.", (), metavar="MODULE:CLASS[:OPTION=V]", several=True
+    )
+    overwrite: bool = option("Replace another run's result.", False, names=("--overwrite",))
+    out: str | Path | None = option("Result folder.", None, metavar="OUT", names=("-o", "--out"), text=True)
+    bar: Callable[[str], AbstractContextManager[Progress | None]] = lambda label: nullcontext()
+    command: Sequence[str] | None = None
+    compared: bool = True
+
+    def __post_init__(self) -> None:
+        if self.batch is not None and self.batch < 1:
+            raise UsageError(f"--batch: got {self.batch}, needs at least 1")
+        if self.out is not None and Path(self.out).is_file():
+            raise UsageError(f"-o {self.out}: is a file; name a folder")

@@ -10,7 +10,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import check_path, check_positive
 from scex_sumo.behaviors.driving.paths import PathChoice
 
-SHIPPED = Path(__file__).parents[1] / "weights"
+SHIPPED = Path(__file__).parent / "trained"
 MODES = ("best", "draw")
 HEADS = ("bounded", "free")
 

@@ -30,7 +30,6 @@ from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH, split_atoms
-from scex_sumo.studies.under_test.table import verdict
 from scex_sumo.views.road_lines import road_lines
 
 FAR_M = 1e6  # place of vehicles that have left
@@ -119,7 +118,6 @@ def _words(
         "likely_collisions": None if run.reference is None else collision_share(run.reference),
         "always": always_critical(run),
         "above": human_above(run),
-        "tested": verdict(run.under_test) if run.baseline is not None and run.info.get("under_test") else "",
     }
 
 

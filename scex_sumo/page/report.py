@@ -7,25 +7,17 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-import numpy as np
-
 from scex_sumo.base.files import write_atomic
-from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
-from scex_sumo.page.charts import line_legend, metric_title, ticks, value_range
 from scex_sumo.page.contents import report_contents
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
-from scex_sumo.page.study import card, table, table_place
+from scex_sumo.page.parts import PagePart
 from scex_sumo.reports.run_table import counted
-from scex_sumo.results.encounters import ENCOUNTERS
+from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run
 from scex_sumo.scene import STEP_S, SeedScene
-from scex_sumo.studies.under_test.results import Driven
-from scex_sumo.studies.under_test.table import HEADS, under_test_rows
 
 REPORT = "report.html"
-TABLE = "under-test"
 _WARNING = "warning: "
-_KINDS: dict[Driven, str] = {"under_test": "picked", "baseline": "drawn"}
 SCRIPTS = (
     *BASE,
     *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
@@ -47,95 +39,12 @@ def report_html(run: Run, scene: SeedScene | None = None) -> str:
 
 def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
     """Return the report as HTML from the result of `report_contents`."""
-    is_tested = run.baseline is not None and run.info.get("under_test")
-    tables = {TABLE: table(HEADS, under_test_rows(run.under_test))} if is_tested else {}
-    body = run_body(info, under_test_card(run), *exact_card(run))
-    more: dict[str, Any] = {"tables": tables, "exact": exact_contents(run)}
-    more |= {"tested_curves": under_test_curves(run) if is_tested else []}
-    return page_html(info["name"], body, SCRIPTS, info | more, arrays)
-
-
-def under_test_card(run: Run) -> Html:
-    """Return the card of the driver under test; empty without one or without a baseline."""
-    if run.baseline is None or not run.info.get("under_test"):
-        return Html()
-    return card(
-        f"Under test, {run.under_test.label}",
-        "Only encounters of the vehicles under test count. Without: the same futures and other drivers, with "
-        "these vehicles driven as drawn. Curves: share of the futures up to a value, with its 95 % band.",
-        table_place(TABLE),
-        line_legend([("picked", "with the driver under test"), ("drawn", "without")]),
-        element("div.charts", id="tested-curves"),
-    )
-
-
-def under_test_curves(run: Run) -> list[dict[str, Any]]:
-    """Return by metric the values with the driver under test and without, and half-widths of their bands."""
-    tested, found = run.under_test, []
-    for column in critical_columns(tested.columns):
-        if column == COLLISION:
-            continue
-        limit, sets, values = run.thresholds.get(column), [], []
-        for driven, kind in _KINDS.items():
-            values.append(tested.samples(column, driven))
-            if np.isfinite(values[-1]).any():
-                curve = tested.density(column, driven)
-                band = float((curve.band[1] - curve.cdf).max())
-                sets.append({"kind": kind, "values": values[-1].tolist(), "band": band})
-        view = value_range(np.concatenate(values), limit)
-        about = {"title": metric_title(column), "side": metric_of(column).side, "threshold": limit}
-        found.append(about | {"view": view, "ticks": ticks(*view), "sets": sets})
-    return found
-
-
-def exact_contents(run: Run) -> dict[str, Any] | None:
-    """Return models, shares and the cut sets of the pairs that collide; None without exact tables.
-
-    ``pairs`` have their ``cubes``, lists of track id and model's index; None if sampled.
-    """
-    exact = run.exact
-    if exact is None or not (run.folder / ENCOUNTERS).is_file():
-        return None
-    pairs = []
-    for row in run.encounters.to_pylist():
-        table = exact.table(row["track_id"], row["other_id"])
-        if row["collision"] == 0 and (table is None or table.probability() == 0):
-            continue
-        cubes = None if table is None else [sorted(cube) for cube in table.cut_sets]
-        name, words = f"{row['track_id']} → {row['other_id']}", [] if table is None else table.in_words()
-        pairs.append(
-            {"name": name, "cubes": cubes, "words": "; or ".join(words), "sampled": row["collision"]}
-        )
-    return {"models": list(exact.models), "shares": exact.shares.tolist(), "pairs": pairs}
-
-
-def exact_card(run: Run) -> list[Html]:
-    """Return the card with the sliders; none where no pair collides or no table is exact."""
-    contents = exact_contents(run)
-    if contents is None or not contents["pairs"] or run.exact is None:
-        return []
-    sliders = [
-        element(
-            "label.weight",
-            element("span", model),
-            element("input", type="range", min="0", max="1", step="any", data_model=number),
-            element("output"),
-        )
-        for number, model in enumerate(contents["models"])
-    ]
-    about = f"{run.exact.told().capitalize()}. Drag a weight: P follows without new futures."
-    return [
-        element(
-            "section.card",
-            element("h2", "Exact probabilities"),
-            element("p.soft", about),
-            element("div", *sliders, id="weights"),
-            element("div.row", element("button", "the run's weights", id="own-weights")),
-            element("p", "Any collision: ", element("b", id="any-collision")),
-            element("div.scroll", id="exact-table"),
-            id="exact",
-        )
-    ]
+    parts: list[PagePart] = [part for extra in extras_results() if (part := extra.page(run)) is not None]
+    info = info | {"tested": " ".join(part.verdict for part in parts if part.verdict)}
+    body = run_body(info, *(card for part in parts for card in part.cards))
+    tables = {name: table for part in parts for name, table in part.tables.items()}
+    more = {name: value for part in parts for name, value in part.info.items()}
+    return page_html(info["name"], body, SCRIPTS, info | more | {"tables": tables}, arrays)
 
 
 def run_body(info: Mapping[str, Any], *cards: Html) -> str:

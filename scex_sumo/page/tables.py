@@ -15,8 +15,8 @@ from scex_sumo.reports.encounter_rows import HUMAN_LIKE, Meeting, meetings, wors
 from scex_sumo.reports.encounter_table import HEADS, encounter_cells
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.encounters import event_of
-from scex_sumo.results.exact import Encounter, critical_outcomes
 from scex_sumo.results.outcomes import COLLISIONS
+from scex_sumo.results.probability import critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -124,8 +124,9 @@ def collision_share(run: Run) -> dict[str, Any] | None:
     """Return number, share and 95 % interval of children with a collision; None if unknown."""
     if COLLISION_COLUMN not in run.metrics.column_names:
         return None
-    share, count = run.p_collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
-    interval = {"value": share.value, "low": share.low, "high": share.high, "exact": share.exact}
+    share, count = run.collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
+    drawn = share.sampled
+    interval = {"value": drawn.value, "low": drawn.low, "high": drawn.high, "exact": share.exact}
     known = {"count": count, "children": run.children, "injuries": expected_injuries(run)}
     return {**known, **interval}
 
@@ -173,19 +174,18 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
 def _story(one: Meeting) -> dict[str, Any]:
     """Return what happens in a worst encounter: question, words, kind and place, drivers, exact share."""
     question, happens = event_of(one.row)
-    found = Encounter(row=one.row, run=one.run)
-    table = found.table if question == "collision" else None
+    exact = one.encounter.collision.known if question == "collision" else None
     tracks = [one.row["track_id"], one.row["other_id"]]
     drivers = [
         f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
     ]
-    ways = "" if table is None else table.told(_WAYS)
+    ways = "" if exact is None else exact.told(_WAYS)
     return {
         "question": question,
         "happens": happens,
         "about": ", ".join(part for part in (one.row["kind"], one.row["place"]) if part),
         "why": f"exactly if {ways}" if ways else f"typically {', '.join(drivers)}",
-        "exact": "" if table is None else f"{100 * table.probability():.4g} %",
+        "exact": "" if exact is None else f"{100 * exact.value:.4g} %",
     }
 
 

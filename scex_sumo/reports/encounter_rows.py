@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 from scex_sumo.results.encounters import ENCOUNTERS, criticality, event_of, in_words, percent_of
+from scex_sumo.results.probability import Encounter
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 
@@ -15,7 +17,7 @@ STRESS_TEST: Final = "stress test"
 HUMAN_LIKE: Final = "human-like"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Meeting:
     """Encounter of two vehicles in one set of futures; its shares are of that set.
 
@@ -30,11 +32,15 @@ class Meeting:
     row: Mapping[str, Any]
     stress: Mapping[str, Any] | None = None
 
+    @cached_property
+    def encounter(self) -> Encounter:
+        """The encounter, for its probabilities."""
+        return Encounter(row=self.row, run=self.run)
+
     @property
     def pair(self) -> tuple[int, int]:
         """Track ids, ascending."""
-        one, other = sorted((self.row["track_id"], self.row["other_id"]))
-        return one, other
+        return self.encounter.pair
 
     def above(self) -> str:
         """Return a human-like share above that of the stress test, beyond chance, in words; else nothing."""
@@ -48,9 +54,7 @@ class Meeting:
 
     def words(self) -> str:
         """Return the encounter in words, with its cut sets where the run has an exact table."""
-        exact = self.run.exact
-        table = None if exact is None else exact.table(self.row["track_id"], self.row["other_id"])
-        text = in_words(self.row, table)
+        text = in_words(self.row, self.encounter.collision.known)
         event = event_of(self.row)[0] or "critical"
         if self.futures == STRESS_TEST:
             return text

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from rich.console import Console
 
-from scex_sumo.certainty.tables import InfluenceTable
 from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import Head, console_table, counted, print_line, print_table
-from scex_sumo.results.exact import EVENTS, Encounter, Exact, TooFewFuturesError
+from scex_sumo.results.extras import extras_results
 from scex_sumo.results.outcomes import collided
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
@@ -67,15 +65,15 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region = 
 
 def encounter_cells(one: Meeting) -> list[Any]:
     """Return the cells of an encounter under `HEADS`; probabilities are exact where there is a table."""
-    row, found = one.row, Encounter(row=one.row, run=one.run)
+    row, found = one.row, one.encounter
     interval = f"{100 * row['collision_low']:.0f}–{100 * row['collision_high']:.0f} %"
     return [
         f"{row['track_id']} → {row['other_id']}",
         row["place"],
         one.futures,
-        found.probability(),
-        interval if found.table is None else "exact",
-        *(found.probability(name) for name in ("ttc", "pet", "drac", "critical")),
+        found.collision.estimate.value,
+        interval if found.collision.exact is None else "exact",
+        *(found.probability(name).estimate.value for name in ("ttc", "pet", "drac", "critical")),
         row["gap"],
         round(row["time_s"], 1),
         f"{row['model']}, {row['other_model']}",
@@ -93,17 +91,16 @@ def print_pair(one: Meeting, console: Console) -> None:
     """Print shares, gaps, models and colliding futures of a pair in one set of futures."""
     run, row = one.run, one.row
     print_line(one.words(), console)
-    found, rows = Encounter(row=row, run=run), []
+    found, rows = one.encounter, []
     for name, words in QUESTIONS.items():
-        events = EVENTS if name == "critical" else (name,)
-        is_exact = all(found.table_of(event) is not None for event in events)
-        sure = "exact" if is_exact else f"{row[f'{name}_low']:.1%} – {row[f'{name}_high']:.1%}"
-        rows.append((words, found.probability(name) if is_exact else row[name], sure))
+        share = found.probability(name)
+        sure = "exact" if share.exact is not None else f"{share.sampled.low:.1%} – {share.sampled.high:.1%}"
+        rows.append((words, share.estimate.value, sure))
     heads = [("question", "names", ""), ("share", "percent", ""), ("interval", "text", "")]
     title = f"share of {run.children} {one.futures} futures, 95 % interval"
     print_table(console_table(title, heads, rows), console)
-    if run.exact is not None and found.table is not None and found.probability() > 0:
-        _print_exact(run.exact, found.table, console)
+    for line in (line for extra in extras_results() for line in extra.pair_lines(run, row)):
+        print_line(line, console)
     gaps = ["> 10" if row[f"gap_p{p}"] is None else f"{row[f'gap_p{p}']:.1f}" for p in ("05", "50", "95")]
     print_line(
         f"least gap in m: {gaps[0]} in 5 %, {gaps[1]} in 50 %, {gaps[2]} in 95 % of the futures", console
@@ -121,44 +118,3 @@ def print_pair(one: Meeting, console: Console) -> None:
         print_line(f"collides in futures {shown}", console)
     look = f"look: scex-sumo view {run.folder} --encounter {row['track_id']},{row['other_id']}"
     console.print(look, soft_wrap=True, highlight=False)
-
-
-def _print_exact(exact: Exact, table: InfluenceTable, console: Console) -> None:
-    """Print the cut sets of a collision, and whose models matter how much."""
-    print_line(f"collides exactly if ({exact.told()}):", console)
-    for words in table.in_words():
-        print_line(f"  {words}", console)
-    for track, models in table.leverage().items():
-        most = max(models, key=lambda model: abs(models[model]))
-        print_line(f"  {track}: P changes by {models[most]:+.3f} per share of {most}", console)
-
-
-def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, most: int = 20) -> None:
-    """Print the probabilities of the critical pairs with other weights of the models.
-
-    Raises:
-        UsageError: a model is unknown, or a weight is below 0.
-    """
-    given = ", ".join(f"{model} {weight:g}" for model, weight in weights.items())
-    heads: list[Head] = [("pair", "names", ""), *((QUESTIONS[event], "text", "") for event in EVENTS)]
-    pairs, sampled = [row for row in run.encounters.to_pylist() if row["critical"] > 0], False
-    rows = []
-    for row in pairs[:most]:
-        found = Encounter(row=row, run=run)
-        marks = {event: "" if found.table_of(event) is not None else "~" for event in EVENTS}
-        sampled |= "~" in marks.values()
-        cells = [
-            f"{mark}{found.probability(event):.2%} → {'–' if new is None else f'{new:.2%}'}"
-            for (event, new), mark in zip(found.weighted(weights).items(), marks.values(), strict=True)
-        ]
-        rows.append([f"{row['track_id']} → {row['other_id']}", *cells])
-    new = "–"
-    with suppress(TooFewFuturesError):
-        new = f"{run.p_collision(weights):.2%}"
-    mark = "" if run.p_collision.exact is not None else "~"
-    rows.append(["any", f"{mark}{run.p_collision():.2%} → {new}", *[""] * (len(EVENTS) - 1)])
-    print_table(console_table(f"P with {given} instead of the run's weights", heads, rows), console)
-    if sampled or mark:
-        print_line("~ from the drawn futures, weighted; – too few of them are driven like this", console)
-    if len(pairs) > most:
-        print_line(f"{len(pairs) - most} more pairs with --most", console)

@@ -17,7 +17,8 @@ from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_column
 from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.encounters import ENCOUNTERS
-from scex_sumo.results.exact import CollisionShare
+from scex_sumo.results.extras import extras_results
+from scex_sumo.results.probability import Probability
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
@@ -52,12 +53,13 @@ def answer_lines(run: Run) -> list[str]:
     """Return collision shares, contradictions, always critical metrics and the worst encounters in words."""
     both = (("stress test", run, "any of the models"), ("human-like", run.reference, "people were recorded"))
     lines = [
-        f"{name}: a collision in {one.p_collision.percent} of futures, driven as {how}{_sure(one)}"
+        f"{name}: a collision in {one.collision.percent} of futures, driven as {how}{_sure(one)}"
         for name, one, how in both
         if one is not None and one.outcomes
     ]
     if above := human_above(run):
         lines.append(above)
+    lines += [line for extra in extras_results() for line in extra.lines(run)]
     if always := always_critical(run):
         lines.append(f"always so in this traffic: {', '.join(always)}")
     tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
@@ -73,8 +75,8 @@ def answer_lines(run: Run) -> list[str]:
 
 
 def _sure(run: Run) -> str:
-    share = run.p_collision
-    return f"; {share.tables.told()}" if share.tables is not None and share.exact is not None else ""
+    known = run.collision.known
+    return "" if known is None else f"; {known.checked}"
 
 
 def human_above(run: Run) -> str:
@@ -84,7 +86,7 @@ def human_above(run: Run) -> str:
         return ""
     pairs: list[tuple[str, Interval, Interval]] = []
     if run.outcomes and human.outcomes:
-        pairs.append(("collision", run.p_collision.best, human.p_collision.best))
+        pairs.append(("collision", run.collision.estimate, human.collision.estimate))
     always = _always(run)
     columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in always]
     pairs += [(metric_of(c).words, run.p_critical(c), human.p_critical(c)) for c in columns]
@@ -188,13 +190,16 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     heads = ("recorded", "median", "critical if", *shares, "95 %", "defined")
     rows: list[Sequence[str] | None] = []
     if COLLISION in run.metrics.column_names:
-        human = () if likely is None else (_human_share(likely),)
-        found = _collision_shares(run.p_collision)
+        human = () if likely is None else (f"{likely.collision.estimate.value:.1%}",)
+        found = _collision_shares(run.collision)
         rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *found, "all"))
     if (injuries := expected_injuries(run)) is not None:
         expected = None if likely is None else expected_injuries(likely)
         human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)
         rows.append((SEVERITY, *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all"))
+    for name, values in extra_rows(run).items():
+        cells = ["–" if value is None else f"{value:.3g}" for value in values]
+        rows.append((name, *("–",) * 3, *([] if likely is None else cells[1:]), cells[0], "–", "all"))
     for part in shown_columns(run, preset):
         rows.append(None)
         for column in part:
@@ -211,6 +216,16 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     caption = f"median: of each future's worst value; {_interval_of(run)}"
     named: list[Head] = [("metric", "names", ""), *((head, "text", "") for head in heads)]
     return console_table(title, named, rows, caption=caption)
+
+
+def extra_rows(run: Run) -> dict[str, list[float | None]]:
+    """Return the rows of the extras by title: the value in the stress test, then in the reference."""
+    sets = [run] if run.reference is None else [run, run.reference]
+    found = [{row["name"]: row for row in one.info.get("rows", ())} for one in sets]
+    titles = {name: f" [{row['unit']}]" if row["unit"] else "" for name, row in found[0].items()}
+    return {
+        f"{name}{unit}": [rows.get(name, {}).get("value") for rows in found] for name, unit in titles.items()
+    }
 
 
 def shown_columns(run: Run, preset: str | None) -> tuple[list[str], list[str]]:
@@ -253,12 +268,8 @@ def _shares(share: Interval) -> tuple[str, str]:
     return f"{share.value:.1%}", "–" if exact else f"{100 * share.low:.1f}–{100 * share.high:.1f}"
 
 
-def _human_share(likely: Run) -> str:
-    return f"{likely.p_collision.value:.1%}"
-
-
-def _collision_shares(share: CollisionShare) -> tuple[str, str]:
-    return _shares(share) if share.exact is None else (f"{share.exact:.1%}", "exact")
+def _collision_shares(share: Probability) -> tuple[str, str]:
+    return _shares(share.sampled) if share.exact is None else (f"{share.exact:.1%}", "exact")
 
 
 def _recorded_overlaps(run: Run) -> str:

@@ -10,9 +10,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.certainty.tables import InfluenceTable
 from scex_sumo.metrics.collisions import KINDS
 from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S, Encounters
+from scex_sumo.results.extras import ExactProbability
 from scex_sumo.road import Road
 from scex_sumo.roads.places import places_of
 from scex_sumo.statistics.density import Interval
@@ -255,18 +255,15 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
     ]
 
 
-def in_words(row: Mapping[str, Any], table: InfluenceTable | None = None) -> str:
+def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> str:
     """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
 
-    With the influence ``table`` of its collision it says exactly when the two collide.
+    With the ``exact`` probability of its collision it says exactly when the two collide.
     """
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
-    if row["collision"] > 0 and table is not None:
-        ways = table.in_words()
-        more = f", or in {len(ways) - _WAYS} more ways" if len(ways) > _WAYS else ""
-        share = f"{100 * table.probability():.4g} %"
-        return f"{head}collides in {share}, exactly if {'; or '.join(ways[:_WAYS])}{more}"
+    if row["collision"] > 0 and exact is not None:
+        return f"{head}collides in {100 * exact.value:.4g} %, exactly if {exact.told(_WAYS)}"
     gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
     name, event = event_of(row)
     if not name:

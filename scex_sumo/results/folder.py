@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import lock, remove_unfinished, replacing, unlock, write_atomic
+from scex_sumo.results.extras import extra_types
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 
@@ -141,13 +142,17 @@ class ResultFolder(OutputFolder):
     evidence = ("metrics.parquet", "assignments.parquet", "tracks.parquet", "seed.csv")
 
     def _clear(self) -> None:
-        for name in ("seed.csv", "report.html", *_TABLES):
+        for name in ("seed.csv", *_TABLES):
             (self.path / name).unlink(missing_ok=True)
         for pattern in _PATTERNS:
             for file in self.path.glob(pattern):
                 file.unlink()
-        for name in (PARTS, "sumo", "baseline", "reference", "exact"):
+        for name in (PARTS, "sumo"):
             shutil.rmtree(self.path / name, ignore_errors=True)
+        for path in (
+            path for kind in extra_types().values() for p in kind.files for path in self.path.glob(p)
+        ):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
 
     def _prepare(self) -> None:
         for name in (PARTS, "sumo"):
@@ -212,10 +217,7 @@ _PATTERNS = (
     "densities.*",
     "cumulative.*",
     "scene.png",
-    "under_test.*",
     "fallbacks.*",
-    "exact.json",
-    "evidence.html",
     "explain*",
     "sample_size*",
 )

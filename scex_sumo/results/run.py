@@ -16,23 +16,20 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.importing import Registry
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
-from scex_sumo.results.exact import CollisionShare, Encounter, Exact, read_exact
 from scex_sumo.results.info import read_info
+from scex_sumo.results.probability import Encounter, Probability, probability_of
 from scex_sumo.results.tables import (
     StateBlocks,
     as_pandas,
-    own_injuries,
     read_assignments,
     read_metrics,
     read_scene,
     read_states,
     read_table,
-    with_own_collisions,
 )
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.under_test.results import BASELINE, UNDER_TEST, Driven, UnderTest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,6 +39,8 @@ if TYPE_CHECKING:
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
 PAIR_OUTCOMES: Final = "pair_outcomes.parquet"
 REFERENCE: Final = "reference"
+BASELINE: Final = "baseline"
+UNDER_TEST: Final = "under_test.parquet"
 DRAWINGS: Final = Registry(group="scex_sumo.drawings", kind="drawing")
 """Functions that draw a run; the reports register theirs."""
 
@@ -51,9 +50,10 @@ class Run:
 
     Attributes:
         info: contents of ``run.json``.
+        written: files that the extras of this run wrote for the user, by what they are, e.g. ``report``.
 
     Example:
-        >>> run.children, run.p_collision.value
+        >>> run.children, run.collision.estimate.value
         (4, 0.0)
         >>> run.most_critical("ttc")  # number of the future
         0
@@ -62,6 +62,7 @@ class Run:
     def __init__(self, folder: Path, temporary: tempfile.TemporaryDirectory[str] | None = None) -> None:
         self.folder = folder
         self._temporary = temporary  # lives as long as the run
+        self.written: dict[str, Path] = {}
         self.info = read_info(folder)
         learn_metrics(self.info.get("metrics", ()))
 
@@ -142,21 +143,18 @@ class Run:
         return intervals_of(self.info, self.assignments if there else None, self.children)
 
     @cached_property
-    def p_collision(self) -> CollisionShare:
-        """Share of the children in which two vehicles collide, with its 95 % interval.
-
-        Called, it returns the exact probability, with other weights of the models if they are given.
-        """
+    def collision(self) -> Probability:
+        """Probability that two vehicles collide in a future: sampled, exact where known, and the best."""
         share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
-        return CollisionShare(**vars(share), run=self)
+        return probability_of(self, share, COLLISION)
 
-    @cached_property
-    def exact(self) -> Exact | None:
-        """Exact probabilities of the encounters; None if the run has none."""
-        return read_exact(self.folder)
+    @property
+    def p_collision(self) -> Interval:
+        """The best estimate of `collision`."""
+        return self.collision.estimate
 
     def encounter(self, one: int, other: int) -> Encounter:
-        """Return the encounter of two vehicles, with its influence table and cut sets.
+        """Return the encounter of two vehicles.
 
         Raises:
             UsageError: these two meet in no child.
@@ -179,44 +177,6 @@ class Run:
     def _within(self, name: str) -> Run | None:
         folder = self.folder / name
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
-
-    @cached_property
-    def under_test(self) -> UnderTest:
-        """The vehicles under test, against the baseline; a `ResultError` without either."""
-        known = self.info.get("under_test") or {}
-        if not known:
-            raise ResultError(
-                f"{self.folder}: no vehicle is under test; run with --under-test TRACK=MODEL, "
-                "or --assign TRACK=package.module:Class"
-            )
-        if self.baseline is None:
-            raise ResultError(f"{self.folder}: its baseline was not run; run again without --no-baseline")
-        tested, without = (
-            with_own_collisions(run.table(UNDER_TEST), run.collisions, known) for run in (self, self.baseline)
-        )
-        if without["child"] != tested["child"]:
-            raise ResultError(
-                f"{self.baseline.folder}: its futures are not those of {self.folder}; run again"
-            )
-        vehicles = {int(track): model for track, model in known.items()}
-        limits, plain = self.thresholds | {COLLISION: 1.0}, self.baseline.intervals
-        folded = bool(self.info.get("reflect", True))
-        injuries = None
-        if "p_mais3" in self.collisions.column_names:
-            driven: dict[Driven, Run] = {"under_test": self, "baseline": self.baseline}
-            injuries = {
-                name: own_injuries(run.collisions, known, run.children) for name, run in driven.items()
-            }
-        return UnderTest(
-            vehicles,
-            tested,
-            without,
-            limits,
-            self.intervals,
-            without=plain,
-            reflect=folded,
-            injuries=injuries,
-        )
 
     @cached_property
     def scene(self) -> SeedScene:

@@ -80,3 +80,8 @@ def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
             return found
         needed = int(np.ceil(1.02 * count * (found.width / band) ** 2))
         count = min(max(count + 20, min(needed, 2 * count)), most)
+
+
+def remainder_of(checked: int) -> float:
+    """Return the largest share that is wrong, with 95 %, if none of ``checked`` draws is (rule of three)."""
+    return min(1.0, 3.0 / checked) if checked else 1.0

@@ -208,7 +208,7 @@ def comparison_lines(
     about = f"{count} runs, distance {comparison.kind}: mean over {len(comparison.metrics)} metrics"
     yield f"{about}; {comparison.unit}"
     yield f"by chance alone, two runs of one seed scene differ by about {comparison.chance:.2f}"
-    told = [(label, run.p_collision) for label, run in zip(names, runs, strict=True) if run.outcomes]
+    told = [(label, run.collision.estimate) for label, run in zip(names, runs, strict=True) if run.outcomes]
     if 0 < len(told) <= MAX_IN_MATRIX:
         yield "P(collision), 95 % interval:"
         wide = max(len(label) for label in names)

@@ -132,10 +132,12 @@ def _sources(effects: Sequence[Effect], ids: Sequence[int]) -> str:
 
 def _exact_table(run: Run, metric: str) -> InfluenceTable | None:
     """Return the influence table of two vehicles' collision; None for other metrics."""
+    from scex_sumo.certainty.results import exact_of
     from scex_sumo.studies.explain.explain import pair_of
 
     pair = pair_of(metric)
-    return run.exact.table(*pair) if run.exact is not None and pair is not None else None
+    exact = exact_of(run)
+    return exact.table(*pair) if exact is not None and pair is not None else None
 
 
 def _told(

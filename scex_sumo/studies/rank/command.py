@@ -20,7 +20,6 @@ from scex_sumo.commands.options import (
     Roots,
     Seed,
     Thresholds,
-    parse_thresholds,
 )
 from scex_sumo.commands.shared import Answer
 
@@ -63,10 +62,11 @@ def rank_command(
     """Rank the moments of a dataset: which are worth testing."""
     options = {**locals()}
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
+    from scex_sumo.extrapolation.settings import read_thresholds
     from scex_sumo.studies.rank.rank import rank
 
     options["window"] = options.pop("first_s"), options.pop("last_s")
-    options["thresholds"] = parse_thresholds(options.pop("threshold"))
+    options["thresholds"] = read_thresholds(options.pop("threshold") or ())
     options["models"] = DEFAULT_MODELS if models is None else models
     options["metrics"] = None if metrics is None else [name.strip() for name in metrics.split(",")]
     ranking = run_study(rank, "futures", **options)

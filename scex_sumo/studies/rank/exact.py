@@ -21,9 +21,10 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.certainty.exact import MAX_FUTURES, MIN_CHECKED, why_not_exact
 from scex_sumo.certainty.futures import DrawnModels, encounters_only
 from scex_sumo.certainty.search import BASE_ROWS, Search
-from scex_sumo.certainty.tables import InfluenceTable, remainder_of, union_probability
+from scex_sumo.certainty.tables import InfluenceTable, union_probability
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
 from scex_sumo.extrapolation.job import Job, run_in_memory
+from scex_sumo.statistics.bands import remainder_of
 from scex_sumo.studies.moments.run import built
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, worth_of
 

@@ -15,7 +15,9 @@ import pyarrow.compute as pc
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.extrapolation.engine import RunOptions, run_scene
+from scex_sumo.certainty.extra import ExactProbabilities
+from scex_sumo.extrapolation.engine import run_scene
+from scex_sumo.extrapolation.settings import RunOptions
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.page.charts import Plane
@@ -85,8 +87,8 @@ def _write_report(task: MomentTask, command: Sequence[str], path: Path, workers:
     settings = dataclasses.replace(task.settings.run, children=len(task.children))
     with TemporaryFolder() as folder:
         try:
-            options = RunOptions(compared=False)
-            run = run_scene(scene, settings, out=Path(folder) / "run", workers=workers, options=options)
+            options = RunOptions(compared=False, out=Path(folder) / "run")
+            run = run_scene(scene, settings, workers=workers, options=options, extras=[ExactProbabilities()])
         except ScexError:
             return None
         info, arrays = report_contents(run, scene)

@@ -11,22 +11,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.options import from_command_line
 from scex_sumo.commands.console import progress_bar, warn
+from scex_sumo.commands.generated import with_options
 from scex_sumo.commands.options import (
-    Case,
     MapPath,
-    Origin,
     Overwrite,
     Preset,
     Processes,
     ResultPath,
     Seed,
-    Synthetic,
-    Time,
-    Tracks,
 )
 from scex_sumo.commands.seed import seed_scene
 from scex_sumo.evaluation.command import write_table
+from scex_sumo.scenarios.options import SeedOptions
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,13 +38,9 @@ MAX_DRAWS = 100_000
 EXAMPLE = "roundabout.osm -o out/enough"
 
 
+@with_options(lambda: (SeedOptions,))
 def sample_size_command(
     map_path: MapPath,
-    tracks: Tracks = None,
-    case: Case = None,
-    time: Time = None,
-    synthetic: Synthetic = None,
-    origin: Origin = None,
     vehicles: Annotated[int, Option(help="Number of vehicles that take part, nearest to each other.")] = 5,
     models: Annotated[
         str | None, Option(metavar="MODEL,...", help="Models; default: six, as in the paper's study.")
@@ -64,6 +58,7 @@ def sample_size_command(
     ] = True,
     overwrite: Overwrite = False,
     out: ResultPath = None,
+    **given: Any,
 ) -> None:
     """Run all assignments of a small scene, and show how few are enough."""
     import pyarrow as pa
@@ -82,9 +77,7 @@ def sample_size_command(
     wanted = _sizes(sizes)
     if not 1 <= draws <= MAX_DRAWS:
         raise UsageError(f"--draws: got {draws:,}, needs 1 to {MAX_DRAWS:,}")
-    whole = seed_scene(
-        map_path, tracks=tracks, case=case, time=time, synthetic=synthetic, origin=origin, seed=seed
-    )
+    whole = seed_scene(map_path, SeedOptions(**from_command_line(SeedOptions, given)), seed=seed)
     scene = reduced(whole, choose_vehicles(whole, vehicles))
     if scene.vehicles < whole.vehicles:
         kept = ", ".join(str(t) for t in scene.track_ids)

@@ -66,6 +66,7 @@ def truth(
         if same_scene and all(found.info.get(k) == v for k, v in wanted.items()):
             return found
     options |= {"models": models, "children": "all", "preset": preset, "seed": seed, "world": "checked"}
+    options |= {"reference": None, "report": False}
     return extrapolate(scene, out=out, overwrite=overwrite, **options)
 
 

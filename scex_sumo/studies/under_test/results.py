@@ -7,20 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.metrics.registry import column_named, side_of
+from scex_sumo.base.errors import ResultError
+from scex_sumo.metrics.registry import COLLISION, column_named, side_of
 from scex_sumo.results.design import is_critical, metric_density
+from scex_sumo.results.run import UNDER_TEST, Run
+from scex_sumo.results.tables import own_injuries, with_own_collisions
 from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.statistics.paired import mcnemar, signed_rank, signs
-
-UNDER_TEST: Final = "under_test.parquet"
-BASELINE: Final = "baseline"
 
 Driven = Literal["under_test", "baseline"]
 
@@ -64,8 +64,8 @@ class UnderTest:
             results.
 
     Example:
-        >>> tested = scex.extrapolate(scene, children=4, under_test={8: "emergency_brake"}).under_test
-        >>> tested.vehicles
+        >>> run = scex.extrapolate(scene, children=4, under_test={8: "emergency_brake"})
+        >>> scex.UnderTest.of(run).vehicles
         {8: 'emergency_brake'}
     """
 
@@ -85,6 +85,37 @@ class UnderTest:
         self.thresholds, self.reflect, self.injuries = thresholds, reflect, injuries
         self.intervals = {"under_test": intervals, "baseline": without or intervals}
         self.columns = [name for name in metrics.column_names if name != "child"]
+
+    @classmethod
+    def of(cls, run: Run) -> UnderTest:
+        """Return the vehicles under test of a run; a `ResultError` without any, or without a baseline."""
+        known = run.info.get("under_test") or {}
+        if not known:
+            raise ResultError(
+                f"{run.folder}: no vehicle is under test; run with --under-test TRACK=MODEL, "
+                "or --assign TRACK=package.module:Class"
+            )
+        if run.baseline is None:
+            raise ResultError(f"{run.folder}: its baseline was not run; run again without --no-baseline")
+        driven: dict[Driven, Run] = {"under_test": run, "baseline": run.baseline}
+        tested, without = (
+            with_own_collisions(one.table(UNDER_TEST), one.collisions, known) for one in driven.values()
+        )
+        if without["child"] != tested["child"]:
+            raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
+        injuries = None
+        if "p_mais3" in run.collisions.column_names:
+            injuries = {k: own_injuries(one.collisions, known, one.children) for k, one in driven.items()}
+        return cls(
+            {int(track): model for track, model in known.items()},
+            tested,
+            without,
+            run.thresholds | {COLLISION: 1.0},
+            run.intervals,
+            without=run.baseline.intervals,
+            reflect=bool(run.info.get("reflect", True)),
+            injuries=injuries,
+        )
 
     @property
     def label(self) -> str:

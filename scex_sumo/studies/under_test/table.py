@@ -46,13 +46,14 @@ def print_under_test(run: Run, console: Console, *, preset: str | None = None) -
     Args:
         preset: metrics of the table, as of `run_table.print_summary`.
     """
-    print_line(verdict(run.under_test), console)
+    tested = UnderTest.of(run)
+    print_line(verdict(tested), console)
     if own := own_encounters(run):
         print_line("its encounters, as drawn → under test:", console)
     for line in own:
         print_line(f"  {line}", console)
     main, folded = shown_columns(run, preset)
-    print_table(under_test_table(run.under_test, [*main, *folded]), console, breaks=(" better",))
+    print_table(under_test_table(tested, [*main, *folded]), console, breaks=(" better",))
     for line in (
         "only pairs that involve a vehicle under test; before: the same futures, as drawn; P: critical",
         "worse : better: futures that are more and less critical than before",
@@ -91,7 +92,7 @@ def verdict(tested: UnderTest) -> str:
 def own_encounters(run: Run) -> list[str]:
     """Return the most critical encounters of the vehicles under test, with their shares before and after."""
     assert run.baseline is not None
-    ids = set(run.under_test.vehicles)
+    ids = {int(track) for track in run.info["under_test"]}
     sides: list[dict[frozenset[int], dict[str, Any]]] = [
         {frozenset(pair): row for row in one.encounters.to_pylist() if ids & (pair := {*track_ids(row)})}
         for one in (run.baseline, run)

@@ -15,6 +15,7 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.files import write_atomic
+from scex_sumo.certainty.results import exact_of
 from scex_sumo.certainty.tables import InfluenceTable
 from scex_sumo.converters.datasets.moment import find_moments
 from scex_sumo.converters.datasets.reader import read_clean
@@ -90,14 +91,13 @@ def _exposure(run: Run) -> str:
 
 
 def _probability(run: Run) -> dict[str, str]:
-    share, human = run.p_collision, run.reference
-    sure = "" if share.tables is None or share.exact is None else f"; {share.tables.told()}"
+    share, human = run.collision, run.reference
     models = ", ".join(f"{entry['model']} {entry['weight']:g}" for entry in run.info["models"])
     return {
-        "stress test": f"{share.percent}{sure}; drawn as {models}",
+        "stress test": f"{share.words}; drawn as {models}",
         "human-like": "not run"
         if human is None
-        else f"{human.p_collision.percent} of {counted(human.children, 'future')}, 95 % interval",
+        else f"{human.collision.percent} of {counted(human.children, 'future')}, 95 % interval",
         "validity of the latter": "forecasts of this mix were scored on recordings of other sites, see "
         "docs/validity.md; of this site only if scex-sumo validate was run on it",
     }
@@ -125,14 +125,15 @@ def _encounter(run: Run, row: Mapping[str, Any]) -> tuple[str, ...]:
     changes, risks = (
         [_median(hits, name, track) for track in (one, other)] for name in ("delta_v", "p_mais3")
     )
-    ways = "" if found.table is None else found.table.told(_WAYS)
+    known, tables = found.collision.known, exact_of(run)
+    table = None if tables is None else tables.table(one, other)
     faults = [_fault(hit) for hit in hits]
     often = max(sorted(set(faults)), key=faults.count) if faults else "undecided"
-    braked = None if found.table is None else avoidable(found.table, (one, other))
+    braked = None if table is None else avoidable(table, (one, other))
     return (
         f"{one} → {other}",
-        f"{found.probability():.2%}" + ("" if found.table is not None else " (sampled)"),
-        ways or "sampled",
+        f"{found.collision.estimate.value:.2%}" + ("" if known is not None else " (sampled)"),
+        "sampled" if known is None else known.told(_WAYS) or "sampled",
         " / ".join("–" if change is None else f"{change:.1f}" for change in changes),
         " / ".join("–" if risk is None else f"{risk:.1%}" for risk in risks),
         f"{row['kind']}, {often}",
@@ -172,7 +173,7 @@ def avoidable(table: InfluenceTable, pair: tuple[int, int]) -> float | None:
 
 def _risk(run: Run) -> dict[str, str]:
     injuries = expected_injuries(run)
-    exact, weighted, total = run.exact, 0.0, 0.0
+    exact, weighted, total = exact_of(run), 0.0, 0.0
     for row in run.encounters.to_pylist() if exact is not None else ():
         table = exact.table(row["track_id"], row["other_id"]) if exact is not None else None
         share = None if table is None else avoidable(table, (row["track_id"], row["other_id"]))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.commands.options import Around, InRegion, Result, numbers_by_name, two_tracks
+from scex_sumo.base.options import numbers_by_name
+from scex_sumo.commands.options import Around, InRegion, Result, two_tracks
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
@@ -28,10 +29,11 @@ def encounters_command(
     around: Around = None,
 ) -> Answer:
     """List which vehicles meet in a run, the most critical first."""
+    from scex_sumo.certainty.weights import print_weights, weighted_rows
     from scex_sumo.commands.answers import meeting_rows
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.encounter_rows import meetings
-    from scex_sumo.reports.encounter_table import print_encounters, print_pair, print_weights
+    from scex_sumo.reports.encounter_table import print_encounters, print_pair
     from scex_sumo.results.info import as_written
     from scex_sumo.results.region import parse_region
     from scex_sumo.results.run import open_run
@@ -54,7 +56,9 @@ def encounters_command(
             for one in found:
                 print_pair(one, console)
         name = run.info["seed_scene"]["name"]
-        rows = meeting_rows(found[:most], asked)
+        rows = meeting_rows(found[:most])
+        if asked is not None:
+            rows = weighted_rows(run, found[:most], rows, asked)
     return lambda: {"scene": name, "futures": run.children, "encounters": rows}
 
 

@@ -1,0 +1,144 @@
+"""Options: fields of a frozen dataclass that the command line, ``--config``, Python and the docs all read.
+
+A field made by `option` carries its help and how the command line writes it. Messages name options as the
+command line does; `python_words` translates them for callers in Python.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any, ParamSpec, TypeVar
+
+from scex_sumo.base.errors import ScexError, UsageError, nearest
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """How the command line shows and reads a field.
+
+    Attributes:
+        help: one line.
+        metavar: placeholder of the value.
+        names: on the command line; empty for that of the field. ``--on/--off`` for a flag with two names.
+        text: the command line takes text, None if it is not given.
+        several: the option is repeatable; the command line takes a list of texts.
+        read: turns the text or texts into the value; None keeps it.
+        complete: completes a value in a shell.
+    """
+
+    help: str
+    metavar: str | None = None
+    names: tuple[str, ...] = ()
+    text: bool = False
+    several: bool = False
+    read: Callable[[Any], Any] | None = None
+    complete: Callable[[str], list[str]] | None = None
+
+
+def option(help: str, default: Any = MISSING, *, factory: Any = MISSING, **how: Any) -> Any:
+    """Return a dataclass field with its `Option`; ``how`` are fields of it."""
+    about = {"option": Option(help=help, **how)}
+    if factory is not MISSING:
+        return field(default_factory=factory, metadata=about)
+    return field(default=default, metadata=about)
+
+
+def options_of(kind: type) -> dict[str, Option]:
+    """Return the options of a dataclass by field."""
+    return {one.name: one.metadata["option"] for one in fields(kind) if "option" in one.metadata}
+
+
+def from_command_line(kind: type, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of the options of a dataclass that a command line gives."""
+    values = {}
+    for name, one in options_of(kind).items():
+        value = given.get(name)
+        if name in given and not ((one.text or one.several) and value in (None, [])):
+            values[name] = value if one.read is None else one.read(value)
+    return values
+
+
+def split_options(given: Mapping[str, Any], kinds: Sequence[type]) -> list[dict[str, Any]]:
+    """Return the given options of each dataclass.
+
+    Raises:
+        UsageError: an option belongs to none of them.
+    """
+    known = [[one.name for one in fields(kind) if one.init] for kind in kinds]
+    everything = [name for names in known for name in names]
+    for name in given:
+        if name not in everything:
+            raise UsageError(f"unknown option {name!r}; nearest: {nearest(name, everything)}")
+    return [{name: given[name] for name in names if name in given} for names in known]
+
+
+def _flags(name: str, one: Option, *, is_flag: bool) -> dict[str, str]:
+    """Return the words for an option in Python by its names on the command line."""
+    pairs = one.names or (f"--{name.replace('_', '-')}",)
+    words = {}
+    for pair in pairs:
+        on, _, off = pair.partition("/")
+        words |= {on: f"{name}=True" if is_flag else name}
+        if is_flag:
+            words |= {off or on.replace("--", "--no-", 1): f"{name}=False"}
+    return words
+
+
+def python_message(message: str, kinds: Sequence[type]) -> str:
+    """Return a message of the command line with its options as arguments, e.g. ``exact=False``."""
+    words = {"-o": "out"}
+    for kind in kinds:
+        flags = {one.name for one in fields(kind) if isinstance(one.default, bool)}
+        for name, one in options_of(kind).items():
+            words |= _flags(name, one, is_flag=name in flags)
+    return re.sub(r"(?<![\w-])--?[a-z][a-z-]*(?![\w-])", lambda found: words.get(found[0], found[0]), message)
+
+
+def python_words(kinds: Callable[[], Sequence[type]]) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Decorate a function for callers in Python: its errors name arguments, not options of the command line.
+
+    ``kinds`` returns the dataclasses with the options.
+    """
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @functools.wraps(function)
+        def speaking(*args: P.args, **given: P.kwargs) -> T:
+            try:
+                return function(*args, **given)
+            except ScexError as error:
+                error.args = (python_message(str(error), kinds()),)
+                raise
+
+        return speaking
+
+    return decorate
+
+
+def last_of_list(incomplete: str, names: Iterable[str]) -> list[str]:
+    """Complete the last entry of a comma-separated list."""
+    typed, comma, last = incomplete.rpartition(",")
+    return [f"{typed}{comma}{name}" for name in names if name.startswith(last)]
+
+
+def numbers_by_name(option: str, entries: Iterable[str], form: str) -> dict[str, float]:
+    """Return ``NAME=NUMBER`` entries of an option as a mapping.
+
+    Raises:
+        UsageError: an entry has another form; it tells the right ``form``, with an example.
+    """
+    found = {}
+    for entry in entries:
+        name, _, number = (part.strip() for part in entry.rpartition("="))
+        try:
+            found[name] = float(number)
+        except ValueError:
+            name = ""
+        if not name:
+            raise UsageError(f"{option} {entry}: needs {form}")
+    return found

@@ -1,0 +1,94 @@
+"""Exact probabilities as an extra of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from scex_sumo.base.options import option
+from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.results.extras import ExactProbability, Row
+from scex_sumo.results.run import Run
+
+if TYPE_CHECKING:
+    from scex_sumo.certainty.results import Exact
+
+EXACT: Final = "exact.json"
+EVENTS: Final = ("collision", "ttc", "pet", "drac")
+"""Events of a pair, as the columns of ``encounters.parquet``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactProbabilities(Extra):
+    """Futures with chosen assignments, from which P of an event follows exactly, see docs/exact.md."""
+
+    order: ClassVar[int] = 10
+    files: ClassVar[tuple[str, ...]] = (EXACT, "exact")
+
+    exact: bool = option("Run some more futures for exact probabilities.", True)
+
+    def settle(self, work: Work) -> Any:
+        """Return the influence tables of the futures so far, if any collision has an exact probability."""
+        found = self._found(work)
+        return None if found is None or found.probability() is None else found
+
+    def after(self, work: Work) -> Sequence[Row]:
+        """Find the influence tables and write them to ``exact.json``."""
+        from scex_sumo.certainty.results import write_exact
+
+        file = work.job.folder / EXACT
+        file.unlink(missing_ok=True)
+        found = work.settled or self._found(work)
+        if found is not None:
+            write_exact(found, file)
+        return ()
+
+    def _found(self, work: Work) -> Any:
+        from scex_sumo.certainty.exact import find_exact, why_not_exact
+
+        job = work.job
+        if not self.exact or why_not_exact(job.settings, job.models, len(job.assignment)) is not None:
+            return None
+        assert work.part.encounters is not None
+        return find_exact(job, work.part.encounters, work.workers)
+
+    def exact_probability(
+        self, run: Run, event: str, pair: tuple[int, int] | None
+    ) -> ExactProbability | None:
+        """Return the exact probability of an event with its cut sets, if its pairs have tables."""
+        found = _tables(run)
+        value = None if found is None else found.probability(event, pair)
+        if found is None or value is None:
+            return None
+        table = found.table(*pair, event) if pair is not None and event in EVENTS else None
+        ways = () if table is None else tuple(table.in_words())
+        return ExactProbability(value=value, checked=found.told(), ways=ways)
+
+    def pair_lines(self, run: Run, row: Mapping[str, Any]) -> Sequence[str]:
+        """Return the cut sets of a collision, and whose models matter how much."""
+        found = _tables(run)
+        table = None if found is None else found.table(row["track_id"], row["other_id"])
+        if found is None or table is None or table.probability() == 0:
+            return ()
+        lines = [f"collides exactly if ({found.told()}):", *(f"  {words}" for words in table.in_words())]
+        for track, models in table.leverage().items():
+            most = max(models, key=lambda model: abs(models[model]))
+            lines.append(f"  {track}: P changes by {models[most]:+.3f} per share of {most}")
+        return lines
+
+    def page(self, run: Run) -> Any:
+        """Return the card with a slider for each model's weight; None where no pair collides."""
+        if _tables(run) is None:
+            return None
+        from scex_sumo.certainty.page import exact_part
+
+        return exact_part(run)
+
+
+def _tables(run: Run) -> Exact | None:
+    if not (run.folder / EXACT).is_file():
+        return None
+    from scex_sumo.certainty.results import exact_of
+
+    return exact_of(run)

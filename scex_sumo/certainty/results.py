@@ -1,0 +1,227 @@
+"""Exact probabilities of a run, read from ``exact.json``: influence tables of pairs, and their union."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.files import write_atomic
+from scex_sumo.certainty.extra import EVENTS, EXACT
+from scex_sumo.certainty.tables import InfluenceTable, Weights, shares_of, union_probability
+from scex_sumo.metrics.registry import COLLISION
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+
+MIN_EFFECTIVE: Final = 20
+"""Effective drawn futures below which other weights have no sampled value."""
+
+
+class TooFewFuturesError(UsageError):
+    """Too few of the drawn futures are driven as other weights ask."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exact:
+    """Influence tables of a run.
+
+    Attributes:
+        models: that vehicles draw from.
+        shares: (M,) of the models.
+        tables: by the two track ids, ascending, and the event; an event that never happened has none.
+        sampled: events whose sampled value stays, with the reason.
+        checked: number of drawn futures that checked the tables.
+        extra: number of futures that were run for the tables.
+    """
+
+    models: tuple[str, ...]
+    shares: np.ndarray[Any, np.dtype[np.float64]]
+    tables: Mapping[tuple[int, int, str], InfluenceTable]
+    sampled: Mapping[tuple[int, int, str], str]
+    checked: int
+    extra: int
+
+    def table(self, one: int, other: int, event: str = "collision") -> InfluenceTable | None:
+        """Return the table of a pair's event; None if its sampled value stays."""
+        if event not in EVENTS:
+            raise UsageError(f"unknown event {event!r}; known: {', '.join(EVENTS)}")
+        key = (min(one, other), max(one, other), event)
+        if key in self.sampled:
+            return None
+        return self.tables.get(key, self._never)
+
+    @cached_property
+    def _never(self) -> InfluenceTable:
+        outcomes = np.zeros((), dtype=np.bool_)
+        return InfluenceTable(
+            track_ids=(), models=self.models, outcomes=outcomes, shares=self.shares, checked=self.checked
+        )
+
+    def probability(
+        self, event: str = COLLISION, pair: tuple[int, int] | None = None, weights: Weights | None = None
+    ) -> float | None:
+        """Return the exact probability of an event of a pair, or of any collision; None without a table.
+
+        Args:
+            event: one of `EVENTS`, or ``critical`` for any of them.
+            pair: None for any pair that collides.
+            weights: other weights of the models.
+        """
+        if pair is None:
+            if event != COLLISION or any(name == COLLISION for _, _, name in self.sampled):
+                return None
+            tables = [table for (_, _, name), table in self.tables.items() if name == COLLISION]
+            return union_probability(tables, weights)
+        known = [self.table(*pair, name) for name in (EVENTS if event == "critical" else (event,))]
+        tables = [table for table in known if table is not None]
+        return union_probability(tables, weights) if len(tables) == len(known) else None
+
+    @property
+    def remainder(self) -> float:
+        """Remainder of the least checked table of a collision."""
+        return self._least.remainder
+
+    @property
+    def _least(self) -> InfluenceTable:
+        tables = [table for (_, _, event), table in self.tables.items() if event == "collision"]
+        return min([self._never, *tables], key=lambda table: table.checked)
+
+    def told(self) -> str:
+        """Return how the tables of collisions were checked, in words: the least checked one counts."""
+        checked = f"checked on {self._least.checked} futures: none differs"
+        return f"exact, {checked} (remainder {self.remainder:.1%})"
+
+
+def weighted_probability(
+    run: Run, weights: Weights, event: str = COLLISION, pair: tuple[int, int] | None = None
+) -> float:
+    """Return the probability of an event of a pair, or of any collision, with other weights of the models.
+
+    It is exact where all pairs that count have tables; else weights of the drawn futures estimate it
+    (importance sampling).
+
+    Args:
+        weights: by model, or by track id and model, as of `shares_of`.
+
+    Raises:
+        UsageError: a model is unknown, or a weight is below 0.
+        TooFewFuturesError: hardly any drawn future is driven like this.
+
+    Example:
+        >>> scex.weighted_probability(run, {"standard_driver": 1.0, "emergency_brake": 0.0})
+        0.0
+    """
+    found = exact_of(run)
+    exact = None if found is None else found.probability(event, pair, weights)
+    if exact is not None:
+        return exact
+    if pair is None:
+        happens = np.asarray(run.metrics[COLLISION]).astype(np.bool_)
+    else:
+        happens = run.encounter(*pair).happens(event)
+    return weighted_share(happens, future_weights(run, weights), event)
+
+
+def future_weights(run: Run, weights: Weights) -> FloatArray:
+    """Return (C,) how much likelier each drawn future is with other weights of the models.
+
+    Args:
+        weights: as of `shares_of`.
+    """
+    drawn = {entry["model"]: float(entry["weight"]) for entry in run.info["models"] if entry["weight"] > 0}
+    names = list(drawn)
+    shares = np.array(list(drawn.values())) / sum(drawn.values())
+    before = np.full(len(names), 1 / len(names)) if run.info["design"] == "all" else shares
+    tracks, fixed = run.info["seed_scene"]["track_ids"], run.info["assign"]
+    models = np.array(run.assignments["model"].to_pylist()).reshape(run.children, len(tracks))
+    ratio = np.ones(run.children)
+    for column, (track, new) in enumerate(shares_of(tracks, names, shares, weights).items()):
+        if str(track) not in fixed:
+            ratio *= (new / before)[[names.index(model) for model in models[:, column].tolist()]]
+    return ratio
+
+
+def weighted_share(happens: BoolArray, ratio: FloatArray, what: str) -> float:
+    """Return the share of weighted futures (C,) in which an event happens.
+
+    Raises:
+        TooFewFuturesError: the weights rest on fewer than `MIN_EFFECTIVE` futures (Kish 1965).
+    """
+    effective = float(ratio.sum() ** 2 / max((ratio**2).sum(), 1e-300))
+    if effective < MIN_EFFECTIVE:
+        raise TooFewFuturesError(
+            f"{what}: has no exact table, and hardly any drawn future is driven like this ({effective:.1f} "
+            f"effective futures, at least {MIN_EFFECTIVE} needed); run again with these weights in --models"
+        )
+    return float(ratio @ happens / ratio.sum())
+
+
+def write_exact(found: Exact, file: Path) -> None:
+    """Write ``exact.json``."""
+    content = {
+        "models": list(found.models),
+        "shares": found.shares.tolist(),
+        "checked": found.checked,
+        "extra": found.extra,
+        "events": [
+            {
+                "track_id": one,
+                "other_id": other,
+                "event": event,
+                "vehicles": list(table.track_ids),
+                "cut_sets": [sorted(cube) for cube in table.cut_sets],
+                "checked": table.checked,
+            }
+            for (one, other, event), table in sorted(found.tables.items())
+        ],
+        "sampled": [
+            {"track_id": one, "other_id": other, "event": event, "why": why}
+            for (one, other, event), why in sorted(found.sampled.items())
+        ],
+    }
+    write_atomic(file, json.dumps(content).encode())
+
+
+@owner_cache
+def exact_of(run: Run) -> Exact | None:
+    """Return the influence tables of a run; None if it has none.
+
+    Example:
+        >>> scex.exact_of(run) is None  # too few futures to check tables
+        True
+    """
+    return read_exact(run.folder)
+
+
+def read_exact(folder: Path) -> Exact | None:
+    """Read the exact probabilities of a result folder; None if it has none.
+
+    Raises:
+        ResultError: ``exact.json`` is damaged.
+    """
+    file = folder / EXACT
+    if not file.is_file():
+        return None
+    try:
+        content = json.loads(file.read_bytes())
+        models, shares = tuple(content["models"]), np.array(content["shares"], dtype=np.float64)
+        tables = {}
+        for entry in content["events"]:
+            vehicles = [int(track) for track in entry["vehicles"]]
+            cubes = [{int(track): int(level) for track, level in cut_set} for cut_set in entry["cut_sets"]]
+            table = InfluenceTable.of_cubes(cubes, vehicles, models, shares, int(entry["checked"]))
+            tables[entry["track_id"], entry["other_id"], entry["event"]] = table
+        sampled = {(e["track_id"], e["other_id"], e["event"]): e["why"] for e in content["sampled"]}
+        checked, extra = int(content["checked"]), int(content["extra"])
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise ResultError(f"{file}: cannot be read ({str(error)[:80]}); run again") from None
+    return Exact(models=models, shares=shares, tables=tables, sampled=sampled, checked=checked, extra=extra)

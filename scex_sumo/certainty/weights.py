@@ -1,0 +1,82 @@
+"""Probabilities of encounters with other weights of the models, without new futures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+from rich.console import Console
+
+from scex_sumo.certainty.extra import EVENTS
+from scex_sumo.certainty.results import TooFewFuturesError, exact_of, weighted_probability
+from scex_sumo.certainty.tables import Weights
+from scex_sumo.metrics.registry import COLLISION
+from scex_sumo.reports.encounter_rows import STRESS_TEST, Meeting
+from scex_sumo.reports.encounter_table import QUESTIONS
+from scex_sumo.reports.run_table import Head, console_table, print_line, print_table
+from scex_sumo.results.probability import Probability
+from scex_sumo.results.run import Run
+
+
+def weighted(run: Run, pair: tuple[int, int], weights: Weights) -> dict[str, float | None]:
+    """Return the probability of each event of a pair; None for too few futures that are driven like this."""
+    found: dict[str, float | None] = {}
+    for event in EVENTS:
+        found[event] = None
+        with suppress(TooFewFuturesError):
+            found[event] = weighted_probability(run, weights, event, pair)
+    return found
+
+
+def weighted_rows(
+    run: Run, found: Sequence[Meeting], rows: Sequence[dict[str, Any]], weights: Weights
+) -> list[dict[str, Any]]:
+    """Return the rows of ``encounters --json`` with ``weighted`` probabilities of the stress test."""
+    exact = exact_of(run)
+    return [
+        row
+        if one.futures != STRESS_TEST
+        else row
+        | {
+            "exact_collision": None if exact is None else exact.probability(COLLISION, one.pair, weights),
+            "weighted": weighted(run, one.pair, weights),
+        }
+        for one, row in zip(found, rows, strict=True)
+    ]
+
+
+def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, most: int = 20) -> None:
+    """Print the probabilities of the critical pairs with other weights of the models.
+
+    Raises:
+        UsageError: a model is unknown, or a weight is below 0.
+    """
+    given = ", ".join(f"{model} {weight:g}" for model, weight in weights.items())
+    heads: list[Head] = [("pair", "names", ""), *((QUESTIONS[event], "text", "") for event in EVENTS)]
+    pairs, sampled = [row for row in run.encounters.to_pylist() if row["critical"] > 0], False
+    rows = []
+    for row in pairs[:most]:
+        found = run.encounter(row["track_id"], row["other_id"])
+        before = {event: found.probability(event) for event in EVENTS}
+        sampled |= any(share.exact is None for share in before.values())
+        after = weighted(run, found.pair, weights)
+        cells = [f"{_marked(before[event])} → {_percent(after[event])}" for event in EVENTS]
+        rows.append([f"{row['track_id']} → {row['other_id']}", *cells])
+    any_one, new = run.collision, None
+    with suppress(TooFewFuturesError):
+        new = weighted_probability(run, weights)
+    rows.append(["any", f"{_marked(any_one)} → {_percent(new)}", *[""] * (len(EVENTS) - 1)])
+    print_table(console_table(f"P with {given} instead of the run's weights", heads, rows), console)
+    if sampled or any_one.exact is None:
+        print_line("~ from the drawn futures, weighted; – too few of them are driven like this", console)
+    if len(pairs) > most:
+        print_line(f"{len(pairs) - most} more pairs with --most", console)
+
+
+def _marked(share: Probability) -> str:
+    return f"{'~' if share.exact is None else ''}{share.estimate.value:.2%}"
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{share:.2%}"

@@ -1,0 +1,55 @@
+"""Parameters of a command, generated from dataclasses of options."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, Field, fields
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from scex_sumo.base.options import Option
+
+
+def with_options(
+    kinds: Callable[[], Sequence[type]],
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorate a command: in place of ``**given`` it takes the options of dataclasses.
+
+    Args:
+        kinds: returns the dataclasses, in the order of the help.
+    """
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        signature = inspect.signature(command, eval_str=True)
+        own = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
+        more = [parameter for kind in kinds() for parameter in parameters_of(kind)]
+        command.__signature__ = signature.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
+        return command
+
+    return decorate
+
+
+def parameters_of(kind: type) -> list[inspect.Parameter]:
+    """Return a keyword parameter for each option of a dataclass, as Typer reads them."""
+    hints = get_type_hints(kind)
+    return [
+        _parameter(one, one.metadata["option"], hints[one.name])
+        for one in fields(kind)
+        if "option" in one.metadata
+    ]
+
+
+def _parameter(one: Field[Any], about: Option, hint: Any) -> inspect.Parameter:
+    if about.several:
+        hint, default = list[str] | None, None
+    elif about.text:
+        hint, default = str | None, None
+    else:
+        default = None if one.default is MISSING else one.default
+    names = about.names or ((f"--{one.name.replace('_', '-')}",) if hint is not bool else ())
+    option = typer.Option(*names, metavar=about.metavar, help=about.help, autocompletion=about.complete)
+    return inspect.Parameter(
+        one.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, option]
+    )

@@ -1,0 +1,121 @@
+"""Extra of a run: what it does beside its drawn futures, with options of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, cast
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.options import Option, options_of
+from scex_sumo.base.progress import Progress
+from scex_sumo.extrapolation.job import Job
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunOptions, RunSettings
+from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.results.extras import EXTRAS, ExtraResults, Row, extra_types
+from scex_sumo.results.parts import Part
+from scex_sumo.results.run import Run
+from scex_sumo.scene import SeedScene
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Work:
+    """A run whose drawn futures are finished, for its extras.
+
+    Attributes:
+        part: all futures, with their first step only, without plans; with ``until_band`` those so far.
+        settled: what `Extra.settle` returned for these futures; None if it was not asked.
+        progress: counts the steps of a further run of this size, see `Extra.repeats`.
+    """
+
+    job: Job
+    part: Part
+    workers: Workers
+    options: RunOptions
+    extras: Sequence[Extra] = ()
+    settled: Any = None
+    progress: Progress | None = None
+
+    def bar_of_repeat(self, label: str) -> AbstractContextManager[Progress | None]:
+        """Open the part of the run's progress bar for a further run."""
+        return nullcontext(self.progress)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extra(ExtraResults):
+    """Extra of a run; a frozen dataclass whose fields, made by `option`, are its options.
+
+    Each method may be left out. Registered by an entry point in ``scex_sumo.extras``, its options belong to
+    ``scex-sumo run`` and `extrapolate`; else it is given as ``--extra package.module:Class:option=value``.
+    """
+
+    nested: ClassVar[bool] = True
+    """Whether it works for a run inside of another run's folder, too."""
+
+    def check(self, settings: RunSettings, models: ModelSet, scene: SeedScene) -> None:
+        """Raise a `UsageError` for options that make no sense, before a future is simulated."""
+
+    def repeats(self, settings: RunSettings) -> int:
+        """Return how many further runs of the same size it makes in `after`."""
+        return 0
+
+    def settle(self, work: Work) -> Any:
+        """Return an object with the ``remainder`` of P(collision), with which ``until_band`` may end the run.
+
+        None if it cannot tell.
+        """
+        return None
+
+    def after(self, work: Work) -> Sequence[Row]:
+        """Do its work when all tables are written, and return rows of the summary."""
+        return ()
+
+    def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
+        """Do what needs the finished result; return files for the user by what they are."""
+        return {}
+
+
+def extras_of(given: Mapping[str, Any]) -> tuple[Extra, ...]:
+    """Return the registered extras, each with its own of the given options."""
+    kinds = cast("Mapping[str, type[Extra]]", extra_types())
+    return tuple(kind(**{n: given[n] for n in options_of(kind) if n in given}) for kind in kinds.values())
+
+
+def extra_named(given: str | Extra) -> Extra:
+    """Return an extra by its name or import path and options, ``package.module:Class[:option=value]...``.
+
+    Raises:
+        UsageError: there is no such extra, or it has no such option.
+    """
+    if not isinstance(given, str):
+        return given
+    name, *rest = given.split(":")
+    while rest and "=" not in rest[0]:
+        name = f"{name}:{rest.pop(0)}"
+    kind = EXTRAS.load(name)
+    if not (isinstance(kind, type) and issubclass(kind, Extra)):
+        raise UsageError(f"--extra {name}: is no class derived from scex_sumo.Extra")
+    values = {}
+    for entry in rest:
+        key, equals, text = entry.partition("=")
+        known = options_of(kind)
+        if not equals or key not in known:
+            raise UsageError(
+                f"--extra {given}: {entry!r} is no option of it; it has {', '.join(known) or 'none'}"
+            )
+        values[key] = _value(known[key], getattr(kind, key, None), text, given)
+    return kind(**values)
+
+
+def _value(one: Option, default: Any, text: str, given: str) -> Any:
+    if one.read is not None:
+        return one.read([text] if one.several else text)
+    if isinstance(default, bool):
+        return text.lower() in ("true", "1")
+    try:
+        return type(default)(text) if isinstance(default, int | float) else text
+    except ValueError:
+        raise UsageError(f"--extra {given}: {text!r} is no number") from None

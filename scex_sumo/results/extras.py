@@ -1,0 +1,108 @@
+"""Registry of extras of a run, and what an extra reads from a result folder.
+
+An extra is what a run does beside its drawn futures, such as exact probabilities, a human-like reference or
+a page. `scex_sumo.extrapolation.extras.Extra` adds what it does while the run is made.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.importing import Registry
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from scex_sumo.results.run import Run
+
+EXTRAS: Final = Registry(group="scex_sumo.extras", kind="extra of a run")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactProbability:
+    """Probability of an event that was not sampled.
+
+    Attributes:
+        checked: how it was checked, in words.
+        ways: when the event happens, in words; empty for several pairs.
+    """
+
+    value: float
+    checked: str
+    ways: tuple[str, ...] = ()
+
+    def told(self, most: int) -> str:
+        """Return the first ways in words, and the number of the others."""
+        more = f"; or in {len(self.ways) - most} more ways" if len(self.ways) > most else ""
+        return "; or ".join(self.ways[:most]) + more
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """Row of the summary, for a set of futures: in the terminal, on the page and in JSON.
+
+    Attributes:
+        value: NaN or None where undefined.
+        unit: printed in brackets behind the name.
+    """
+
+    name: str
+    value: float | None
+    unit: str = ""
+
+
+class ExtraResults:
+    """What an extra reads from the folder of a finished run; each method may be left out."""
+
+    order: ClassVar[int] = 0
+    """Extras with a lower number come first."""
+    files: ClassVar[tuple[str, ...]] = ()
+    """Patterns of the files and folders that it writes into a result folder."""
+
+    def exact_probability(
+        self, run: Run, event: str, pair: tuple[int, int] | None
+    ) -> ExactProbability | None:
+        """Return the exact probability of an event of a pair, or of any pair; None where it is not known."""
+        return None
+
+    def print_above(self, run: Run, console: Console, preset: str | None) -> None:
+        """Print a table of its own above the summary."""
+
+    def lines(self, run: Run) -> Sequence[str]:
+        """Return sentences of the summary."""
+        return ()
+
+    def pair_lines(self, run: Run, row: Mapping[str, Any]) -> Sequence[str]:
+        """Return sentences about a pair, a row of ``encounters.parquet``."""
+        return ()
+
+    def answer(self, run: Run) -> Mapping[str, Any]:
+        """Return keys of the answer of ``run --json``."""
+        return {}
+
+    def page(self, run: Run) -> Any:
+        """Return its part of the page, a `scex_sumo.page.parts.PagePart`; None for none."""
+        return None
+
+
+@cache
+def extra_types() -> Mapping[str, type[ExtraResults]]:
+    """Return the registered extras by name, in their order; a broken one of another package is left out."""
+    found: dict[str, type[ExtraResults]] = {}
+    for name in EXTRAS.paths:
+        try:
+            found[name] = EXTRAS.load(name)
+        except UsageError as error:
+            print(f"warning: extra {name} is left out: {error}", file=sys.stderr)
+    return dict(sorted(found.items(), key=lambda item: (item[1].order, item[0])))
+
+
+@cache
+def extras_results() -> tuple[ExtraResults, ...]:
+    """Return the registered extras, to read what they wrote."""
+    return tuple(kind() for kind in extra_types().values())

@@ -1,0 +1,61 @@
+"""Card of the driver under test on a run's page."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
+from scex_sumo.page.charts import line_legend, metric_title, ticks, value_range
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.parts import PagePart
+from scex_sumo.page.study import card, table, table_place
+from scex_sumo.results.run import Run
+from scex_sumo.studies.under_test.results import Driven, UnderTest
+from scex_sumo.studies.under_test.table import HEADS, under_test_rows, verdict
+
+TABLE: Final = "under-test"
+_KINDS: dict[Driven, str] = {"under_test": "picked", "baseline": "drawn"}
+
+
+def under_test_part(run: Run) -> PagePart:
+    """Return the card of a run with a baseline, its curves and its table."""
+    tested = UnderTest.of(run)
+    return PagePart(
+        cards=[under_test_card(tested)],
+        info={"tested_curves": under_test_curves(run, tested)},
+        tables={TABLE: table(HEADS, under_test_rows(tested))},
+        verdict=verdict(tested),
+    )
+
+
+def under_test_card(tested: UnderTest) -> Html:
+    """Return the card of the driver under test."""
+    return card(
+        f"Under test, {tested.label}",
+        "Only encounters of the vehicles under test count. Without: the same futures and other drivers, with "
+        "these vehicles driven as drawn. Curves: share of the futures up to a value, with its 95 % band.",
+        table_place(TABLE),
+        line_legend([("picked", "with the driver under test"), ("drawn", "without")]),
+        element("div.charts", id="tested-curves"),
+    )
+
+
+def under_test_curves(run: Run, tested: UnderTest) -> list[dict[str, Any]]:
+    """Return by metric the values with the driver under test and without, and half-widths of their bands."""
+    found: list[dict[str, Any]] = []
+    for column in critical_columns(tested.columns):
+        if column == COLLISION:
+            continue
+        limit, sets, values = run.thresholds.get(column), [], []
+        for driven, kind in _KINDS.items():
+            values.append(tested.samples(column, driven))
+            if np.isfinite(values[-1]).any():
+                curve = tested.density(column, driven)
+                band = float((curve.band[1] - curve.cdf).max())
+                sets.append({"kind": kind, "values": values[-1].tolist(), "band": band})
+        view = value_range(np.concatenate(values), limit)
+        about = {"title": metric_title(column), "side": metric_of(column).side, "threshold": limit}
+        found.append(about | {"view": view, "ticks": ticks(*view), "sets": sets})
+    return found
