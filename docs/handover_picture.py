@@ -26,13 +26,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import scex_sumo as scex  # noqa: E402
-from scex_sumo.base.colors import model_colors  # noqa: E402
+from scex_sumo.base.colors import OTHER_RGB, model_colors  # noqa: E402
 from scex_sumo.base.errors import MissingExtraError  # noqa: E402
 from scex_sumo.exporters.openscenario import write_openscenario  # noqa: E402
 from scex_sumo.exporters.request import Request  # noqa: E402
 from scex_sumo.results.run import Run  # noqa: E402
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S  # noqa: E402
-from scex_sumo.views.drawings import OTHER_RGB  # noqa: E402
 from scex_sumo.views.replay import ChildView, write_view  # noqa: E402
 from tests.exporters.opendrive_reader import OpenDrive  # noqa: E402
 from tests.exporters.openscenario_reader import box_centres  # noqa: E402

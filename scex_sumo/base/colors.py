@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 Rgb = tuple[int, int, int]
 
+OTHER_RGB: Rgb = (255, 0, 200)  # pedestrians and cyclists
+
 _KNOWN: dict[str, Rgb] = {
     "standard_driver": (63, 143, 210),
     "risky_driver": (213, 94, 0),

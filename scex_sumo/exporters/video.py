@@ -20,15 +20,15 @@ from matplotlib.text import Text
 from PIL import Image
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.colors import Rgb
+from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import replacing
+from scex_sumo.converters.net.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.exporters.request import Request
 from scex_sumo.reports.drawing import STYLE, vehicle_outlines
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.children import colors_of, event_of
-from scex_sumo.views.drawings import OTHER_RGB, readable
-from scex_sumo.views.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
+from scex_sumo.views.drawings import readable
 
 _MP4_SIZE, _MP4_RATE = (1280, 720), 30  # px; pictures per s
 _GIF_SIZE, _GIF_RATE, _GIF_COLORS = (800, 450), 10, 64

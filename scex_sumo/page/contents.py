@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import model_colors
 from scex_sumo.base.errors import ScexError
+from scex_sumo.converters.net.road_lines import road_lines
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page.charts import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, quantized
@@ -30,7 +31,6 @@ from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH, split_atoms
-from scex_sumo.views.road_lines import road_lines
 
 FAR_M = 1e6  # place of vehicles that have left
 _AROUND_M = 60.0

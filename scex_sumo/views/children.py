@@ -17,7 +17,7 @@ from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.drawings import ChildView
-from scex_sumo.views.replay import ReadNet, write_view
+from scex_sumo.views.replay import write_view
 
 
 def write_child(run: Run, number: int) -> Path:
@@ -57,19 +57,16 @@ def _named(tracks: Sequence[int]) -> str:
     return " and ".join(str(track) for track in tracks)
 
 
-def write_worst(run: Run, column: str, net: ReadNet | None = None) -> Path:
-    """Write the most critical child by a metric at its worst step, and return the file to open.
-
-    ``net`` is the run's, if already read.
-    """
+def write_worst(run: Run, column: str) -> Path:
+    """Write the most critical child by a metric at its worst step, and return the file to open."""
     column = run.column(column)
     number = run.most_critical(column)
     row = _worst_row(run, number, column)
     if not row:
-        return _write(run, [_child_view(run, number, title=_value(run, number, column))], net)
+        return _write(run, [_child_view(run, number, title=_value(run, number, column))])
     tracks = _tracks(row)
     step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-    return _write(run, [_event_view(run, number, tracks, step, _value_text(column, row["value"]))], net)
+    return _write(run, [_event_view(run, number, tracks, step, _value_text(column, row["value"]))])
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
@@ -160,6 +157,6 @@ def colors_of(run: Run) -> dict[str, Rgb]:
     return dict(zip(names, model_colors(names), strict=True))
 
 
-def _write(run: Run, views: Sequence[ChildView], net: ReadNet | None = None) -> Path:
+def _write(run: Run, views: Sequence[ChildView]) -> Path:
     with writing(run.folder):
-        return write_view(run.net.path.parent, run.net, run.scene, views, colors_of(run), again=net)
+        return write_view(run.net.path.parent, run.net, run.scene, views, colors_of(run))

@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.colors import Rgb
+from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
 
 Bounds = tuple[float, float, float, float]
-OTHER_RGB = (255, 0, 200)  # pedestrians and cyclists
 _LINE = 1.4  # line height, in letters
 _LETTER = 0.4  # width of a letter, in heights
 _LEGEND_COLUMNS = 3

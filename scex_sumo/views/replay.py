@@ -11,9 +11,8 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from copy import deepcopy
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
@@ -21,11 +20,10 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.base.colors import Rgb
+from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.converters.net.reader import net_root, points_of
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.drawings import (
-    OTHER_RGB,
     WINDOW_SIZE,
     ChildView,
     Frame,
@@ -53,19 +51,6 @@ _GRID_MARGIN_M, _GRID_AROUND_M = 12.0, 15.0
 _GRID_ASPECT = 1.6  # width by height of all tiles, beside their legend
 
 
-class ReadNet(NamedTuple):
-    """Net, read once: index of its lanes, template of its tiles, and its lights."""
-
-    lanes: LaneFinder
-    template: TileTemplate
-    lights: tuple[ElementTree.Element, ...]
-
-    @classmethod
-    def of(cls, path: Path) -> ReadNet:
-        """Read a net."""
-        return cls(LaneFinder(path), template_of(path), _lights(path))
-
-
 def write_view(
     folder: Path,
     net: SumoNet,
@@ -74,20 +59,17 @@ def write_view(
     colors: Mapping[str, Rgb],
     *,
     snapshots: tuple[tuple[float, str], ...] = (),
-    again: ReadNet | None = None,
 ) -> Path:
     """Write files that show one child in sumo-gui, or several side by side, and return the file to open.
 
     Args:
         snapshots: times in s and picture names for sumo-gui.
-        again: the net, if already read for one child.
     """
     grid = len(children) > 1
     name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
     folder.mkdir(parents=True, exist_ok=True)
     source = _cropped(folder / name, net, children) if grid else (net.path, net.extras)
-    read = again or ReadNet.of(source[0])
-    template = read.template
+    template = template_of(source[0])
     layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
@@ -97,7 +79,7 @@ def write_view(
         for slot, child in enumerate(children)
     ]
     groups = [group for s in tiled for group in _groups(scene, s)]
-    write_fcd(folder / f"{name}.fcd.xml", groups, read.lanes)
+    write_fcd(folder / f"{name}.fcd.xml", groups, LaneFinder(source[0]))
     entries = legend_entries(scene, [model for child in children for model in child.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in tiled], entries)
     if not grid:
@@ -109,7 +91,7 @@ def write_view(
         drawn += _choose_ids(folder / f"{name}.ids.txt", groups, children[0], letter_m, frame)
     additional.append(folder / f"{name}.add.xml")
     types = _types(scene, children, colors)
-    lights = _delayed(_lights(net_file) if grid else read.lights, (children[0].past - 1) * STEP_S)
+    lights = _delayed(net_file, (children[0].past - 1) * STEP_S)
     additional[-1].write_text(f"<additional>\n{types}{lights}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
@@ -148,15 +130,11 @@ def _filling(box: Box, count: int) -> Box:
     return left - x, low - y, right + x, high + y
 
 
-def _lights(net: Path) -> tuple[ElementTree.Element, ...]:
-    # Of several programmes SUMO takes the last one.
-    return tuple({light.get("id"): light for light in net_root(net).iter("tlLogic")}.values())
-
-
-def _delayed(lights: Iterable[ElementTree.Element], by_s: float) -> str:
-    """Return lights, later by the time before the seed scene that a replay shows."""
+def _delayed(net: Path, by_s: float) -> str:
+    """Return the lights of a net, later by the time before the seed scene that a replay shows."""
     delayed = ""
-    for light in map(deepcopy, lights):
+    # Of several programmes SUMO takes the last one.
+    for light in {light.get("id"): light for light in net_root(net).iter("tlLogic")}.values():
         light.attrib |= {"programID": "replay", "offset": f"{float(light.get('offset', '0')) + by_s:.2f}"}
         delayed += ElementTree.tostring(light, encoding="unicode")
     return delayed

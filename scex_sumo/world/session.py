@@ -10,19 +10,20 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, fields
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scex_sumo.base.colors import Rgb
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import writing
+from scex_sumo.base.importing import Registry
 from scex_sumo.base.programs import checked_path, program
 from scex_sumo.scene import STEP_S
-from scex_sumo.views.drawings import LETTER_M, WINDOW_SIZE, draw_legend, frame_of, write_view_settings
-from scex_sumo.world.tiles import TILE_SLOTS, TileTemplate, template_of, tile_id
+from scex_sumo.world.tiles import TILE_SLOTS, template_of, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
+    from scex_sumo.world.tiles import TileLayout, TileTemplate
 
 ANY_ROUTE = "anywhere"  # moved vehicles never follow it
 
@@ -39,6 +40,19 @@ _OPTIONS = (
 )
 
 _open = False
+
+WINDOWS = Registry(group="scex_sumo.windows", kind="live window")
+"""Functions ``write(folder, tiles, delay_ms=...)`` that return additional files and options of SUMO."""
+
+
+class Tiles(NamedTuple):
+    """Tiles that a live window shows, with the drawing of the net and the models of the legend."""
+
+    template: TileTemplate
+    layout: TileLayout
+    slots: Sequence[int]
+    extras: Path | None
+    legend: Sequence[tuple[str, Rgb]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +125,7 @@ class SumoSession:
         self._delay_ms = delay_ms
         self._legend = legend
         self._template = template_of(net.path)
-        self._extras = TileTemplate(net.extras) if gui and net.extras is not None else None
+        self._extras = net.extras
         count = max(self.slots, default=0) + 1
         self.layout = (
             self._template.window_layout(count, margin_m=_GUI_MARGIN_M) if gui else self._template.layout()
@@ -161,19 +175,10 @@ class SumoSession:
         self._types.write(types)
         additional, options = [types], ["-n", checked_path(net)]
         if self._gui:
-            if self._extras is not None:
-                additional.append(self._folder / "tiles.add.xml")
-                self._extras.write(additional[-1], self.slots, self.layout)
-            offsets = [self.layout.offset(slot) for slot in self.slots]
-            frame = frame_of(self._template.bounds, offsets, self._legend).on(self._template.bounds)
-            additional.append(self._folder / "legend.add.xml")
-            text = f"<additional>\n{draw_legend(frame)}</additional>\n"
-            additional[-1].write_text(text, encoding="utf-8")
-            view = self._folder / "view.xml"
-            letter_m = LETTER_M * frame.exaggeration if len(self.slots) == 1 else 0.0
-            write_view_settings(view, frame, letter_m=letter_m, delay_ms=self._delay_ms)
-            options += ["--gui-settings-file", str(view), "--start", "true", "--quit-on-end", "true"]
-            options += ["--window-size", WINDOW_SIZE]
+            tiles = Tiles(self._template, self.layout, self.slots, self._extras, self._legend)
+            drawn, settings = WINDOWS.load("sumo-gui")(self._folder, tiles, delay_ms=self._delay_ms)
+            additional += drawn
+            options += [*settings, "--start", "true", "--quit-on-end", "true"]
         return [*options, "-a", ",".join(str(path) for path in additional)]
 
     def _start(self, module: Any, options: list[str]) -> None:

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr as quoted
 
+from scex_sumo.base.colors import OTHER_RGB
 from scex_sumo.base.programs import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.scene import SeedScene
-from scex_sumo.views.drawings import OTHER_RGB
 
 _GUI_SHAPES = {"van": "delivery", "car": "passenger", "tram": "rail/railcar"}
 _CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}

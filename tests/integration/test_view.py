@@ -13,7 +13,7 @@ import pytest
 import sumo
 
 from scex_sumo.scene import Obstacles, SeedScene, States
-from scex_sumo.views.replay import ChildView, ReadNet, write_view
+from scex_sumo.views.replay import ChildView, write_view
 from tests.formats.sumo.simulations import in_sumo, write_grid
 
 STEPS = 40
@@ -141,9 +141,7 @@ def test_lights_are_replayed_at_the_times_of_the_vehicles(tmp_path: Path, number
         light.set("offset", "-41.5")
     read.write(net)
     shown = SimpleNamespace(path=net, extras=None)
-    children, read = [child(n, -900.0) for n in numbers], ReadNet.of(net) if len(numbers) == 1 else None
-    for _ in range(2):  # a net that is read once is delayed once
-        configuration = write_view(tmp_path, shown, scene(), children, COLORS, again=read)
+    configuration = write_view(tmp_path, shown, scene(), [child(n, -900.0) for n in numbers], COLORS)
     in_run = in_sumo(net, 0.1, steps=30).lights  # a future begins at 0.1 s
     in_replay = in_sumo(configuration, 1.0, steps=30).lights  # the tenth frame is the seed scene
     in_replay = {name.removeprefix("t0_"): states for name, states in in_replay.items()}

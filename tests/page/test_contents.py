@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 
+from scex_sumo.converters.net.road_lines import SURFACE, road_lines
 from scex_sumo.page.contents import report_contents
 from scex_sumo.page.packing import decoded_motion
 from scex_sumo.page.report import report_html, write_report
@@ -20,7 +21,6 @@ from scex_sumo.page.scene import packed_tracks, road_paths
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.density import wilson_of
-from scex_sumo.views.road_lines import SURFACE, road_lines
 from tests.page.packed import unpack
 
 DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')

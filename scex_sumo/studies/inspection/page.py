@@ -16,12 +16,12 @@ from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.registry import known_models
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, recorded_throughout
 from scex_sumo.converters.datasets.recordings import LoadedRecording
+from scex_sumo.converters.net.road_lines import AREA, MARKING, RoadLine
 from scex_sumo.formats.cleaning.heading import STANDING_MPS
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.page.packing import UNITS, quantized
 from scex_sumo.page.scene import road_paths
 from scex_sumo.road import Road
-from scex_sumo.views.road_lines import AREA, MARKING, RoadLine
 
 SCRIPTS = (*BASE, "state.js", "pairs.js", "map.js", "inspect.js")
 KINDS = ("moves, recorded from 1 s before to 3 s after", "moves, not recorded throughout", "stands")

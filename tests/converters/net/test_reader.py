@@ -10,9 +10,9 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.reader import read_net
+from scex_sumo.converters.net.road_lines import SURFACE, road_lines
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.views.fcd import LaneFinder
-from scex_sumo.views.road_lines import SURFACE, road_lines
 from tests.converters.plain_net import Table, crossing, write_net
 
 EAST = '<lane id="east_0" index="0" speed="13.89" length="45.00" width="3.50" shape="15.00,0.00 60.00,0.00"/>'

@@ -1,0 +1,27 @@
+"""Live window: what sumo-gui shows beside the vehicles of a run, with ``--gui``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scex_sumo.views.drawings import LETTER_M, WINDOW_SIZE, draw_legend, frame_of, write_view_settings
+from scex_sumo.world.tiles import TileTemplate
+
+if TYPE_CHECKING:
+    from scex_sumo.world.session import Tiles
+
+
+def write_window(folder: Path, tiles: Tiles, *, delay_ms: int) -> tuple[list[Path], list[str]]:
+    """Write markings, legend and view settings; return additional files and SUMO's options."""
+    additional = []
+    if tiles.extras is not None:
+        additional.append(folder / "tiles.add.xml")
+        TileTemplate(tiles.extras).write(additional[-1], tiles.slots, tiles.layout)
+    bounds, offsets = tiles.template.bounds, [tiles.layout.offset(slot) for slot in tiles.slots]
+    frame = frame_of(bounds, offsets, tiles.legend).on(bounds)
+    additional.append(folder / "legend.add.xml")
+    additional[-1].write_text(f"<additional>\n{draw_legend(frame)}</additional>\n", encoding="utf-8")
+    letter_m = LETTER_M * frame.exaggeration if len(tiles.slots) == 1 else 0.0
+    write_view_settings(folder / "view.xml", frame, letter_m=letter_m, delay_ms=delay_ms)
+    return additional, ["--gui-settings-file", str(folder / "view.xml"), "--window-size", WINDOW_SIZE]
