@@ -259,6 +259,8 @@ def parse_models(text: str) -> list[ModelSpec]:
         >>> [str(spec) for spec in scex.parse_models("standard_driver@2,risky_driver:minimum_gap=3")]
         ['standard_driver', 'risky_driver:minimum_gap=3']
     """
+    if not isinstance(text, str):
+        raise UsageError(f"got {text!r} as a model; give its name, e.g. standard_driver")
     given = [part.strip() for part in (text.split(",") if split_command(text) is None else [text])]
     parts = [name for part in given for name in (SETS[part].split(",") if part in SETS else [part])]
     specs = [_parse_one(part) for part in parts if part]

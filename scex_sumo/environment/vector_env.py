@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
-from scex_sumo.extrapolation.assignments import child_generator, random_assignments, route_draws
+from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
+from scex_sumo.extrapolation.assignments import child_generator, listing, random_assignments, route_draws
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import checked_plan, groups_of, history_at
-from scex_sumo.extrapolation.settings import Models, RunSettings
+from scex_sumo.extrapolation.settings import MAX_CHILDREN, MAX_STEPS, Models, RunSettings
 from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.metrics.base import SceneTracks
@@ -90,17 +92,26 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         Raises:
             UsageError: an argument makes no sense.
         """
+        num_envs = whole_number("num_envs", num_envs, 1, MAX_CHILDREN)
+        steps, replan = (
+            whole_number("steps", steps, 1, MAX_STEPS),
+            whole_number("replan", replan, 1, PLAN_STEPS),
+        )
+        hold = whole_number("hold", hold, 1, steps)
+        self._controls = one_of("action", action, ("control", "plan")) == "control"
+        self._flat = one_of("observation", observation, ("flat", "dict")) == "flat"
+        if not callable(reward):
+            raise UsageError(f"reward: got {reward!r}, needs a function of `AgentSteps`")
+        if surroundings is not None and not isinstance(surroundings, Surroundings):
+            raise UsageError(f"surroundings: got {surroundings!r}, needs `scex_sumo.Surroundings`")
+        if not isinstance(seed_scene, SeedScene | str | Path):
+            raise UsageError(f"seed_scene: got {type(seed_scene).__name__}, needs a seed scene or a file")
         scene = seed_scene if isinstance(seed_scene, SeedScene) else read_seed(seed_scene)
         if scene.road is None:
             raise UsageError("seed_scene: has no road; read it together with its map")
         tracks = scene.track_ids.tolist()
         self.agent = tracks[0] if agent is None else agent
-        if self.agent not in tracks:
-            raise UsageError(f"agent: no vehicle {agent} in the seed scene; its vehicles: {tracks}")
-        if self.agent in (assign or {}):
-            raise UsageError(f"assign: vehicle {self.agent} is the agent")
-        if num_envs < 1 or hold < 1 or hold > steps:
-            raise UsageError(f"num_envs {num_envs}, hold {hold}: need at least 1, hold at most {steps} steps")
+        self._check_vehicles(tracks, assign)
         settings = RunSettings(models=models, assign=assign or {}, steps=steps, replan=replan)
         self._models = ModelSet.of(settings)
         for name, model in zip(self._models.names, self._models.built, strict=True):
@@ -109,9 +120,11 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self.scene, self.road = scene, scene.road
         self.num_envs, self.steps, self.replan, self.hold = num_envs, steps, replan, hold
         self._vehicle = tracks.index(self.agent)
-        self._controls, self._flat, self._reward = action == "control", observation == "flat", reward
+        self._reward = reward
         self._surroundings = surroundings or Surroundings(neighbours=8, lanes=16)
         self._paths = seed_paths(scene, self.road, None, steps * STEP_S + 5.0)
+        last = int(self._paths.count[self._vehicle]) - 1
+        path = whole_number(f"path of vehicle {self.agent}", path, -last - 1, last)
         self._row = self._paths.choose(path, np.full(num_envs, self._vehicle), np.zeros(num_envs))
         self._world = PlainWorld(num_envs, scene.vehicles, length=scene.length)
         self._begin(0)
@@ -137,11 +150,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self, actions: FloatArray
     ) -> tuple[Observation, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Advance all environments by ``hold`` steps; those that had ended begin again instead."""
-        actions = np.asarray(actions, dtype=np.float64)
-        if actions.shape != self.action_space.shape or not np.isfinite(actions).all():
-            raise UsageError(
-                f"actions: got shape {actions.shape}, needs finite values of shape {self.action_space.shape}"
-            )
+        actions = finite_numbers("actions", actions, (self.num_envs, *self.single_action_space.shape))
         begins = self._ended.copy()
         before, came_from = self._agent_now(), self._way
         collided = np.zeros(self.num_envs, dtype=bool)
@@ -168,11 +177,24 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             lateral=(after.speed + before.speed) / 2 * turn / seconds,
             seconds=seconds,
         )
-        rewards = np.where(begins, 0.0, self._reward(done))
+        rewards = np.where(begins, 0.0, finite_numbers("reward", self._reward(done), (self.num_envs,)))
         terminated = collided & ~begins
         truncated = (self._age >= self.steps) & ~terminated & ~begins
         self._ended = terminated | truncated
         return self._observation(), rewards, terminated, truncated, self._info()
+
+    def _check_vehicles(self, tracks: Sequence[int], assign: Mapping[int, str] | None) -> None:
+        if assign is not None and not isinstance(assign, Mapping):
+            raise UsageError(f"assign: got {type(assign).__name__}, needs a mapping from track id to model")
+        named = {"agent": [self.agent], "assign": list(assign or {})}
+        for argument, some in named.items():
+            for track in some:
+                if track not in tracks:
+                    raise UsageError(
+                        f"{argument}: no vehicle {track} in the seed scene; its vehicles: {listing(tracks)}"
+                    )
+        if self.agent in named["assign"]:
+            raise UsageError(f"assign: vehicle {self.agent} is the agent")
 
     def _begin(self, seed: int) -> None:
         count, shape = self.num_envs, (self.num_envs, self.scene.vehicles)
@@ -314,9 +336,13 @@ class SeedEnv(gymnasium.Env[Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Advance by the steps that an action is held."""
-        observation, reward, ended, cut, info = self._one.step(np.asarray(action)[None])
+        observation, reward, ended, cut, info = self._one.step(_batch_of_one(action))
         return self._first(observation), float(reward[0]), bool(ended[0]), bool(cut[0]), self._first(info)
 
     @staticmethod
     def _first(batch: Any) -> Any:
         return {name: v[0] for name, v in batch.items()} if isinstance(batch, dict) else batch[0]
+
+
+def _batch_of_one(action: Any) -> Any:
+    return action[None] if isinstance(action, np.ndarray) else [action]

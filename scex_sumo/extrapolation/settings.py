@@ -233,8 +233,9 @@ class RunSettings:
     @cached_property
     def drawn(self) -> tuple[ModelSpec, ...]:
         """The models to draw from."""
-        entries = [self.models] if isinstance(self.models, str) else self.models
-        return tuple(s for e in entries for s in (parse_models(e) if isinstance(e, str) else [e]))
+        several = isinstance(self.models, Sequence) and not isinstance(self.models, str)
+        entries = self.models if several else [self.models]
+        return tuple(s for e in entries for s in ([e] if isinstance(e, ModelSpec) else parse_models(e)))
 
     @cached_property
     def count(self) -> int | None:

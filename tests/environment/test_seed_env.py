@@ -138,8 +138,22 @@ def test_the_reward_counts_progress_comfort_and_collisions() -> None:
         ({"agent": 99}, "no vehicle 99"),
         ({"models": "sumo:EIDM"}, "SUMO drives"),
         ({"assign": {3: "standard_driver"}}, "is the agent"),
-        ({"hold": 31}, "hold at most 30"),
-        ({"num_envs": 0}, "at least 1"),
+        ({"hold": 31}, "hold: got 31, needs a whole number from 1 to 30"),
+        ({"num_envs": 0}, "num_envs: got 0, needs a whole number from 1"),
+        ({"num_envs": 1.5}, "num_envs: got 1.5"),
+        ({"replan": 1.5}, "replan: got 1.5"),
+        ({"steps": True}, "steps: got True"),
+        ({"action": "x"}, "action: unknown 'x'; known: control, plan"),
+        ({"observation": "x"}, "observation: unknown 'x'; known: flat, dict"),
+        ({"path": 99}, "path of vehicle 3: got 99, needs a whole number from -4 to 3"),
+        ({"path": "straight"}, "path of vehicle 3: got 'straight'"),
+        ({"assign": {999: "standard_driver"}}, "assign: no vehicle 999"),
+        ({"assign": {9: None}}, "got None as a model"),
+        ({"assign": "standard_driver"}, "assign: got str, needs a mapping"),
+        ({"models": 5}, "got 5 as a model"),
+        ({"reward": 1.0}, "reward: got 1.0, needs a function"),
+        ({"surroundings": 8}, "surroundings: got 8"),
+        ({"seed_scene": 5}, "seed_scene: got int"),
     ],
 )
 def test_bad_arguments(scene: scex.SeedScene, options: dict[str, Any], said: str) -> None:
@@ -149,11 +163,36 @@ def test_bad_arguments(scene: scex.SeedScene, options: dict[str, Any], said: str
         SeedVectorEnv(**{"seed_scene": scene, "num_envs": 2, **options})
 
 
-def test_actions_that_are_not_finite(scene: scex.SeedScene) -> None:
+@pytest.mark.parametrize(
+    ("actions", "said"),
+    [
+        (np.full((2, 2), np.nan), "4 values that are not finite"),
+        (np.zeros((2, 2)) * 1j, "type complex128, needs real numbers"),
+        ([["a", "b"], ["c", "d"]], "needs real numbers"),
+        ([[1], [1, 2]], "rows of different lengths"),
+        (None, "needs real numbers"),
+        (np.zeros(3), r"shape \(3,\), needs \(2, 2\)"),
+    ],
+)
+def test_bad_actions(scene: scex.SeedScene, actions: Any, said: str) -> None:
     envs = gymnasium.make_vec(SEED_ENV, num_envs=2, seed_scene=scene)
     envs.reset(seed=0)
-    with pytest.raises(UsageError, match="finite"):
-        envs.step(np.full((2, 2), np.nan))
+    with pytest.raises(UsageError, match=f"actions: got .*{said}"):
+        envs.step(actions)
+    one = gymnasium.make(SEED_ENV, seed_scene=scene, disable_env_checker=True)
+    one.reset(seed=0)
+    with pytest.raises(UsageError, match="actions: got"):
+        one.step("x")
+
+
+@pytest.mark.parametrize(
+    "value", [None, 0.0, np.zeros(3), np.zeros((2, 1)), np.full(2, np.nan), "x"], ids=str
+)
+def test_a_reward_that_is_no_finite_number_for_each_agent(scene: scex.SeedScene, value: Any) -> None:
+    envs = gymnasium.make_vec(SEED_ENV, num_envs=2, seed_scene=scene, reward=lambda _: value)
+    envs.reset(seed=0)
+    with pytest.raises(UsageError, match="reward: got"):
+        envs.step(np.zeros((2, 2)))
 
 
 def test_the_example_learns(scene: scex.SeedScene) -> None:
