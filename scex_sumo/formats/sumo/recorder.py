@@ -1,6 +1,7 @@
 """Recorder of a running SUMO simulation: road users and traffic lights of each step.
 
-The connection is libsumo, libtraci, traci or a connection of traci; nothing in the simulation is changed.
+The connection is libsumo, libtraci, traci or a connection of traci. It is only asked: with subscriptions
+the simulation's own steps fail once a vehicle is removed, and its owner's subscriptions have more values.
 """
 
 from __future__ import annotations
@@ -28,11 +29,9 @@ from scex_sumo.formats.sumo.imported import kept_net
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 
-# Variables of TraCI.
-_SPEED, _POSITION, _ANGLE, _VEHICLE, _STOP = 0x40, 0x42, 0x43, 0xC3, 0xB5
-_STATE, _PHASE, _PROGRAMME, _SPENT = 0x20, 0x28, 0x29, 0x38
 _NOWHERE_M = 1e8  # SUMO's coordinates of vehicles that are not in the network are beyond
 _PARKED = 2  # bit of a stop's state
+_STANDING_MPS = 0.1  # nobody parks faster
 _RAILS = ("rail", "rail_urban", "rail_electric", "rail_fast", "subway", "cable_car")
 _RAIL_SIGNALS = (1, 2)
 _STATIC, _BY_TRAFFIC = 0, (3, 5)  # types with known phases: fixed ones; actuated and delay-based ones
@@ -130,16 +129,18 @@ class Recorder:
     """
 
     def __init__(self, sumo: Any, keep_s: float | None = None) -> None:
-        """Subscribe to the lights."""
+        """Find the lights that have programmes."""
         self._sumo, self._keep_s = sumo, keep_s
         self.recorded = Recorded()
-        self._labels: dict[tuple[int, str], str] = {}  # a person may have the name of a vehicle
-        for light in sumo.trafficlight.getIDList():
-            if any(
-                int(logic.type) in _RAIL_SIGNALS for logic in sumo.trafficlight.getAllProgramLogics(light)
-            ):
-                continue  # they have no programme; SUMO makes them of the trains
-            sumo.trafficlight.subscribe(light, [_STATE, _PHASE, _PROGRAMME, _SPENT])
+        self._labels: dict[tuple[bool, str], str] = {}  # a person may have the name of a vehicle
+        self._present: set[tuple[bool, str]] = set()
+        # SUMO makes rail signals of the trains.
+        programmes = sumo.trafficlight.getAllProgramLogics
+        self._lights = [
+            light
+            for light in sumo.trafficlight.getIDList()
+            if not any(int(logic.type) in _RAIL_SIGNALS for logic in programmes(light))
+        ]
 
     def take(self) -> float:
         """Record the present step; return its time, s."""
@@ -148,22 +149,25 @@ class Recorder:
         while recorded.frames and recorded.frames[-1][0] >= time_s:  # no step was made, or a state was loaded
             recorded.frames.pop()
             recorded.absent.pop()
+            self._present = set()
         before_s = recorded.frames[-1][0] if recorded.frames else -np.inf
+        here = [(False, name) for name in sumo.vehicle.getIDList()]
+        here += [(True, name) for name in sumo.person.getIDList()]
+        self._meet([user for user in here if user not in self._present])
+        self._present = set(here)
         names, parked, values = list[str](), list[str](), array("d")
-        for domain, more in ((sumo.vehicle, _STOP), (sumo.person, _VEHICLE)):
-            present, results = domain.getIDList(), domain.getAllSubscriptionResults()
-            # A loaded state has none of the subscriptions before.
-            if new := [name for name in present if more not in results.get(name, ())]:
-                self._subscribe(domain, new, more)
-                results = domain.getAllSubscriptionResults()
-            for name in present:
-                state = results.get(name, {})
-                x, y = state.get(_POSITION, (np.inf, np.inf))
-                if state.get(_STOP, 0) & _PARKED:
-                    parked.append(name)
-                elif abs(x) < _NOWHERE_M and not state.get(_VEHICLE):  # nobody in a vehicle
-                    names.append(self._labels[more, name])
-                    values.extend((x, y, state[_ANGLE], state[_SPEED]))
+        for user in here:
+            walks, name = user
+            domain = sumo.person if walks else sumo.vehicle
+            x, y = domain.getPosition(name)
+            if abs(x) >= _NOWHERE_M or (walks and domain.getVehicle(name)):
+                continue
+            speed = domain.getSpeed(name)
+            if not walks and speed < _STANDING_MPS and domain.getStopState(name) & _PARKED:
+                parked.append(name)
+            else:
+                names.append(self._labels[user])
+                values.extend((x, y, domain.getAngle(name), speed))
         recorded.frames.append((time_s, names, values))
         waiting = len(sumo.simulation.getPendingVehicles())
         teleporting = tuple(sumo.vehicle.getTeleportingIDList())
@@ -171,33 +175,35 @@ class Recorder:
         while self._keep_s is not None and recorded.frames[0][0] < time_s - self._keep_s:
             recorded.frames.popleft()
             recorded.absent.popleft()
-        for light, state in sumo.trafficlight.getAllSubscriptionResults().items():
-            if _SPENT not in state:  # subscribed by the user
-                continue
-            changes = recorded.lights.setdefault(light, [])
-            while changes and changes[-1].since_s >= time_s:
-                changes.pop()
-            since_s = time_s - float(state[_SPENT])  # of NEMA lights this is the begin of the simulation
-            now = Light(
-                since_s=max(since_s, before_s) if changes else since_s,
-                programme=state[_PROGRAMME],
-                phase=state[_PHASE],
-                state=state[_STATE],
-            )
-            if not changes or dataclasses.replace(now, since_s=changes[-1].since_s) != changes[-1]:
-                changes.append(now)
-                self._learn(light, now.programme)
+        for light in self._lights:
+            self._take_light(light, time_s, before_s)
         return time_s
 
-    def _subscribe(self, domain: Any, names: Sequence[str], more: int) -> None:
-        for name in names:
-            taken = more == _VEHICLE and (_STOP, name) in self._labels
-            label = f"{name} (person)" if taken else name
-            label = self._labels.setdefault((more, name), label)
-            domain.subscribe(name, [_SPEED, _POSITION, _ANGLE, more])
-            kind = "pedestrian" if more == _VEHICLE else str(domain.getVehicleClass(name))
+    def _meet(self, users: Sequence[tuple[bool, str]]) -> None:
+        """Label road users that are new, and learn their kinds and sizes."""
+        for walks, name in users:
+            taken = walks and (False, name) in self._labels
+            label = self._labels.setdefault((walks, name), f"{name} (person)" if taken else name)
+            domain = self._sumo.person if walks else self._sumo.vehicle
+            kind = "pedestrian" if walks else str(domain.getVehicleClass(name))
             size = float(domain.getLength(name)), float(domain.getWidth(name))
             self.recorded.users[label] = "tram" if kind in _RAILS else kind, *size
+
+    def _take_light(self, light: str, time_s: float, before_s: float) -> None:
+        ask, changes = self._sumo.trafficlight, self.recorded.lights.setdefault(light, [])
+        while changes and changes[-1].since_s >= time_s:
+            changes.pop()
+        now = Light(
+            since_s=changes[-1].since_s if changes else time_s,
+            programme=str(ask.getProgram(light)),
+            phase=int(ask.getPhase(light)),
+            state=str(ask.getRedYellowGreenState(light)),
+        )
+        if not changes or now != changes[-1]:
+            since_s = time_s - float(ask.getSpentDuration(light))  # of NEMA lights: the simulation's begin
+            since_s = max(since_s, before_s) if changes else since_s
+            changes.append(dataclasses.replace(now, since_s=since_s))
+            self._learn(light, now.programme)
 
     def _learn(self, light: str, name: str) -> None:
         known = self.recorded.programmes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,11 @@ class Watch:
     """
 
     def __init__(self, connection: Any, net: Path | None) -> None:
-        """Subscribe to the road users and lights of a connection."""
+        """Record the connection's present step, and each step to come."""
+        if not (hasattr(connection, "simulation") and hasattr(connection, "addStepListener")):
+            got = getattr(connection, "__name__", type(connection).__name__)
+            remedy = "give libsumo, traci or one of its connections"
+            raise UsageError(f"scex_sumo.watch: {got} is no connection to SUMO; {remedy}")
         if hasattr(connection, "getConnection"):  # traci itself: its present connection, whatever comes after
             with _asking("read"):
                 connection = connection.getConnection(connection.getLabel())
@@ -49,6 +53,7 @@ class Watch:
             # libtraci steps all of its connections through one module.
             several = getattr(connection, "isLibtraci", bool)()
             self._label = connection.simulation.getLabel() if several else None
+            connection.simulation.getTime()  # an error of libsumo without a simulation
             self._step_s = float(connection.simulation.getDeltaT())
             refuse_mesoscopic(connection, "this simulation")
             self._net = net or Path(connection.simulation.getOption("net-file")).absolute()
@@ -56,15 +61,26 @@ class Watch:
             self.time_s = self._recorder.take()
             connection.addStepListener(self._listener())
 
+    def __repr__(self) -> str:
+        users = len(self._recorder.recorded.frames[-1][1])
+        return f"Watch({map_name(self._net)!r} at {self.time_s:g} s: {users} road users)"
+
     def _listener(self) -> Any:
         take = self._take
 
         class Listener(load_sumo(gui=True).StepListener):  # type: ignore[misc]
             def step(self, t: float = 0.0) -> bool:
-                take()
+                with suppress(Exception):  # the step is the user's; `scene` meets the error again
+                    take()
                 return True
 
         return Listener()
+
+    def _is_open(self) -> bool:
+        with suppress(SimulationError), _asking("read"):
+            self._sumo.simulation.getTime()
+            return True
+        return False
 
     def _is_current(self) -> bool:
         return self._label is None or bool(self._sumo.simulation.getLabel() == self._label)
@@ -94,14 +110,17 @@ class Watch:
         return True
 
     def scene(self) -> SeedScene:
-        """Return the seed scene of the last recorded step; ``source["vehicles"]`` has SUMO's names.
+        """Return the seed scene of the present step; ``source["vehicles"]`` has SUMO's names.
 
-        The connection may be closed.
+        It is the last recorded step if the connection is closed.
 
         Raises:
             TrackError: no vehicle is there.
             MapError: the net cannot be read.
         """
+        if self._is_open():
+            with _asking("read"):
+                self._take()  # steps that no listener was told of, and vehicles removed since
         recorded = self._recorder.recorded
         if not any(recorded.users[name][0] != "pedestrian" for name in recorded.frames[-1][1]):
             raise TrackError(f"no vehicle on the road at {self.time_s:g} s; step the simulation first")
@@ -170,13 +189,14 @@ def _asking(what: str) -> Iterator[None]:
 def watch(connection: Any, *, net: str | Path | None = None) -> Watch:
     """Watch a running SUMO simulation, to extrapolate any of its moments (what-if branching).
 
-    It subscribes to all road users and lights and keeps the last second; each step of yours is recorded.
+    Each step of yours is recorded and the last second kept. The simulation steps as without a watch.
 
     Args:
         connection: ``libsumo``, ``libtraci``, ``traci`` or a connection of ``traci``, started.
         net: the simulation's net; None asks SUMO, whose path is relative to the folder it was started in.
 
     Raises:
+        UsageError: no connection to SUMO.
         SimulationError: the connection is closed.
         MapError: ``net`` cannot be read.
         TrackError: a mesoscopic simulation.

@@ -105,6 +105,48 @@ libtraci.switch("b")
 libtraci.close()
 """
 
+REMOVED = """
+import sys
+import {module} as sumo
+import scex_sumo as scex
+
+def states(watched):
+    sumo.start({start})
+    watch = scex.watch(sumo) if watched else None
+    sumo.simulationStep(30)
+    first, second, *_ = sumo.vehicle.getIDList()
+    sumo.vehicle.subscribe(second, [0x40])
+    sumo.vehicle.remove(first)
+    sumo.simulationStep()
+    assert list(sumo.vehicle.getSubscriptionResults(second)) == [0x40]
+    for _ in range(20):
+        sumo.simulationStep()
+    if watched:
+        sumo.vehicle.remove(second)
+        scene = watch.scene()
+        assert repr(watch).startswith("Watch('g' at 32.1 s: ")
+        assert scene.time_s == 32.1 and second not in scene.source["vehicles"].values()
+        assert first not in scene.source["vehicles"].values() and scene.vehicles > 5
+    after = {{v: (sumo.vehicle.getPosition(v), sumo.vehicle.getSpeed(v)) for v in sumo.vehicle.getIDList()}}
+    after.pop(second, None)
+    sumo.close()
+    return after
+
+assert states(True) == states(False)
+"""
+
+
+@pytest.mark.parametrize("module", ["libsumo", "traci"])
+def test_a_watched_simulation_may_lose_vehicles_and_keeps_its_subscriptions(
+    grid: Simulation, module: str
+) -> None:
+    start = [program("sumo"), "-c", "mine.sumocfg", *re.findall(r'"(.*?)"', QUIET)]
+    code = REMOVED.format(module=module, start=start)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
+    assert not done.returncode, done.stderr
+
+
 WRONG = """
 import warnings
 import libsumo as sumo
@@ -117,7 +159,8 @@ def said(call):
         print(error)
 
 start = ["sumo", "-c", "mine.sumocfg", "--no-step-log", "--no-warnings", "--xml-validation", "never"]
-said(lambda: scex.watch(sumo))
+for wrong in (sumo, None, "sumo", warnings):
+    said(lambda: scex.watch(wrong))
 sumo.start([*start, "--mesosim", "true"])
 said(lambda: scex.watch(sumo))
 sumo.close()
@@ -140,7 +183,10 @@ sumo.simulationStep()
 scene = watch.scene()
 assert scene.time_s == watch.time_s == 20.25 and scene.vehicles > 5 and not scene.recorded_steps.any()
 assert set(scene.source["vehicles"].values()) <= set(sumo.vehicle.getIDList())
+sumo.simulation.step()  # which tells no listener
+assert watch.scene().time_s == watch.time_s == 20.5
 sumo.close()
+said(lambda: scex.watch(sumo))
 """
 
 
@@ -149,7 +195,10 @@ def test_wrong_use_of_a_watch_is_an_error_in_one_line(grid: Simulation) -> None:
     done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
     assert not done.returncode, done.stderr
     words = (
-        "cannot read the simulation",
+        "cannot read the simulation: A network was not yet constructed",
+        "NoneType is no connection to SUMO; give libsumo, traci",
+        "str is no connection",
+        "warnings is no connection",
         "this simulation: mesoscopic",
         "no vehicle on the road at 0 s",
         "recorded at 4 Hz: interpolated to 10 Hz",
