@@ -1,13 +1,14 @@
 """Registries of map formats, datasets and signal recordings.
 
-An entry is a module or object with the functions of `MapFormat`, `Dataset` or `SignalFormat`.
+An entry is a module or object with the functions of `MapFormat`, `Dataset` or `SignalFormat`, or a
+`Declaration` of one.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -140,10 +141,22 @@ class SignalFormat:
     read: Callable[..., tuple[Any, list[str]]]
 
 
+@dataclass(frozen=True, eq=False)
+class Declaration:
+    """Declaration of a format: how a file is recognised, and which object reads it, imported when it reads.
+
+    Attributes:
+        is_mine: as that of the format; it must need no more than the file's name and first bytes.
+        reader: import path ``package.module:object`` of a `MapFormat`, `Dataset` or `SignalFormat`.
+    """
+
+    is_mine: Callable[[Path], bool]
+    reader: str
+
+
 def map_format(path: Path) -> MapFormat:
     """The format of a map; Lanelet2 for what no other format recognises."""
-    formats: tuple[MapFormat, ...] = _entries(MapFormat)
-    return next(entry for entry in formats if entry.is_mine(path))
+    return next(_recognised(MapFormat, path))
 
 
 def refuse_folder(path: Path) -> None:
@@ -161,16 +174,13 @@ def refuse_folder(path: Path) -> None:
 
 def dataset_of(path: Path) -> Dataset:
     """The dataset of a track file or folder; INTERACTION for what no other dataset recognises."""
-    datasets: tuple[Dataset, ...] = _entries(Dataset)
-    return next(entry for entry in datasets if entry.is_mine(path))
+    return next(_recognised(Dataset, path))
 
 
 def signal_format(path: Path) -> SignalFormat:
     """The format of recorded signal phases."""
-    formats: tuple[SignalFormat, ...] = _entries(SignalFormat)
-    for entry in formats:
-        if entry.is_mine(path):
-            return entry
+    if (entry := next(_recognised(SignalFormat, path), None)) is not None:
+        return entry
     raise MapError(f"{path}: not a recording of signal phases; known formats: {', '.join(SIGNALS.paths)}")
 
 
@@ -179,19 +189,33 @@ def place_name(map_path: Path) -> str:
     return map_format(map_path).name(map_path)
 
 
+def _recognised(kind: type[_Format], path: Path) -> Iterator[_Format]:
+    """Formats that recognise a file, the first one first; only their readers are imported."""
+    return (_read_by(kind, entry) for entry in _entries(kind) if entry.is_mine(path))
+
+
 @cache
-def _entries(kind: type[_Format]) -> tuple[_Format, ...]:
+def _entries(kind: type[_Format]) -> tuple[_Format | Declaration, ...]:
     """All formats: those of other packages, then the wings', then the built-in one, which takes the rest."""
     registry = {MapFormat: MAPS, Dataset: DATASETS, SignalFormat: SIGNALS}[kind]
     paths = registry.paths
     order = sorted(paths, key=lambda name: (name in registry.builtin, paths[name].startswith("scex_sumo.")))
-    entries = []
+    entries: list[_Format | Declaration] = []
     for name in order:
         try:
-            entries.append(_checked(kind, f"{registry.kind} {name}", import_object(paths[name])))
+            entry = import_object(paths[name])
+            declared = isinstance(entry, Declaration)
+            entries.append(entry if declared else _checked(kind, f"{registry.kind} {name}", entry))
         except UsageError as error:
             print(f"warning: {registry.kind} {name} is left out: {error}", file=sys.stderr)
     return tuple(entries)
+
+
+@cache
+def _read_by(kind: type[_Format], entry: _Format | Declaration) -> _Format:
+    return (
+        _checked(kind, entry.reader, import_object(entry.reader)) if isinstance(entry, Declaration) else entry
+    )
 
 
 def _checked(kind: type[_Format], said: str, entry: Any) -> _Format:

@@ -18,12 +18,11 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import MAX_ITEMS, box_table, checked, one_line, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, is_argoverse, is_argoverse_map
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 
-MAP = "log_map_archive_*.json"
 POSES, EGO = "city_SE3_egovehicle.feather", "EGO_VEHICLE"
-BOXES = ("annotations_with_ego.feather", "annotations.feather")
 EGO_SIZE_M, EGO_CENTRE_M = (4.87, 1.85), 1.42
 """Ford Fusion; the pose is that of the rear axle, and the centre lies so far ahead of it."""
 _KINDS = {
@@ -147,26 +146,22 @@ def _kinds(names: Sequence[str], kinds: Sequence[str]) -> dict[str, str]:
     return {name: _KINDS.get(kind, kind.lower()) for name, kind in zip(names, kinds, strict=True)}
 
 
-def _is_tracks(path: Path) -> bool:
-    return path.name in BOXES or path.match("scenario_*.parquet")
-
-
 def _tracks(path: Path) -> Path | None:
     scenario = path.with_name(path.name.replace("log_map_archive_", "scenario_")).with_suffix(".parquet")
     return next(
-        (file for file in (scenario, *(path.parent.parent / n for n in BOXES)) if file.is_file()), None
+        (file for file in (scenario, *(path.parent.parent / n for n in AV2_BOXES)) if file.is_file()), None
     )
 
 
 def _map_of(path: Path) -> Path:
     if path.suffix == ".parquet":
         return path.with_name(path.name.replace("scenario_", "log_map_archive_")).with_suffix(".json")
-    return next(iter(sorted(path.parent.glob(f"map/{MAP}"))), path.parent / "map" / MAP)
+    return next(iter(sorted(path.parent.glob(f"map/{AV2_MAP}"))), path.parent / "map" / AV2_MAP)
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
-        if path.name == BOXES[1] and path.with_name(BOXES[0]).is_file():
+        if path.name == AV2_BOXES[1] and path.with_name(AV2_BOXES[0]).is_file():
             continue
         map_path = _map_of(path)
         name = _name(map_path)
@@ -179,14 +174,14 @@ def _name(path: Path) -> str:
 
 
 ARGOVERSE_MAP = MapFormat(
-    is_mine=lambda path: path.match(MAP),
+    is_mine=is_argoverse_map,
     read=_read_road,
     tracks=_tracks,
     name=_name,
     asks_for="--tracks scenario_*.parquet",
 )
 ARGOVERSE = Dataset(
-    is_mine=_is_tracks,
+    is_mine=is_argoverse,
     read=_read,
     recordings=_recordings,
     name=lambda path, files: _name(path),

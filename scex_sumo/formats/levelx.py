@@ -38,10 +38,10 @@ from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, w
 from scex_sumo.converters.tracks.rows import TrackTable, track_table
 from scex_sumo.formats.boxes import one_line
 from scex_sumo.formats.cleaning.heading import FORWARD_MPS
+from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_highd_map, is_levelx, levelx_file
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
 
-TRACKS = "_tracks.csv"
 LOCATION_M = 100_000.0  # an origin farther from the recording's location is a mistake, or of another zone
 _IND = {"id": "trackId", "frame": "frame", "x": "xCenter", "y": "yCenter", "psi_rad": "heading"}
 _IND |= {"width": "width", "length": "length", "vx": "xVelocity", "vy": "yVelocity"}
@@ -49,7 +49,6 @@ _HIGHD = ("id", "frame", "x", "y", "width", "height", "xVelocity", "yVelocity")
 _MAX = dict.fromkeys(("id", "trackId"), 2**63) | {"frame": 1e9}
 _MAX |= dict.fromkeys(("x", "y", "xCenter", "yCenter"), MAX_VALUES["x"])
 
-META = "_recordingMeta.csv"
 FILMED_M = 420.0
 """Length of road in a highD picture, as published; x runs from 0 to there."""
 BEYOND_M = 150.0
@@ -65,14 +64,14 @@ def read_levelx(path: str | Path) -> TrackTable:
     highD has no headings: they are the course of the motion, and the driving direction below 3 m/s.
     """
     path = Path(path)
-    meta = read_meta(_recording_file(path, "recordingMeta"))
+    meta = read_meta(levelx_file(path, "recordingMeta"))
     rate_hz = number(meta.get("frameRate"))
     if not 0.0 < rate_hz <= 1000.0:
-        where = _recording_file(path, "recordingMeta")
+        where = levelx_file(path, "recordingMeta")
         raise TrackError(f"{where}: frameRate is {meta.get('frameRate')!r}; frames per second expected")
     highd = has_lane_markings(meta)
     columns = _read_columns(path, _HIGHD if highd else tuple(_IND.values()))
-    of_track = _track_meta(_recording_file(path, "tracksMeta"), "id" if highd else "trackId")
+    of_track = _track_meta(levelx_file(path, "tracksMeta"), "id" if highd else "trackId")
     flat = _highd(columns, of_track, path) if highd else _ind(columns)
     order = np.lexsort((flat["frame"], flat["id"]))
     flat = {name: values[order] for name, values in flat.items()}
@@ -80,7 +79,7 @@ def read_levelx(path: str | Path) -> TrackTable:
     ids: IntArray = flat.pop("id").astype(np.int64)
     missing = [int(number) for number in np.unique(ids) if int(number) not in kind]
     if missing:
-        where = _recording_file(path, "tracksMeta")
+        where = levelx_file(path, "tracksMeta")
         raise TrackError(f"{where}: no row for track {missing[0]}; take the files as published")
     frame: IntArray = flat.pop("frame").astype(np.int64)
     numbers, track = np.unique(ids, return_inverse=True)
@@ -92,16 +91,6 @@ def read_levelx(path: str | Path) -> TrackTable:
     motor = np.array([name in MOTOR_TYPES for name in kinds], bool)[track]
     labels, step_s = [str(number) for number in numbers], 1.0 / rate_hz
     return track_table(path, motor, track, labels, kinds, step_s=step_s, notes=notes, frame_id=frame, **flat)
-
-
-def is_levelx(path: Path) -> bool:
-    """Whether a file is the ``NN_tracks.csv`` of such a recording."""
-    return unpacked_name(path).endswith(TRACKS) and _recording_file(path, "recordingMeta").is_file()
-
-
-def _recording_file(tracks_path: Path, kind: str) -> Path:
-    beside = tracks_path.with_name(f"{unpacked_name(tracks_path).removesuffix(TRACKS)}_{kind}.csv")
-    return plain_or_packed(beside) or beside
 
 
 def read_meta(path: Path) -> dict[str, str]:
@@ -131,7 +120,7 @@ def _read_rows(path: Path) -> list[dict[str, str]]:
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
-        meta_path = _recording_file(path, "recordingMeta")
+        meta_path = levelx_file(path, "recordingMeta")
         try:
             meta = read_meta(meta_path)
         except TrackError:
@@ -170,7 +159,7 @@ def _middle(map_path: Path, _changed_ns: int) -> Place:
 
 def _origin(tracks_path: Path, map_path: Path) -> Place | None:
     """Place of a recording's UTM origin; the zone is that of its location, else of the map."""
-    meta_path = _recording_file(tracks_path, "recordingMeta")
+    meta_path = levelx_file(tracks_path, "recordingMeta")
     meta = read_meta(meta_path)
     if not meta.get("xUtmOrigin") or not meta.get("yUtmOrigin"):
         return None
@@ -208,7 +197,7 @@ def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: P
     vx, vy = columns["xVelocity"], -columns["yVelocity"]
     ways = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
     if not set(ways.values()) <= {1.0, 2.0}:
-        raise TrackError(f"{_recording_file(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
+        raise TrackError(f"{levelx_file(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
     # 1: the upper lanes, to the left
     along = np.array([math.pi if ways.get(int(number)) == 1.0 else 0.0 for number in columns["id"]])
     fast = np.hypot(vx, vy) > FORWARD_MPS
@@ -280,11 +269,11 @@ LEVELX = Dataset(is_mine=is_levelx, read=_read, recordings=_recordings, origin=_
 
 
 def _name(path: Path) -> str:
-    return f"highd_{map_name(path).removesuffix(Path(META).stem)}"
+    return f"highd_{map_name(path).removesuffix(Path(LEVELX_META).stem)}"
 
 
 def _tracks(path: Path) -> Path:
-    tracks = path.with_name(unpacked_name(path).replace(META, TRACKS))
+    tracks = path.with_name(unpacked_name(path).replace(LEVELX_META, LEVELX_TRACKS))
     return plain_or_packed(tracks) or tracks
 
 
@@ -353,6 +342,4 @@ def _carriageway(
     return lanes
 
 
-HIGHD = MapFormat(
-    is_mine=lambda path: unpacked_name(path).endswith(META), read=_read_road, tracks=_tracks, name=_name
-)
+HIGHD = MapFormat(is_mine=is_highd_map, read=_read_road, tracks=_tracks, name=_name)

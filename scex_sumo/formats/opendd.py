@@ -20,6 +20,7 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import box_table, one_line
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.recognition import is_opendd, is_opendd_map
 from scex_sumo.road import Road
 
 UTM32 = "+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs"
@@ -88,10 +89,6 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
         return box_table(path, names, kinds, values)
 
 
-def _is_mine(path: Path) -> bool:
-    return path.match("trajectories_rdb*.sqlite") or path.match("*.sqlite/rdb*") or path.match("rdb*.sqlite")
-
-
 def _files(path: Path) -> tuple[Path, ...]:
     return (path / next(iter(_tables(path)), "rdb"),) if path.suffix == ".sqlite" else (path,)
 
@@ -126,12 +123,16 @@ def _name(path: Path) -> str:
 
 
 OPENDD_MAP = MapFormat(
-    is_mine=lambda path: path.match("map_rdb*.sqlite"),
+    is_mine=is_opendd_map,
     read=_read_road,
     tracks=_tracks,
     name=_name,
     asks_for="--tracks trajectories_rdbN_v3.sqlite/TABLE",
 )
 OPENDD = Dataset(
-    is_mine=_is_mine, read=_read, recordings=_recordings, files=_files, name=lambda path, files: files[0].name
+    is_mine=is_opendd,
+    read=_read,
+    recordings=_recordings,
+    files=_files,
+    name=lambda path, files: files[0].name,
 )

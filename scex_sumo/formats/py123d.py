@@ -17,17 +17,17 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.naming import beginning
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import box_table, checked, one_line, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_lights, is_py123d_map
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.lanelet2sumo.plan.layout import NetLayout
 from scex_sumo.lanelet2sumo.plan.lights import Programme
 from scex_sumo.road import Road
 
-SYNC, MAP = "sync.arrow", "map.arrow"
+MAP = "map.arrow"
 EGO = "ego_vehicle"
 AROUND_M = 150.0  # a map of a city is cut so far around the vehicles of a log
 LANE, GROUP, CROSSWALK, STOP, EDGE, LINE = 0, 1, 3, 7, 8, 9  # layers
@@ -89,7 +89,7 @@ def _array(item: dict[Any, Any]) -> Any:
 
 def _map_of(path: Path) -> Path:
     """Map file of a log, or the path itself if it is a map."""
-    if path.name != SYNC:
+    if path.name != PY123D_LOG:
         return path
     if (beside := path.with_name(MAP)).is_file():
         return beside
@@ -115,7 +115,7 @@ def _drawn(path: Path) -> DrawnMap:
     columns = [table[name].to_pylist() for name in ("object_id", "map_layer", "features", "wkb")]
     shapes = shapely.from_wkb(columns[3], on_invalid="ignore")
     keep = np.ones(len(shapes), bool)
-    if path.name == SYNC and not _meta(map_path).get("map_is_per_log"):
+    if path.name == PY123D_LOG and not _meta(map_path).get("map_is_per_log"):
         places = _boxes(path)[2][:, 1:3]
         area = shapely.box(*places.min(axis=0) - AROUND_M, *places.max(axis=0) + AROUND_M)
         keep = shapely.intersects(area, shapes)
@@ -135,7 +135,7 @@ def _drawn(path: Path) -> DrawnMap:
         if (kind := one["road_line_type"]) > 0:
             points = shapely.get_coordinates(line)
             drawn.lines.append(("line_thin", "solid" if kind in _SOLID else "dashed", points))
-    if path.name == SYNC:
+    if path.name == PY123D_LOG:
         drawn.lit = dict.fromkeys(_lights(path))
     return drawn
 
@@ -259,18 +259,8 @@ def _read_signals(
         return lane_programme(layout, runs, path.parent.name)
 
 
-def _is_map(path: Path) -> bool:
-    return path.suffix == ".arrow" and (
-        path.name == SYNC or not path.is_file() or beginning(path).startswith(b"ARROW1")
-    )
-
-
-def _is_log(path: Path) -> bool:
-    return path.name == SYNC or (path.is_dir() and (path / SYNC).is_file())
-
-
 def _files(path: Path) -> tuple[Path, ...]:
-    return (path / SYNC,) if path.is_dir() else (path,)
+    return (path / PY123D_LOG,) if path.is_dir() else (path,)
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
@@ -281,22 +271,22 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 def _name(path: Path) -> str:
     """Name of a log by its folder, of a map by its file."""
-    return path.absolute().parent.name if path.name in (SYNC, MAP) else path.stem
+    return path.absolute().parent.name if path.name in (PY123D_LOG, MAP) else path.stem
 
 
 def _tracks(path: Path) -> Path | None:
-    return log if (log := path.with_name(SYNC)).is_file() and path.name in (SYNC, MAP) else None
+    return log if (log := path.with_name(PY123D_LOG)).is_file() and path.name in (PY123D_LOG, MAP) else None
 
 
 PY123D_MAP = MapFormat(
-    is_mine=_is_map, read=_read_road, tracks=_tracks, name=_name, asks_for="--tracks LOG/sync.arrow"
+    is_mine=is_py123d_map, read=_read_road, tracks=_tracks, name=_name, asks_for="--tracks LOG/sync.arrow"
 )
 PY123D = Dataset(
-    is_mine=_is_log,
+    is_mine=is_py123d,
     read=_read,
     recordings=_recordings,
     files=_files,
     name=lambda path, files: _name(files[0]),
     from_car=True,
 )
-PY123D_LIGHTS = SignalFormat(is_mine=lambda path: path.name == SYNC, read=_read_signals)
+PY123D_LIGHTS = SignalFormat(is_mine=is_py123d_lights, read=_read_signals)

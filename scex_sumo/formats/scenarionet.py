@@ -21,12 +21,13 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
 from scex_sumo.converters.lanelet.tags import GERMANY
-from scex_sumo.converters.naming import beginning, map_name, open_binary
+from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import box_table, one_line
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
+from scex_sumo.formats.recognition import is_scenarionet
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.geometry.polylines import samples
 from scex_sumo.lanelet2sumo.plan.layout import NetLayout
@@ -400,14 +401,6 @@ def _read_signals(
         return lane_programme(layout, runs, path.name)
 
 
-def _is_mine(path: Path) -> bool:
-    return (
-        path.suffix == ".pkl"
-        and not path.name.startswith("dataset_")
-        and beginning(path)[:1] in (b"\x80", b"", b"\x1f")
-    )
-
-
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
         name = _name(path)
@@ -418,12 +411,12 @@ def _name(path: Path) -> str:
     return map_name(path).removeprefix("sd_")
 
 
-SCENARIONET_MAP = MapFormat(is_mine=_is_mine, read=_read_road, tracks=lambda path: path, name=_name)
+SCENARIONET_MAP = MapFormat(is_mine=is_scenarionet, read=_read_road, tracks=lambda path: path, name=_name)
 SCENARIONET = Dataset(
-    is_mine=_is_mine,
+    is_mine=is_scenarionet,
     read=_read,
     recordings=_recordings,
     name=lambda path, files: _name(files[0]),
     from_car=True,
 )
-SCENARIONET_LIGHTS = SignalFormat(is_mine=_is_mine, read=_read_signals)
+SCENARIONET_LIGHTS = SignalFormat(is_mine=is_scenarionet, read=_read_signals)

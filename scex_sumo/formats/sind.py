@@ -5,26 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from scex_sumo.converters.naming import map_name, unpacked_name
+from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Dataset, Recording, name_at, place_name
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import TrackTable
-
-VEHICLES, WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
-
-
-def _is_mine(path: Path) -> bool:
-    return unpacked_name(path) in (f"{VEHICLES}.csv", f"{WALKERS}.csv")
+from scex_sumo.formats.recognition import SIND_VEHICLES, SIND_WALKERS, is_sind
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    table = read_tracks(paths[0], walkers=(VEHICLES, WALKERS))
+    table = read_tracks(paths[0], walkers=(SIND_VEHICLES, SIND_WALKERS))
     return table, table.notes
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
-        if path.name.startswith(VEHICLES):
+        if path.name.startswith(SIND_VEHICLES):
             map_path = _only_map(path.parent)
             yield Recording(
                 name=_name(map_path, (path,)),
@@ -47,4 +42,4 @@ def _only_map(folder: Path) -> Path:
     return folder.parent / "maps" / "map.osm"
 
 
-SIND = Dataset(is_mine=_is_mine, read=_read, recordings=_recordings, name=_name)
+SIND = Dataset(is_mine=is_sind, read=_read, recordings=_recordings, name=_name)

@@ -19,6 +19,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.registries import SignalFormat
+from scex_sumo.formats.recognition import is_spat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.layout import Connection, NetLayout
 from scex_sumo.lanelet2sumo.plan.lights import Programme, state
@@ -108,7 +109,7 @@ def _programme(
     return Programme(name="tl_recorded", connections=tuple(links), phases=phases, programme="recorded")
 
 
-SPAT = SignalFormat(is_mine=lambda path: path.suffix == ".csv", read=recorded_programme)
+SPAT = SignalFormat(is_mine=is_spat, read=recorded_programme)
 
 
 def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:

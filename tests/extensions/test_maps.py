@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from scex_sumo import example_path
 from tests.converters.track_files import straight, write_rows
 from tests.extensions.package import install, scex
 
@@ -60,3 +61,18 @@ def test_a_map_format_that_cannot_be_used_is_left_out_with_a_warning(tmp_path: P
     done = scex(tmp_path, "inspect", a_map(tmp_path))
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert "warning: map format xyz is left out" in done.stderr and "has no function read" in done.stderr
+
+
+def test_a_declared_map_format_is_imported_for_its_own_maps_alone(tmp_path: Path) -> None:
+    code = """
+from scex_sumo.converters.registries import Declaration
+
+DECLARED = Declaration(lambda path: path.suffix == ".xyz", "xyz_reader")
+"""
+    (tmp_path / "xyz_reader.py").write_text(f"print('imported')\n{CODE}")
+    install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger:DECLARED", code=code)
+    tracks = write_rows(tmp_path / "tracks.csv", straight(1, range(61), start=10.0))
+    own = scex(tmp_path, "inspect", a_map(tmp_path), "--tracks", tracks)
+    other = scex(tmp_path, "inspect", example_path("roundabout"))
+    assert own.returncode == 0 and "imported" in own.stdout, own.stderr
+    assert other.returncode == 0 and "imported" not in other.stdout, other.stderr

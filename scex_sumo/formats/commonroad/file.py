@@ -17,10 +17,9 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import Findings, parse_xml
-from scex_sumo.converters.naming import beginning, number
+from scex_sumo.converters.naming import number
 from scex_sumo.geometry.polylines import arc_lengths
 
-SUFFIXES = (".xml", ".xml.gz")
 VERSIONS = ("2018b", "2020a")
 MAX_ID = 2**53  # other tools keep ids as floats
 _ROOTS = {
@@ -28,15 +27,6 @@ _ROOTS = {
     "net": "it is a SUMO net already",
     "OpenDRIVE": "it is OpenDRIVE; rename it to .xodr",
 }
-
-
-def is_commonroad(path: Path) -> bool:
-    """Whether a file is a CommonRoad scenario: XML that is not one of SUMO's files, by name or beginning."""
-    name = str(path).lower()
-    if not name.endswith(SUFFIXES) or name.removesuffix(".gz").endswith((".net.xml", ".fcd.xml")):
-        return False
-    start = beginning(path)
-    return b"<fcd-export" not in start and b"<snapshot" not in start
 
 
 @dataclass(kw_only=True, eq=False)

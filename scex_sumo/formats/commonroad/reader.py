@@ -14,7 +14,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats.commonroad.file import CommonRoadFile, is_commonroad, open_commonroad, read_lanelets
+from scex_sumo.formats.commonroad.file import CommonRoadFile, open_commonroad, read_lanelets
 from scex_sumo.formats.commonroad.lanes import (
     Sign,
     drawn_areas,
@@ -26,6 +26,7 @@ from scex_sumo.formats.commonroad.lanes import (
     with_reverse,
 )
 from scex_sumo.formats.lane_links import Links, connected
+from scex_sumo.formats.recognition import is_commonroad
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import overlapping
 

@@ -9,7 +9,7 @@ import itertools
 import math
 import re
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -23,7 +23,8 @@ from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, Recording, recording_name
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, track_rows, track_table
 from scex_sumo.formats.cleaning.heading import FORWARD_MPS
-from scex_sumo.formats.commonroad.file import coordinate, element_id, is_commonroad, parse_commonroad
+from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
+from scex_sumo.formats.recognition import chains_in, chunk_span, commonroad_chains, is_commonroad_recording
 from scex_sumo.geometry.polylines import wrap
 
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}
@@ -34,7 +35,6 @@ LATE_START_M = 0.1  # a first state this far from its expected position has anot
 TURNED_RAD = math.radians(0.3)  # less is within the slip of vehicles
 AGREE_RAD = math.radians(0.2)  # half of all headings must be turned by one angle within this
 
-_CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")
 _SCENE = re.compile(r"(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+")
 
 
@@ -230,16 +230,8 @@ def _common_turn(rows: TrackRows) -> float:
     return turn if agreed and TURNED_RAD < abs(turn) < math.radians(20.0) else 0.0
 
 
-def _is_mine(path: Path) -> bool:
-    return len(_chains_in(path)) == 1 if path.is_dir() else is_commonroad(path)
-
-
 def _files(path: Path) -> tuple[Path, ...]:
-    return _chains_in(path)[0] if path.is_dir() else (path,)
-
-
-def _chains_in(folder: Path) -> list[tuple[Path, ...]]:
-    return _chains(file for file in folder.iterdir() if is_commonroad(file))
+    return chains_in(path)[0] if path.is_dir() else (path,)
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
@@ -248,8 +240,8 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
-    for paths in _chains(path for path in files if _is_scenario(path)):
-        span = _chunk_span(paths[0])
+    for paths in commonroad_chains(path for path in files if _is_scenario(path)):
+        span = chunk_span(paths[0])
         scene = _SCENE.match(map_name(paths[0]))
         yield Recording(
             name=_name(paths[0], paths),
@@ -276,36 +268,9 @@ def _is_scenario(path: Path) -> bool:
 
 
 def _siblings(path: Path) -> list[Path]:
-    span = _chunk_span(path)
+    span = chunk_span(path)
     files = path.parent.iterdir() if span is not None else ()
-    return [file for file in files if span is not None and (_chunk_span(file) or ("",))[0] == span[0]]
-
-
-def _chains(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
-    alone: list[tuple[Path, ...]] = []
-    chunks = []
-    for path in sorted(paths):
-        span = _chunk_span(path)
-        if span is None:
-            alone.append((path,))
-        else:
-            chunks.append((path.parent, *span, path))
-    joined: list[list[Path]] = []
-    expected = None
-    for folder, scene, first, last, path in sorted(chunks):
-        if expected == (folder, scene, first):
-            joined[-1].append(path)
-        else:
-            joined.append([path])
-        expected = folder, scene, last + 1
-    return alone + [tuple(files) for files in joined]
-
-
-def _chunk_span(path: Path) -> tuple[str, int, int] | None:
-    parts = _CHUNK.fullmatch(map_name(path)) if is_commonroad(path) else None
-    if parts is None or int(parts["last"]) <= int(parts["first"]):
-        return None
-    return parts["scene"], int(parts["first"]), int(parts["last"])
+    return [file for file in files if span is not None and (chunk_span(file) or ("",))[0] == span[0]]
 
 
 def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable, tuple[str, ...]]:
@@ -319,7 +284,7 @@ def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable
                 f"{table.path}: its time step is {table.step_s:g} s, that of {before.path.name} "
                 f"{step_s:g} s; they are no chunks of one recording"
             )
-        end = _chunk_span(table.path)
+        end = chunk_span(table.path)
         assert end is not None
         offsets_ms.append(1000.0 * step_s * (end[1] - _first_step(tables[0])))
     findings = tuple(f"{table.path.name}: {phrase}" for table, phrases in parts for phrase in phrases)
@@ -329,7 +294,7 @@ def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable
 
 
 def _first_step(table: TrackTable) -> int:
-    span = _chunk_span(table.path)
+    span = chunk_span(table.path)
     assert span is not None
     return 0 if span[1] == 1 else span[1]
 
@@ -351,7 +316,7 @@ def _joined(parts: list[TrackRows], offsets_ms: list[float]) -> TrackRows:
 
 
 COMMONROAD = Dataset(
-    is_mine=_is_mine,
+    is_mine=is_commonroad_recording,
     read=_read,
     recordings=_recordings,
     files=_files,

@@ -12,11 +12,12 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.naming import beginning, open_binary
+from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.net.reader import unpacked
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable, track_table
+from scex_sumo.formats.recognition import is_fcd, is_state
 from scex_sumo.geometry.polylines import along, length_of, wrap
 from scex_sumo.scene import STEP_S
 
@@ -49,17 +50,8 @@ _MAX = (
 )
 _FILLED_FROM_S = 0.5  # longer steps are filled in here, because straight lines between them cut curves
 MIN_STEP_S, MAX_STEP_S = 0.001, 2.0
-ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
 
 NEAR_M = 0.01  # the direction of a lane is taken over this length
-
-
-def is_fcd(path: Path) -> bool:
-    """Whether a file is SUMO's floating car data, by its name, or that of XML by its beginning."""
-    name = str(path).lower()
-    return name.endswith(ENDINGS) or (
-        name.endswith((".xml", ".xml.gz")) and b"<fcd-export" in beginning(path)
-    )
 
 
 def read_fcd(path: str | Path) -> tuple[TrackTable, tuple[str, ...]]:
@@ -310,13 +302,6 @@ def _place(lane: ElementTree.Element, vehicle: ElementTree.Element) -> tuple[flo
     ahead = (after - before) / max(float(np.hypot(*(after - before))), 1e-9)
     x, y = here + float(vehicle.get("posLat", "0")) * np.array([-ahead[1], ahead[0]])
     return float(x), float(y)
-
-
-def is_state(path: Path) -> bool:
-    """Whether a file is a saved state of a SUMO simulation, by its beginning."""
-    name = str(path).lower()
-    xml = name.endswith((".xml", ".xml.gz")) and not name.endswith((".net.xml", ".net.xml.gz"))
-    return xml and b"<snapshot" in beginning(path)
 
 
 def _read_saved(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:

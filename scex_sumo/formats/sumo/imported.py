@@ -22,6 +22,7 @@ from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.reader import unpacked
 from scex_sumo.converters.registries import MapFormat
+from scex_sumo.formats.recognition import is_open_street_map, is_opendrive
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.road import Road
 
@@ -48,25 +49,13 @@ _OPEN_STREET_MAP = {
 }
 
 
-def _is_opendrive(path: Path) -> bool:
-    return str(path).lower().endswith((".xodr", ".xodr.gz"))
-
-
-def is_open_street_map(path: Path) -> bool:
-    """Whether an ``.osm`` file holds streets and no lanelets."""
-    if path.suffix != ".osm" or not path.is_file():
-        return False
-    content = path.read_bytes()
-    return b"highway" in content and b"lanelet" not in content
-
-
 def _read_imported_road(path: str | Path, **_: object) -> Road:
     """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache."""
     path = Path(path)
     content = unpacked(path)
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise MapError(f"{path}: has a DOCTYPE, which could read other files; remove it")
-    kind, options = ("opendrive", _OPENDRIVE) if _is_opendrive(path) else ("osm", _OPEN_STREET_MAP)
+    kind, options = ("opendrive", _OPENDRIVE) if is_opendrive(path) else ("osm", _OPEN_STREET_MAP)
     made_with = repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items())))
     net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, kind, content, options))
     try:
@@ -141,5 +130,5 @@ def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) 
     return made
 
 
-OPENDRIVE = MapFormat(is_mine=_is_opendrive, read=_read_imported_road)
+OPENDRIVE = MapFormat(is_mine=is_opendrive, read=_read_imported_road)
 OPEN_STREET_MAP = MapFormat(is_mine=is_open_street_map, read=_read_imported_road)

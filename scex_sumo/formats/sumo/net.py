@@ -21,7 +21,7 @@ from scex_sumo.converters.net.allowed import allowed_copy, prune
 from scex_sumo.converters.net.lanelets import BEYOND, LaneletPart, lane_names, lanelet_places, named_parts
 from scex_sumo.converters.net.reader import DEFAULT_WIDTH_M, MAX_M, net_root
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats.sumo.fcd import ENDINGS
+from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net
 from scex_sumo.geometry.polylines import arc_lengths, cut, length_of
 from scex_sumo.road import Area, Lane, Marking, Regulation, Road
 from scex_sumo.roads.conflicts import overlapping
@@ -351,18 +351,14 @@ def _yields(node: Any, index: int, other: int) -> bool:
     return other < len(response) and response[-(other + 1)] == "1"
 
 
-def _is_mine(path: Path) -> bool:
-    return str(path).lower().endswith((".net.xml", ".net.xml.gz"))
-
-
 def _tracks(path: Path) -> Path | None:
     names = (map_name(path), Path(unpacked_name(path)).stem)
-    beside = [path.with_name(f"{name}{ending}") for name in names for ending in ENDINGS]
+    beside = [path.with_name(f"{name}{ending}") for name in names for ending in FCD_ENDINGS]
     return next((file for file in beside if file.is_file()), None)
 
 
 SUMO_NET = MapFormat(
-    is_mine=_is_mine,
+    is_mine=is_sumo_net,
     read=read_sumo_road,
     tracks=_tracks,
     asks_for="--fcd FILE (floating car data), --state FILE (a saved state) or --tracks CSV",

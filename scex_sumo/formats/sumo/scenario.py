@@ -24,6 +24,7 @@ from scex_sumo.converters.net.reader import unpacked
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.extrapolation.workers import in_other_process
+from scex_sumo.formats.recognition import is_simulation
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder
 from scex_sumo.road import Road
@@ -190,11 +191,6 @@ def _names_files(file: Path) -> bool:
     return found
 
 
-def is_scenario(path: Path) -> bool:
-    """Whether a path is a configuration of SUMO, by its name."""
-    return str(path).lower().endswith((".sumocfg", ".sumocfg.xml", ".sumo.cfg"))
-
-
 def simulate(
     config: Path, window: Window = (None, None), on_step: Callable[[int], None] = lambda permille: None
 ) -> Recorded:
@@ -298,7 +294,7 @@ def _read(
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
-        if is_scenario(path):
+        if is_simulation(path):
             name = map_name(path.name.removesuffix(".xml"))
             yield Recording(name=name, site=name, dataset="sumo", map_path=path, track_paths=(path,))
 
@@ -310,5 +306,5 @@ def _read_road(path: str | Path, **_: object) -> Road:
     return read_sumo_road(net)
 
 
-SCENARIO = Dataset(is_mine=is_scenario, read=_read, recordings=_recordings, simulated=True)
-SCENARIO_MAP = MapFormat(is_mine=is_scenario, read=_read_road, tracks=lambda path: path)
+SCENARIO = Dataset(is_mine=is_simulation, read=_read, recordings=_recordings, simulated=True)
+SCENARIO_MAP = MapFormat(is_mine=is_simulation, read=_read_road, tracks=lambda path: path)

@@ -19,7 +19,8 @@ from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.lanelet.projection import to_degrees, to_local
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.formats.levelx import is_levelx, read_levelx
+from scex_sumo.formats.levelx import read_levelx
+from scex_sumo.formats.recognition import is_levelx
 from scex_sumo.roads.matching import match
 from scex_sumo.scenarios.seeds import read_seed
 from tests.converters.lanelet.test_origin import map_at

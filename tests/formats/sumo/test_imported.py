@@ -12,8 +12,8 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import cache_folder
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.formats.recognition import is_open_street_map
 from scex_sumo.formats.sumo import imported
-from scex_sumo.formats.sumo.imported import is_open_street_map
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.scenarios import example_path
 

@@ -9,8 +9,8 @@ import pytest
 
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.programs import environment, program
-from scex_sumo.formats.commonroad.file import is_commonroad
-from scex_sumo.formats.sumo.fcd import is_fcd, is_state, read_fcd, read_state
+from scex_sumo.formats.recognition import is_commonroad, is_fcd, is_state
+from scex_sumo.formats.sumo.fcd import read_fcd, read_state
 from scex_sumo.scenarios.seeds import read_seed
 
 ROUTES = """<routes>

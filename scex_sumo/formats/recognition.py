@@ -1,0 +1,197 @@
+"""Recognition of files by their names and first bytes; a format's reader is imported when it reads a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from scex_sumo.converters.naming import beginning, map_name, plain_or_packed, unpacked_name
+from scex_sumo.converters.registries import Declaration
+
+XML = (".xml", ".xml.gz")
+FCD_ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
+LEVELX_TRACKS, LEVELX_META = "_tracks.csv", "_recordingMeta.csv"
+AV2_MAP, AV2_BOXES = "log_map_archive_*.json", ("annotations_with_ego.feather", "annotations.feather")
+PY123D_LOG = "sync.arrow"
+SIND_VEHICLES, SIND_WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
+_CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")
+
+
+def _ends(path: Path, *endings: str) -> bool:
+    return str(path).lower().endswith(endings)
+
+
+def is_sumo_net(path: Path) -> bool:
+    """Whether a file is a SUMO net."""
+    return _ends(path, ".net.xml", ".net.xml.gz")
+
+
+def is_simulation(path: Path) -> bool:
+    """Whether a file is a configuration of SUMO."""
+    return _ends(path, ".sumocfg", ".sumocfg.xml", ".sumo.cfg")
+
+
+def is_fcd(path: Path) -> bool:
+    """Whether a file is SUMO's floating car data, by its name, or that of XML by its beginning."""
+    return _ends(path, *FCD_ENDINGS) or (_ends(path, *XML) and b"<fcd-export" in beginning(path))
+
+
+def is_state(path: Path) -> bool:
+    """Whether a file is a saved state of a SUMO simulation, by its beginning."""
+    return _ends(path, *XML) and not is_sumo_net(path) and b"<snapshot" in beginning(path)
+
+
+def is_opendrive(path: Path) -> bool:
+    """Whether a file is OpenDRIVE."""
+    return _ends(path, ".xodr", ".xodr.gz")
+
+
+def is_open_street_map(path: Path) -> bool:
+    """Whether an ``.osm`` file holds streets and no lanelets."""
+    if path.suffix != ".osm" or not path.is_file():
+        return False
+    content = path.read_bytes()
+    return b"highway" in content and b"lanelet" not in content
+
+
+def is_commonroad(path: Path) -> bool:
+    """Whether a file is a CommonRoad scenario: XML that is not one of SUMO's files, by name or beginning."""
+    if not _ends(path, *XML) or _ends(path, ".net.xml", ".net.xml.gz", ".fcd.xml", ".fcd.xml.gz"):
+        return False
+    start = beginning(path)
+    return b"<fcd-export" not in start and b"<snapshot" not in start
+
+
+def is_commonroad_recording(path: Path) -> bool:
+    """Whether a path is a CommonRoad scenario, or a folder with the chunks of one recording."""
+    return len(chains_in(path)) == 1 if path.is_dir() else is_commonroad(path)
+
+
+def chains_in(folder: Path) -> list[tuple[Path, ...]]:
+    """Recordings of CommonRoad in a folder, as `commonroad_chains`."""
+    return commonroad_chains(file for file in folder.iterdir() if is_commonroad(file))
+
+
+def commonroad_chains(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
+    """CommonRoad files by recording: single files, then consecutive chunks ``SCENE_FIRST_T-LAST``."""
+    alone: list[tuple[Path, ...]] = []
+    chunks = []
+    for path in sorted(paths):
+        span = chunk_span(path)
+        if span is None:
+            alone.append((path,))
+        else:
+            chunks.append((path.parent, *span, path))
+    joined: list[list[Path]] = []
+    expected = None
+    for folder, scene, first, last, path in sorted(chunks):
+        if expected == (folder, scene, first):
+            joined[-1].append(path)
+        else:
+            joined.append([path])
+        expected = folder, scene, last + 1
+    return alone + [tuple(files) for files in joined]
+
+
+def chunk_span(path: Path) -> tuple[str, int, int] | None:
+    """Scene, first and last step of a chunk of a CommonRoad recording, by its name; None for other files."""
+    parts = _CHUNK.fullmatch(map_name(path)) if is_commonroad(path) else None
+    if parts is None or int(parts["last"]) <= int(parts["first"]):
+        return None
+    return parts["scene"], int(parts["first"]), int(parts["last"])
+
+
+def is_levelx(path: Path) -> bool:
+    """Whether a file is the ``NN_tracks.csv`` of inD, rounD, exiD or highD."""
+    return unpacked_name(path).endswith(LEVELX_TRACKS) and levelx_file(path, "recordingMeta").is_file()
+
+
+def levelx_file(tracks_path: Path, kind: str) -> Path:
+    """File beside ``NN_tracks.csv``, e.g. ``NN_recordingMeta.csv``; it need not exist."""
+    beside = tracks_path.with_name(f"{unpacked_name(tracks_path).removesuffix(LEVELX_TRACKS)}_{kind}.csv")
+    return plain_or_packed(beside) or beside
+
+
+def is_highd_map(path: Path) -> bool:
+    """Whether a file is the ``NN_recordingMeta.csv`` of highD, which has the lane markings."""
+    return unpacked_name(path).endswith(LEVELX_META)
+
+
+def is_sind(path: Path) -> bool:
+    """Whether a file is a recording of SinD."""
+    return unpacked_name(path) in (f"{SIND_VEHICLES}.csv", f"{SIND_WALKERS}.csv")
+
+
+def is_argoverse_map(path: Path) -> bool:
+    """Whether a file is a vector map of Argoverse 2."""
+    return path.match(AV2_MAP)
+
+
+def is_argoverse(path: Path) -> bool:
+    """Whether a file is a scenario or the boxes of a log of Argoverse 2."""
+    return path.name in AV2_BOXES or path.match("scenario_*.parquet")
+
+
+def is_opendd_map(path: Path) -> bool:
+    """Whether a file is a map of openDD."""
+    return path.match("map_rdb*.sqlite")
+
+
+def is_opendd(path: Path) -> bool:
+    """Whether a path is a file of openDD, or a table in it."""
+    return any(map(path.match, ("trajectories_rdb*.sqlite", "*.sqlite/rdb*", "rdb*.sqlite")))
+
+
+def is_scenarionet(path: Path) -> bool:
+    """Whether a file is a scenario of ScenarioNet."""
+    scenario = path.suffix == ".pkl" and not path.name.startswith("dataset_")
+    return scenario and beginning(path)[:1] in (b"\x80", b"", b"\x1f")
+
+
+def is_py123d_map(path: Path) -> bool:
+    """Whether a file is a map or a log of 123D."""
+    is_log = path.name == PY123D_LOG
+    return path.suffix == ".arrow" and (is_log or not path.is_file() or beginning(path).startswith(b"ARROW1"))
+
+
+def is_py123d(path: Path) -> bool:
+    """Whether a path is a log of 123D: its ``sync.arrow`` or its folder."""
+    return path.name == PY123D_LOG or (path.is_dir() and (path / PY123D_LOG).is_file())
+
+
+def is_py123d_lights(path: Path) -> bool:
+    """Whether a file is a log of 123D, which may have lights."""
+    return path.name == PY123D_LOG
+
+
+def is_spat(path: Path) -> bool:
+    """Whether a file may be a recording of signal phases (SPaT)."""
+    return path.suffix == ".csv"
+
+
+ARGOVERSE_MAP = Declaration(is_argoverse_map, "scex_sumo.formats.argoverse:ARGOVERSE_MAP")
+COMMONROAD_MAP = Declaration(is_commonroad, "scex_sumo.formats.commonroad.reader:COMMONROAD")
+HIGHD_MAP = Declaration(is_highd_map, "scex_sumo.formats.levelx:HIGHD")
+OPENDD_MAP = Declaration(is_opendd_map, "scex_sumo.formats.opendd:OPENDD_MAP")
+OPENDRIVE = Declaration(is_opendrive, "scex_sumo.formats.sumo.imported:OPENDRIVE")
+OPEN_STREET_MAP = Declaration(is_open_street_map, "scex_sumo.formats.sumo.imported:OPEN_STREET_MAP")
+PY123D_MAP = Declaration(is_py123d_map, "scex_sumo.formats.py123d:PY123D_MAP")
+SCENARIONET_MAP = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET_MAP")
+SIMULATION_MAP = Declaration(is_simulation, "scex_sumo.formats.sumo.scenario:SCENARIO_MAP")
+SUMO_NET = Declaration(is_sumo_net, "scex_sumo.formats.sumo.net:SUMO_NET")
+
+ARGOVERSE = Declaration(is_argoverse, "scex_sumo.formats.argoverse:ARGOVERSE")
+COMMONROAD = Declaration(is_commonroad_recording, "scex_sumo.formats.commonroad.tracks:COMMONROAD")
+FCD = Declaration(is_fcd, "scex_sumo.formats.sumo.fcd:FCD")
+LEVELX = Declaration(is_levelx, "scex_sumo.formats.levelx:LEVELX")
+OPENDD = Declaration(is_opendd, "scex_sumo.formats.opendd:OPENDD")
+PY123D = Declaration(is_py123d, "scex_sumo.formats.py123d:PY123D")
+SCENARIONET = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET")
+SIMULATION = Declaration(is_simulation, "scex_sumo.formats.sumo.scenario:SCENARIO")
+SIND = Declaration(is_sind, "scex_sumo.formats.sind:SIND")
+STATE = Declaration(is_state, "scex_sumo.formats.sumo.fcd:STATE")
+
+PY123D_LIGHTS = Declaration(is_py123d_lights, "scex_sumo.formats.py123d:PY123D_LIGHTS")
+SCENARIONET_LIGHTS = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET_LIGHTS")
+SPAT = Declaration(is_spat, "scex_sumo.formats.spat:SPAT")
