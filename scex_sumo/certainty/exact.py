@@ -14,7 +14,6 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.certainty.extra import EVENTS
 from scex_sumo.certainty.futures import DrawnModels, ExtraFutures
 from scex_sumo.certainty.results import Exact
 from scex_sumo.certainty.search import MAX_VEHICLES, Search
@@ -25,6 +24,8 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.situations import plan_inputs_of
 from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.metrics.events import EVENTS
+from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.encounters import answers_of
 from scex_sumo.results.folder import assignments_table
 from scex_sumo.results.outcomes import encounters_of_rows
@@ -77,9 +78,9 @@ def find_exact(job: Job, drawn: pa.Table, workers: Workers) -> Exact:
     most = min(MAX_FUTURES, 2 * len(job.assignment))
     known: set[_Key] = set(seen)
     while True:
-        keys = sorted(known, key=lambda key: (EVENTS.index(key[2]), key))
+        keys = sorted(known, key=lambda key: (list(EVENTS).index(key[2]), key))
         search = _searched(drawn_models, futures, seen, keys, most)
-        found = {key for key in futures.happened if key[2] == EVENTS[0]} - known
+        found = {key for key in futures.happened if key[2] == COLLISION} - known
         if not found or futures.count >= most:
             break
         known |= found  # pairs that collide in extra futures alone
@@ -184,7 +185,7 @@ def _searched(
         if keys
         else np.empty((len(never), 0), dtype=np.bool_),
         [[drawn.track_ids.index(track) for track in key[:2]] for key in keys],
-        rank=[int(key[2] != EVENTS[0]) for key in keys],
+        rank=[int(key[2] != COLLISION) for key in keys],
         rng=child_generator(futures.seed, 0, EXACT_STREAM),
     )
     search.run(lambda rows: futures.run(rows, keys), most=most - SECOND)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.metrics.events import EVENTS
 from scex_sumo.results.extras import ExactProbability, Row
 from scex_sumo.results.run import Run
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from scex_sumo.certainty.results import Exact
 
 EXACT: Final = "exact.json"
-EVENTS: Final = ("collision", "ttc", "pet", "drac")
-"""Events of a pair, as the columns of ``encounters.parquet``."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,11 @@ from typing import Any
 
 from rich.console import Console
 
-from scex_sumo.certainty.extra import EVENTS
 from scex_sumo.certainty.results import TooFewFuturesError, exact_of, weighted_probability
 from scex_sumo.certainty.tables import Weights
+from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.reports.encounter_rows import STRESS_TEST, Meeting
-from scex_sumo.reports.encounter_table import QUESTIONS
 from scex_sumo.reports.run_table import Head, console_table, print_line, print_table
 from scex_sumo.results.probability import Probability
 from scex_sumo.results.run import Run
@@ -53,7 +52,7 @@ def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, m
         UsageError: a model is unknown, or a weight is below 0.
     """
     given = ", ".join(f"{model} {weight:g}" for model, weight in weights.items())
-    heads: list[Head] = [("pair", "names", ""), *((QUESTIONS[event], "text", "") for event in EVENTS)]
+    heads: list[Head] = [("pair", "names", ""), *((event.question, "text", "") for event in EVENTS.values())]
     pairs, sampled = [row for row in run.encounters.to_pylist() if row["critical"] > 0], False
     rows = []
     for row in pairs[:most]:

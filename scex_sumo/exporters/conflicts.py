@@ -6,7 +6,7 @@ Names and times are those of the children's floating car data; vehicles have the
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 from xml.sax.saxutils import quoteattr
@@ -17,15 +17,16 @@ import shapely
 from scex_sumo.evaluation.sources import read_source
 from scex_sumo.evaluation.tables import recording_table
 from scex_sumo.exporters.request import Request
+from scex_sumo.metrics.events import EVENTS
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.fcd import LaneFinder
 
 # The device's codes of encounters: ego follows, ego leads, both have left the conflict area, collision.
 FOLLOWER, LEADER, LEFT, COLLISION = 2, 3, 17, 111
-TTC_S: Final = 3.0
-"""Thresholds of a conflict, SUMO's own."""
-DRAC_MPS2: Final = 3.0
-PET_S: Final = 2.0
+CONFLICTS: Final = tuple(
+    replace(EVENTS[name], threshold=limit) for name, limit in (("ttc", 3.0), ("drac", 3.0), ("pet", 2.0))
+)
+"""Events that make a conflict, with SUMO's own thresholds, which belong to it."""
 _NOTHING = {name: "NA" for name in ("time", "position", "type", "value", "speed")}
 _TYPES = {"rear-end": "collision", "head-on": "frontal"}
 
@@ -58,12 +59,13 @@ def write_ssm(request: Request) -> list[Path]:
     pair is written once; the ego follows, or comes second.
     """
     table, history = read_source(request.run.folder)
-    measures = {"level": "pair", "preset": "path", "metrics": ("ttc", "drac", "pet"), "history": history}
+    measures = {"level": "pair", "preset": "path", "metrics": [e.name for e in CONFLICTS], "history": history}
 
     def lines(child: int) -> Iterator[str]:
         case = table.case(table.cases.index(str(child)))
         rows = recording_table(case, **measures).to_pylist()  # type: ignore[arg-type]
-        yield f"<!-- TTC <= {TTC_S:g} s, DRAC >= {DRAC_MPS2:g} m/s², PET <= {PET_S:g} s -->\n<SSMLog>\n"
+        limits = ", ".join(event.words.replace("<", "<=").replace(">", ">=") for event in CONFLICTS)
+        yield f"<!-- {limits} -->\n<SSMLog>\n"
         yield from _conflicts(_child(request, child), rows, _collisions(request, child))
         yield "</SSMLog>\n"
 
@@ -113,22 +115,20 @@ def _conflicts(child: _Child, rows: Sequence[Row], collisions: Sequence[Row]) ->
         hit = hits.get(pair)
         until_ms = np.inf if hit is None else 1000 * hit["time_s"]
         own = [row for row in rows_of_pair if row["timestamp_ms"] < until_ms]
-        ttc, drac, pet = (
-            min(
-                (row for row in own if row["metric"] == name),
-                key=lambda row: sign * row["value"],
+        worst = [
+            max(
+                (row for row in own if row["metric"] == event.name),
+                key=lambda row: event.side * row["value"],
                 default=None,
             )
-            for name, sign in (("ttc", 1), ("drac", -1), ("pet", 1))
+            for event in CONFLICTS
+        ]
+        beyond = (
+            row is not None and event.side * row["value"] >= event.side * event.threshold
+            for event, row in zip(CONFLICTS, worst, strict=True)
         )
-        critical = (
-            (ttc is not None and ttc["value"] <= TTC_S),
-            (drac is not None and drac["value"] >= DRAC_MPS2),
-            (pet is not None and pet["value"] <= PET_S),
-            hit is not None,
-        )
-        if any(critical):
-            found.append(_conflict(child, own, ttc, drac, pet, hit))
+        if hit is not None or any(beyond):
+            found.append(_conflict(child, own, *worst, hit))
     for _, text in sorted(found):
         yield text
 

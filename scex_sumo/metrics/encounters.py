@@ -14,6 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.base import Rows
 from scex_sumo.metrics.collisions import Collisions
+from scex_sumo.metrics.events import EVENTS, Event
 from scex_sumo.metrics.formulas.crossing import pet
 from scex_sumo.metrics.formulas.distance import gap_bounds, gaps_of
 from scex_sumo.metrics.formulas.following import deceleration_to_avoid_crash, time_to_collision
@@ -22,11 +23,6 @@ from scex_sumo.metrics.pairs.paths_ahead import paths_ahead
 from scex_sumo.metrics.pairs.scenes import Scenes
 
 NEAR_M: Final = 10.0
-CRITICAL_TTC_S: Final = 1.5
-CRITICAL_PET_S: Final = 1.0
-CRITICAL_DRAC: Final = 3.4
-"""m/s²; drivers rarely brake harder (Archer 2005)."""
-
 NO_COLLISION: Final = -1
 _MARGIN = 1e-6  # for rounding, so that the nearest step is never lost
 
@@ -61,6 +57,10 @@ class Encounters(Rows):
         """(N,) whether the pair collides."""
         return np.asarray(self.kind != NO_COLLISION)
 
+    def happens(self, event: Event) -> BoolArray:
+        """Return (N,) whether an event happens; a collision counts as each."""
+        return event.happens(getattr(self, event.value)) | self.collided
+
 
 def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_paths: bool = True) -> Encounters:
     """Find the encounters of a batch of scenes; ``start`` is the number of its first child.
@@ -92,7 +92,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
     towards[at] = np.where(hits.first == low, hit_by, -hit_by)
     # Steps count from the first evaluated one, times from the seed moment before it.
     near = np.where(np.isfinite(gap), gap_step.astype(np.int64), ttc_step)
-    critical = np.where(ttc < CRITICAL_TTC_S, ttc_step, near)
+    critical = np.where(EVENTS["ttc"].happens(ttc), ttc_step, near)
     after = 1 if scenes.tracks.first else 0
     time = np.where(kind != NO_COLLISION, impact, (critical + after) * scenes.tracks.step_s)
     is_near = np.isfinite(gap) | np.isfinite(least_pet) | (cross > 0)

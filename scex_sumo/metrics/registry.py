@@ -16,6 +16,7 @@ from typing import Any, Final, Literal, TypeVar
 
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object, own_error_reason
+from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
 from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
 from scex_sumo.metrics.formulas.following import drac, pttc, thw, ttc
@@ -111,9 +112,16 @@ _BY_HEADING = (
         name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True, threshold=1 / 1.5, label="1/TTC"
     ),
 )
+_LIMITS = {name: event.threshold for name, event in EVENTS.items()}
 _ON_PATHS = (
     Metric(name="gap", unit="m", critical="min", evaluate=gap, quick=least_gap, label="body gap"),
-    replace(_BY_HEADING[5], name="ttc_path", preset="path", label="1/TTC on path"),
+    replace(
+        _BY_HEADING[5],
+        name="ttc_path",
+        preset="path",
+        threshold=1 / _LIMITS["ttc"],
+        label="1/TTC on path",
+    ),
     replace(_BY_HEADING[3], name="pttc_path", preset="path", label="PTTC on path"),
     Metric(
         name="wttc_path",
@@ -124,8 +132,15 @@ _ON_PATHS = (
         label="WTTC of outlines",
     ),
     Metric(name="thw", unit="s", critical="min", evaluate=thw, label="THW"),
-    Metric(name="drac", unit="m/s²", critical="max", evaluate=drac, threshold=3.4, label="DRAC"),
-    Metric(name="pet", unit="s", critical="min", evaluate=pet, threshold=1.0, label="PET"),
+    Metric(
+        name="drac",
+        unit="m/s²",
+        critical="max",
+        evaluate=drac,
+        threshold=_LIMITS["drac"],
+        label="DRAC",
+    ),
+    Metric(name="pet", unit="s", critical="min", evaluate=pet, threshold=_LIMITS["pet"], label="PET"),
 )
 METRICS: Final[Mapping[str, Metric]] = {each.name: each for each in (*_BY_HEADING, *_ON_PATHS)}
 """Built-in metrics: the paper's six, then those of preset ``path``."""

@@ -14,11 +14,13 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import model_colors
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.net.road_lines import road_lines
+from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page.charts import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, quantized
 from scex_sumo.page.scene import Future, packed_tracks, recorded_tracks, road_paths
 from scex_sumo.page.tables import (
+    BITS,
     collision_places,
     collision_share,
     encounter_table,
@@ -113,6 +115,8 @@ def _words(
         "collision": collision_share(run),
         "collisions": collision_places([run] if run.reference is None else [run, run.reference], track_ids),
         "encounters": encounter_table(run, track_ids),
+        "bits": BITS,
+        "limits": {event.name: event.threshold for event in MEASURED},
         "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
         "likely_collisions": None if run.reference is None else collision_share(run.reference),

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.page.study import table
 from scex_sumo.reports.encounter_rows import HUMAN_LIKE, Meeting, meetings, worst_of
@@ -21,8 +22,11 @@ from scex_sumo.results.run import PAIR_OUTCOMES, Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 _WORST = 3
-_SELECTED = {"collides": "collision", "95 %": "range", "TTC": "ttc", "PET": "pet", "DRAC": "drac"}
-_SELECTED |= {"gap": "gap", "after": "after"}
+BITS = {name: 1 << number for number, name in enumerate(EVENTS)}
+"""Bit of each event in `pair_events`."""
+
+_SELECTED = {event.title: name for name, event in EVENTS.items()}
+_SELECTED |= {"95 %": "range", "gap": "gap", "after": "after"}
 """Columns of encounters that follow a selection, by their names in ``selection.js``."""
 
 _WAYS = 2  # cut sets of a worst encounter that are told
@@ -97,7 +101,7 @@ def collision_places(both: Sequence[Run], track_ids: Sequence[int]) -> dict[str,
 def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids: Sequence[int]) -> IntArray:
     """Return (P, C) what happens to pairs of vehicles in the futures of all sets.
 
-    Bits: 1 for a collision, 2, 4, 8 for a critical TTC on the path, PET, DRAC, which a collision has, too.
+    Bits: those of `BITS`; a collision has all.
     """
     number = np.full((len(track_ids), len(track_ids)), -1)
     for index, (one, other) in enumerate(pairs):
@@ -108,11 +112,11 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
         if not len(pairs):
             continue
         hits = run.collisions
-        tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, 15))]
+        tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, sum(BITS.values())))]
         if (run.folder / PAIR_OUTCOMES).is_file():
             met = run.pair_outcomes
             critical = critical_outcomes(met)
-            bits = 2 * critical["ttc"] + 4 * critical["pet"] + 8 * critical["drac"]
+            bits = np.sum([BITS[name] * happens for name, happens in critical.items()], axis=0)
             tables.append((met, ("track_a", "track_b"), bits))
         for rows, names, values in tables:
             at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]
@@ -140,12 +144,12 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     """
     found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
     both = any(one.futures == HUMAN_LIKE for one in found)
-    shown = [name for name in ("pair", "futures", *_SELECTED) if both or name != "futures"]
-    places = [[head[0] for head in HEADS].index(name) for name in shown]
+    wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
+    places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
     cells = [[encounter_cells(one)[place] for place in places] for one in found]
     columns = table([HEADS[place] for place in places], cells)["columns"]
-    for name, column in zip(shown, columns, strict=True):
-        column |= {"selected": _SELECTED[name]} if name in _SELECTED else {}
+    for place, column in zip(places, columns, strict=True):
+        column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
     pairs: dict[tuple[int, int], int] = {}
     rows = []
     worst = worst_of(found, _WORST)

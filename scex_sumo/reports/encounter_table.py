@@ -9,29 +9,23 @@ import numpy as np
 import pyarrow as pa
 from rich.console import Console
 
+from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import Head, console_table, counted, print_line, print_table
+from scex_sumo.results.encounters import QUESTIONS
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.outcomes import collided
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 
-QUESTIONS = {
-    "collision": "collision",
-    "ttc": "TTC on path < 1.5 s",
-    "pet": "PET < 1 s",
-    "drac": "DRAC > 3.4 m/s²",
-    "critical": "any of these",
-}
-"""Questions about a pair, by column."""
 _SHARE = "Share of the futures; a click on a row shows the typical one"
 HEADS: Final[tuple[Head, ...]] = (
     ("pair", "names", "A vehicle hits or follows → another"),
     ("place", "names", ""),
     ("futures", "names", "Stress test: driven as any of the models; human-like: as people were recorded"),
-    ("collides", "percent", _SHARE),
+    (EVENTS["collision"].title, "percent", _SHARE),
     ("95 %", "text", "Interval of P(collision)"),
-    *((q.upper(), "percent", f"{QUESTIONS[q]}. {_SHARE}") for q in ("ttc", "pet", "drac")),
+    *((event.title, "percent", f"{event.question}. {_SHARE}") for event in MEASURED),
     ("any", "percent", f"Any of these. {_SHARE}"),
     ("gap", "metres", "Least gap in the typical future; up to 10 m"),
     ("after", "seconds", "Time of the encounter in the typical future"),
@@ -73,7 +67,7 @@ def encounter_cells(one: Meeting) -> list[Any]:
         one.futures,
         found.collision.estimate.value,
         interval if found.collision.exact is None else "exact",
-        *(found.probability(name).estimate.value for name in ("ttc", "pet", "drac", "critical")),
+        *(found.probability(name).estimate.value for name in (*(e.name for e in MEASURED), "critical")),
         row["gap"],
         round(row["time_s"], 1),
         f"{row['model']}, {row['other_model']}",
@@ -92,8 +86,8 @@ def print_pair(one: Meeting, console: Console) -> None:
     run, row = one.run, one.row
     print_line(one.words(), console)
     found, rows = one.encounter, []
-    for name, words in QUESTIONS.items():
-        share = found.probability(name)
+    for name in QUESTIONS:
+        share, words = found.probability(name), EVENTS[name].question if name in EVENTS else "any of these"
         sure = "exact" if share.exact is not None else f"{share.sampled.low:.1%} – {share.sampled.high:.1%}"
         rows.append((words, share.estimate.value, sure))
     heads = [("question", "names", ""), ("share", "percent", ""), ("interval", "text", "")]

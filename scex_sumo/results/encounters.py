@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.collisions import KINDS
-from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S, Encounters
+from scex_sumo.metrics.encounters import Encounters
+from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.results.extras import ExactProbability
 from scex_sumo.road import Road
 from scex_sumo.roads.places import places_of
@@ -19,7 +20,7 @@ from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
 ENCOUNTERS: Final = "encounters.parquet"
-QUESTIONS: Final = ("collision", "ttc", "pet", "drac", "critical")
+QUESTIONS: Final = (*EVENTS, "critical")
 """Probabilities of a pair, each with ``_low`` and ``_high``; ``critical`` is any of the others."""
 
 _MODELS = pa.list_(
@@ -62,13 +63,12 @@ mean number of severely injured occupants (MAIS 3+, one in each vehicle) over al
 OUTCOMES_SCHEMA: Final = pa.schema(
     [
         *((name, pa.int64()) for name in ("child", "track_a", "track_b")),
-        *((name, pa.float32()) for name in ("min_ttc_path", "max_drac", "min_pet")),
+        *((event.column, pa.float32()) for event in MEASURED),
     ]
 )
-"""One row a pair and child in which a gap closes on a path or the tracks cross, sorted by pair and child.
+"""One row a pair and child in which the value of some event is defined, sorted by pair and child.
 
-``track_a`` is the lower id. Least TTC on the path of either in s, largest DRAC in m/s², least PET in s, NaN
-where undefined.
+``track_a`` is the lower id; values of `MEASURED` events, NaN where undefined.
 """
 
 _GAPS = (0.05, 0.5, 0.95)
@@ -128,23 +128,14 @@ def encounters_table(
 
 
 def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
-    """Tabulate TTC, DRAC and PET by pair and child, with the columns of ``OUTCOMES_SCHEMA``."""
-    closes, crosses = np.isfinite(encounters.ttc), np.isfinite(encounters.pet)
+    """Tabulate the values of `MEASURED` events by pair and child, with the columns of ``OUTCOMES_SCHEMA``."""
+    values = {event.column: event.defined(getattr(encounters, event.value)) for event in MEASURED}
+    defined = np.any([~np.isnan(part) for part in values.values()], axis=0)
     a, b = np.sort(np.asarray(track_ids)[np.stack([encounters.first, encounters.second])], axis=0)
     order = np.lexsort((encounters.child, b, a))
-    rows = order[(closes | crosses)[order]]
-    columns = {
-        "child": encounters.child,
-        "track_a": a,
-        "track_b": b,
-        "min_ttc_path": np.where(closes, encounters.ttc, np.nan),
-        "max_drac": np.where(closes, encounters.drac, np.nan),
-        "min_pet": np.where(crosses, encounters.pet, np.nan),
-    }
-    arrays = [
-        pa.array(values[rows]).cast(kind.type, safe=False)
-        for values, kind in zip(columns.values(), OUTCOMES_SCHEMA, strict=True)
-    ]
+    rows = order[defined[order]]
+    columns = {"child": encounters.child, "track_a": a, "track_b": b, **values}
+    arrays = [pa.array(columns[kind.name][rows]).cast(kind.type, safe=False) for kind in OUTCOMES_SCHEMA]
     return pa.table(arrays, schema=OUTCOMES_SCHEMA)
 
 
@@ -160,12 +151,7 @@ def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int],
 
 def answers_of(encounters: Encounters) -> dict[str, BoolArray]:
     """Return (N,) whether each encounter is critical, by question; a collision is so in each."""
-    answers: dict[str, BoolArray] = {
-        "collision": encounters.collided,
-        "ttc": (encounters.ttc < CRITICAL_TTC_S) | encounters.collided,
-        "pet": (encounters.pet < CRITICAL_PET_S) | encounters.collided,
-        "drac": (encounters.drac > CRITICAL_DRAC) | encounters.collided,
-    }
+    answers = {name: encounters.happens(event) for name, event in EVENTS.items()}
     return {**answers, "critical": np.any(list(answers.values()), axis=0)}
 
 
@@ -276,11 +262,10 @@ def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> s
 def event_of(row: Mapping[str, Any]) -> tuple[str, str]:
     """Return the question that a row answers, and the event in words; the first is empty if none happens."""
     if row["collision"] > 0:
-        return "collision", "collides"
+        return "collision", EVENTS["collision"].words
     if row["critical"] > 0:
-        names = {"ttc": "TTC < 1.5 s", "pet": "PET < 1 s", "drac": "DRAC > 3.4 m/s²"}
-        name = max(names, key=lambda n: float(row[n]))
-        return name, names[name]
+        event = max(MEASURED, key=lambda event: float(row[event.name]))
+        return event.name, event.words
     return "", "never critical"
 
 

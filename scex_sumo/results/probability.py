@@ -11,18 +11,12 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
+from scex_sumo.metrics.events import MEASURED
 from scex_sumo.results.extras import ExactProbability, extras_results
 from scex_sumo.statistics.density import Interval
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
-
-_LIMITS = {
-    "ttc": ("min_ttc_path", CRITICAL_TTC_S, -1),
-    "pet": ("min_pet", CRITICAL_PET_S, -1),
-    "drac": ("max_drac", CRITICAL_DRAC, 1),
-}  # column of `Run.pair_outcomes`, threshold, 1 if critical above it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +121,4 @@ _ENDS = {"value": "", "low": "_low", "high": "_high"}
 
 def critical_outcomes(outcomes: pa.Table) -> dict[str, BoolArray]:
     """Return by event the rows (N,) of `Run.pair_outcomes` in which it happens; not of collisions."""
-    return {
-        name: side * np.asarray(outcomes[column]) > side * limit
-        for name, (column, limit, side) in _LIMITS.items()
-    }
+    return {event.name: event.happens(np.asarray(outcomes[event.column])) for event in MEASURED}

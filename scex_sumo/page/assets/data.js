@@ -56,7 +56,7 @@ function runOf({ info, arrays }) {
     isPacked: (future) => place.has(future),
     track: (future, vehicle) => first[vehicle] + which.values[place.get(future) * vehicles + vehicle],
     model: (future, vehicle) => levels.values[future * vehicles + vehicle],
-    events: (pair, future) => events.values[pair * futures + future], // bits, as in tables.py
+    events: (pair, future) => events.values[pair * futures + future], // of info.bits
     isHuman: (future) => future >= info.children,
     number: (future) => future < info.children ? future : future - info.children,
     nameOf: (future) => `${future < info.children ? "" : "human-like "}future ${future < info.children ? future : future - info.children}`,

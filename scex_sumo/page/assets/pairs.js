@@ -69,7 +69,7 @@ function coursesOf(run, pair, mask) {
 
 const STRIPS = { // what the strips show; the top of an axis is at most `most`
   speed: { title: "speed", unit: "m/s" }, acceleration: { title: "acceleration", unit: "m/s²" }, gap: { title: "body gap", unit: "m", most: 20 },
-  ttc: { title: "TTC, speed and heading kept", unit: "s", most: 6, limit: 1.5 },
+  ttc: { title: "TTC, speed and heading kept", unit: "s", most: 6 },
 };
 
 function pairStrips(run, state, host) {
@@ -80,7 +80,7 @@ function pairStrips(run, state, host) {
     const seek = ({ offsetX, buttons }) => { if (buttons) state.seek(Math.round(offsetX / canvas.clientWidth * last)); };
     Object.assign(canvas, { onpointerdown: seek, onpointermove: seek });
     host.append(make("div.strip", {}, make("header", {}, make("span", `${words.title} [${words.unit}]`), said), box));
-    return { name, canvas, said, cursor, ...words };
+    return { name, canvas, said, cursor, limit: run.info.limits[name], ...words };
   });
 
   function draw({ name, canvas, most = Infinity, limit }, own) {

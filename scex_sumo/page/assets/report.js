@@ -39,7 +39,7 @@ function runReport(run) {
   function drawWorstEncounters() {
     const rows = info.encounters.rows.filter((row) => row.worst && select.isEvent(row)), isWhole = !state.filters.size;
     byId("worst-encounters").replaceChildren(...rows.map((row) => {
-      const { question, happens, about, why, exact } = row, [stress, human] = [false, true].map((isHuman) => select.share({ ...row, human: isHuman }, EVENT_BITS[question]));
+      const { question, happens, about, why, exact } = row, [stress, human] = [false, true].map((isHuman) => select.share({ ...row, human: isHuman }, info.bits[question]));
       const { step } = isWhole ? row : select.typicalOf(row), place = [about, seconds(step)].filter(Boolean).join(", ");
       const shares = [make("b.drawn", isWhole && exact ? exact : percent(stress.value)), ` stress test${isWhole && exact ? ", exact" : ` (${range(stress)})`}`];
       if (info.human) shares.push(" · ", make("b.likely", percent(human.value)), ` human-like (${range(human)})`);

@@ -1,17 +1,17 @@
 // Selection: what happens to pairs in the selected futures, and the tables of these.
 
 const pairKey = (pair) => [...pair].sort((a, b) => a - b).join();
-const EVENT_BITS = { collision: 1, ttc: 2, pet: 4, drac: 8 }, ANY = 15; // as in tables.py
 const MAX_TYPICAL = 15; // futures of which the typical one is looked for
 const NEAR_M = 10;
 
 function makeSelection(run, state) {
-  const { collisions, events, encounters, track_ids: ids, types, packed } = run.info, worst = new Map(), collided = new Set(collisions.children);
+  const { collisions, events, encounters, bits, track_ids: ids, types, packed } = run.info, worst = new Map(), collided = new Set(collisions.children);
+  const any = sum(Object.values(bits));
   const places = new Map(encounters.pairs.map((pair, place) => [pairKey(pair), place]));
   for (const { pair, children } of events.rows) if (pair) worst.set(pairKey(pair), new Set([...worst.get(pairKey(pair)) || [], ...children]));
   const isOfPair = ({ pair }) => !state.filters.has("pair") || Boolean(pair) && pairKey(pair) === pairKey(state.filters.get("pair").value);
-  const share = ({ event, human }, bits) => state.shareOf((c) => run.events(event, c) & bits, human);
-  const isEvent = (row) => share(row, ANY).count > 0;
+  const share = ({ event, human }, some) => state.shareOf((c) => run.events(event, c) & some, human);
+  const isEvent = (row) => share(row, any).count > 0;
 
   // Selects the futures in which a pair is critical, or if it never is, those in which it is the worst of a metric.
   function onlyPair(pair) {
@@ -33,7 +33,7 @@ function makeSelection(run, state) {
     const { child, step, pair, human, event, cells } = row;
     if (state.mask[child] && run.isPacked(child)) return { child, step, gap: cells.at(-2) };
     const chosen = packed.filter((c) => state.mask[c] && run.isHuman(c) === human);
-    const hits = [1, ANY, 0].map((bits) => chosen.filter((c) => !bits || run.events(event, c) & bits)).find(({ length }) => length) || [];
+    const hits = [bits.collision, any, 0].map((some) => chosen.filter((c) => !some || run.events(event, c) & some)).find(({ length }) => length) || [];
     const met = hits.slice(0, MAX_TYPICAL).map((c) => {
       const [paths, sizes] = [pair.map((v) => pathAt(run, c, v)), pair.map((v) => run.info.sizes[v])];
       const gaps = paths[0].map((pose, t) => bodyGap(pose, sizes[0], paths[1][t], sizes[1])), gap = Math.min(...gaps);
@@ -46,9 +46,9 @@ function makeSelection(run, state) {
     const rows = encounters.rows.filter((row) => isOfPair(row) && isFound(row, search));
     if (!state.filters.size) return rows;
     return rows.filter((row) => state.filters.has("pair") || isEvent(row)).map((row) => {
-      const hit = share(row, EVENT_BITS.collision), { child, step, gap } = typicalOf(row);
+      const hit = share(row, bits.collision), { child, step, gap } = typicalOf(row);
       const shown = { range: range(hit), gap: gap < NEAR_M ? gap : null, after: child < 0 ? null : step / 10 };
-      for (const [name, bit] of Object.entries(EVENT_BITS)) shown[name] = bit === EVENT_BITS.collision || encounters.known ? share(row, bit).value : null;
+      for (const [name, bit] of Object.entries(bits)) shown[name] = bit === bits.collision || encounters.known ? share(row, bit).value : null;
       return { ...row, child, step, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
     });
   }

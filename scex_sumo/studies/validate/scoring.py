@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import COLLISION, THRESHOLDS, metric_of
 from scex_sumo.results.design import is_critical
 from scex_sumo.studies.moments.folder import MomentRef
@@ -28,7 +29,6 @@ from scex_sumo.studies.validate.scores import (
     roc_area,
     skill,
 )
-from scex_sumo.studies.validate.vehicles import PAIR_EVENTS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +177,7 @@ def event_scores(found: Forecasts) -> list[dict[str, Any]]:
 
 
 def pair_scores(found: Forecasts) -> list[dict[str, Any]]:
-    """Return one row for each of `PAIR_EVENTS`; empty without pairs within 10 m in some child.
+    """Return one row for each of `MEASURED` events; empty without pairs within 10 m in some child.
 
     Pairs whose recorded boxes touch are left out: these boxes are inexact.
     """
@@ -192,16 +192,16 @@ def pair_scores(found: Forecasts) -> list[dict[str, Any]]:
 
     return [
         {
-            "event": title,
+            "event": event.words,
             "pairs": len(table),
             **_scores(
-                column(f"{name}_forecast"),
-                column(f"{name}_happened"),
-                column(f"{name}_straight"),
+                column(f"{event.name}_forecast"),
+                column(f"{event.name}_happened"),
+                column(f"{event.name}_straight"),
                 column("group"),
             ),
         }
-        for name, title in PAIR_EVENTS.items()
+        for event in MEASURED
     ]
 
 

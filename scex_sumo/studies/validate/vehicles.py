@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +11,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.extrapolation.measure import measure_outcome, recorded_steps_of
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.metrics.encounters import CRITICAL_DRAC, CRITICAL_PET_S, CRITICAL_TTC_S
+from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import along_tracks
@@ -21,13 +20,6 @@ from scex_sumo.studies.validate.scores import covered, crps, rank_among
 SECONDS = (1, 2, 3)
 MOVING_MPS = 0.5
 ENCOUNTER_M = 10.0  # a pair that comes this near in some child is an encounter
-
-PAIR_EVENTS: Final = {
-    "ttc": f"TTC < {CRITICAL_TTC_S:g} s",
-    "pet": f"PET < {CRITICAL_PET_S:g} s",
-    "drac": f"DRAC > {CRITICAL_DRAC:g} m/s²",
-}
-"""Events of a pair; a collision counts as each."""
 
 _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
 
@@ -49,8 +41,8 @@ ENCOUNTERS = _schema(
     (pa.float64(), ("recorded_m",)),
     (pa.bool_(), ("covered", "seen")),
     (pa.float64(), ("rank", "crps_m", "crps_seen_m", "constant_velocity_error_m")),
-    (pa.float64(), [f"{name}_forecast" for name in PAIR_EVENTS]),
-    (pa.bool_(), [f"{name}_{what}" for name in PAIR_EVENTS for what in ("happened", "straight")]),
+    (pa.float64(), [f"{event.name}_forecast" for event in MEASURED]),
+    (pa.bool_(), [f"{event.name}_{what}" for event in MEASURED for what in ("happened", "straight")]),
 )
 
 
@@ -125,7 +117,7 @@ def gap_forecasts(
 ) -> pa.Table:
     """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some child.
 
-    ``crps_m`` and ``covered`` are of the children as driven, the others of ``seen``. `PAIR_EVENTS` of the
+    ``crps_m`` and ``covered`` are of the children as driven, the others of ``seen``. `MEASURED` events of the
     children (share), the recording and constant velocity count along the driven tracks. Arguments as of
     `position_forecasts`; ``recorded`` (1, T, V).
     """
@@ -157,7 +149,7 @@ def gap_forecasts(
 
 
 def _pair_events(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> dict[str, BoolArray]:
-    """Return (C, P) `PAIR_EVENTS` of pairs; planned paths are the driven tracks, then straight on."""
+    """Return by name (C, P) whether events happen; planned paths are the driven tracks, then straight on."""
     count, steps, _ = states.shape
     last = states[:, -1:]
     way = last.speed * STEP_S * np.arange(1, PLAN_STEPS + 1)[:, None]
@@ -167,16 +159,11 @@ def _pair_events(scene: SeedScene, states: States, first: IntArray, second: IntA
     number = np.full((scene.vehicles, scene.vehicles), -1)
     number[first, second] = np.arange(len(first))
     pair = number[met.first, met.second]
-    critical = {
-        "ttc": met.ttc < CRITICAL_TTC_S,
-        "pet": met.pet < CRITICAL_PET_S,
-        "drac": met.drac > CRITICAL_DRAC,
-    }
     events = {}
-    for name, flags in critical.items():
-        events[name] = np.zeros((count, len(first)), dtype=bool)
-        some = (pair >= 0) & (flags | met.collided)
-        events[name][met.child[some], pair[some]] = True
+    for event in MEASURED:
+        events[event.name] = np.zeros((count, len(first)), dtype=bool)
+        some = (pair >= 0) & met.happens(event)
+        events[event.name][met.child[some], pair[some]] = True
     return events
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.metrics.events import MEASURED
 from scex_sumo.scene import States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.validate.moment import (
@@ -36,7 +37,7 @@ from scex_sumo.studies.validate.scoring import (
     summary,
     value_scores,
 )
-from scex_sumo.studies.validate.vehicles import ENCOUNTERS, PAIR_EVENTS
+from scex_sumo.studies.validate.vehicles import ENCOUNTERS
 from tests.behaviors import roads
 
 
@@ -133,15 +134,15 @@ def test_events_of_pairs_are_scored_unless_recorded_boxes_touch() -> None:
         {
             **dict.fromkeys(ENCOUNTERS.names),
             "recorded_m": gap,
-            **{f"{name}_forecast": p for name in PAIR_EVENTS},
-            **{f"{name}_happened": o for name in PAIR_EVENTS},
-            **{f"{name}_straight": straight for name in PAIR_EVENTS},
+            **{f"{event.name}_forecast": p for event in MEASURED},
+            **{f"{event.name}_happened": o for event in MEASURED},
+            **{f"{event.name}_straight": straight for event in MEASURED},
         }
         for p, o, straight, gap in cases
     ]
     one = replace(forecast([4.0], 4.5), encounters=pa.Table.from_pylist(rows, schema=ENCOUNTERS))
     scored = pair_scores(gathered([(ref(0), one)]))
-    assert [row["event"] for row in scored] == list(PAIR_EVENTS.values())
+    assert [row["event"] for row in scored] == [event.words for event in MEASURED]
     for row in scored:
         assert (row["pairs"], row["happened"]) == (2, 0.5)
         assert row["brier"] == pytest.approx(0.025) and row["uncertainty"] == pytest.approx(0.25)
