@@ -5,20 +5,16 @@ from __future__ import annotations
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import replacing
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import numbers_by_name
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import complete_metrics
+from scex_sumo.commands.tables import TABLE_SUFFIXES, write_csv, write_table
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-SUFFIXES = (".parquet", ".csv")
 EXAMPLE = "vehicle_tracks_000.csv --level scene -o scenes.parquet"
 
 
@@ -54,8 +50,8 @@ def metrics_command(
     from scex_sumo.results.info import as_written
     from scex_sumo.results.plans import PLANS, read_plans
 
-    if out is not None and out.suffix not in SUFFIXES:
-        raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(SUFFIXES)}")
+    if out is not None and out.suffix not in TABLE_SUFFIXES:
+        raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(TABLE_SUFFIXES)}")
     names = None if metrics is None else tuple(name.strip() for name in metrics.split(","))
     if source.is_dir() and preset is None and names is None:
         preset, names = _of_run(source)
@@ -75,7 +71,7 @@ def metrics_command(
     # The preset changes the meaning of every number.
     table = table.replace_schema_metadata({"preset": preset, "level": level})
     if out is None:
-        _write_csv(table, sys.stdout.buffer)
+        write_csv(table, sys.stdout.buffer)
         warn([f"level {level}, preset {preset}"])
     else:
         write_table(table, out)
@@ -101,26 +97,3 @@ def _of_run(folder: Path) -> tuple[str, tuple[str, ...] | None]:
             f"--metrics {','.join([n for n in names if n in METRICS] or ['ttc'])},package.module:function"
         )
     return "path" if preset == "path" else "paper", tuple(names) or RUN_PRESETS[preset]
-
-
-def write_table(table: pa.Table, path: Path) -> None:
-    """Write a table as Parquet or CSV, atomically."""
-    import pyarrow.parquet as pq
-
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
-    with replacing(path) as temporary:
-        if path.suffix == ".parquet":
-            pq.write_table(table, temporary)
-        else:
-            with temporary.open("wb") as file:
-                _write_csv(table, file)
-
-
-def _write_csv(table: pa.Table, file: Any) -> None:
-    from pyarrow import csv
-
-    csv.write_csv(table, file, csv.WriteOptions(quoting_style="needed"))
-    file.flush()

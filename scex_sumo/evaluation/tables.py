@@ -19,6 +19,7 @@ from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.registry import Metric, metrics_named
 from scex_sumo.results.outcomes import after_collision
 from scex_sumo.results.plans import StoredPlans
+from scex_sumo.results.worst import other_ids
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
 LEVELS: Final[tuple[Level, ...]] = ("pair", "scene", "scenario", "worst")
@@ -82,50 +83,6 @@ def case_ids(table: TrackTable) -> pa.Array:
     return pa.array(numbers, pa.float64())
 
 
-def worst_table(
-    values: ScenarioValues,
-    *,
-    child: Sequence[int] | IntArray,
-    track_ids: IntArray,
-    timestamp_ms: IntArray,
-    hits: Collisions | None = None,
-) -> pa.Table:
-    """Tabulate the origin of each child's extrema: ``worst.parquet``.
-
-    Args:
-        child: (C,) numbers.
-        track_ids: (V,).
-        timestamp_ms: (T,) history included.
-
-    Returns:
-        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value, after_collision
-        (whether the two had collided by then); no row where undefined.
-    """
-    parts = []
-    numbers = np.asarray(child, dtype=np.int64)
-    for name, worst in values.worst.items():
-        at = np.flatnonzero(worst.defined)
-        rows = worst.take(at)
-        after = np.zeros(len(at), dtype=np.bool_)
-        if hits is not None:
-            after = after_collision(hits, at, rows.step, rows.vehicle, rows.other)
-        columns = {
-            "child": numbers[at],
-            "metric": pa.repeat(pa.scalar(name), len(at)),
-            "timestamp_ms": timestamp_ms[rows.step],
-            "track_id": track_ids[rows.vehicle],
-            "other_id": _other_ids(None if rows.other is None else track_ids[rows.other], len(at)),
-            "value": rows.value,
-            "after_collision": pa.array(after),
-        }
-        parts.append(pa.table(columns))
-    return pa.concat_tables(parts).sort_by([("child", "ascending")]) if parts else pa.table({})
-
-
-def _other_ids(ids: IntArray | None, count: int) -> pa.Array:
-    return pa.nulls(count, pa.int64()) if ids is None else pa.array(ids, pa.int64())
-
-
 def _pair_rows(
     block: Block, metrics: Sequence[Metric], options: dict[str, Any], *, outcomes: bool
 ) -> list[pa.Table]:
@@ -139,7 +96,7 @@ def _pair_rows(
             "timestamp_ms": block.timestamp_ms[rows.child, rows.step],
             "metric": pa.repeat(pa.scalar(metric.name), len(rows.value)),
             "track_id": ids[rows.child, rows.vehicle],
-            "other_id": _other_ids(
+            "other_id": other_ids(
                 None if rows.other is None else ids[rows.child, rows.other], len(rows.value)
             ),
             "value": rows.value,

@@ -12,7 +12,6 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
-from scex_sumo.evaluation.tables import worst_table
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
@@ -22,6 +21,7 @@ from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
 from scex_sumo.metrics.pairs.scenes import Scenes
 from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.outcomes import Severity, severity_of
+from scex_sumo.results.worst import worst_table
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
 

@@ -17,7 +17,7 @@ from scex_sumo.evaluation import blocks as recording
 from scex_sumo.evaluation.blocks import blocks
 from scex_sumo.evaluation.command import metrics_command
 from scex_sumo.evaluation.sources import read_source
-from scex_sumo.evaluation.tables import LEVELS, recording_table, worst_table
+from scex_sumo.evaluation.tables import LEVELS, recording_table
 from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import COLUMNS
@@ -193,22 +193,6 @@ def test_ids_of_cases_keep_their_kind(tmp_path: Path) -> None:
         rows = [f"{name},{row(1, 1, 0, 0, 1.0)}" for name in names]
         table = write_csv(tmp_path / "ids.csv", rows, f"case_id,{HEADER}")
         assert recording_table(table)["case_id"].to_pylist() == expected
-
-
-def test_worst_rows_of_children() -> None:
-    tracks, planned = random_run(np.random.default_rng(1), children=3)
-    values = evaluate(tracks, planned)
-    ids, stamps = np.array([11, 12, 13, 14, 15]), np.arange(1, 11) * 100
-    table = worst_table(values, child=[4, 5, 6], track_ids=ids, timestamp_ms=stamps)
-    names = ["child", "metric", "timestamp_ms", "track_id", "other_id", "value", "after_collision"]
-    assert table.column_names == names
-    rows = table.to_pylist()
-    assert len(rows) == sum(int(w.defined.sum()) for w in values.worst.values())
-    for entry in rows:
-        child, worst = entry["child"] - 4, values.worst[entry["metric"]]
-        assert entry["value"] == values.column(entry["metric"])[0][child]
-        assert entry["timestamp_ms"] == stamps[worst.step[child]] > tracks.first * 100
-        assert entry["track_id"] == ids[worst.vehicle[child]]
 
 
 def test_planned_paths_of_a_recording_are_the_driven_tracks(tmp_path: Path) -> None:

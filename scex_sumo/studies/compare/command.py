@@ -11,7 +11,7 @@ from typer import Argument, Option
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import complete_results
-from scex_sumo.evaluation.command import write_table
+from scex_sumo.commands.tables import write_table
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run

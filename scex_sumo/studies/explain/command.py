@@ -13,7 +13,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import progress_bar
 from scex_sumo.commands.options import Result, metric_option
 from scex_sumo.commands.shared import Answer
-from scex_sumo.evaluation.command import write_table
+from scex_sumo.commands.tables import write_table
 
 if TYPE_CHECKING:
     from scex_sumo.certainty.tables import InfluenceTable

@@ -23,7 +23,7 @@ from scex_sumo.commands.options import (
     Seed,
 )
 from scex_sumo.commands.seed import seed_scene
-from scex_sumo.evaluation.command import write_table
+from scex_sumo.commands.tables import write_table
 from scex_sumo.scenarios.options import SeedOptions
 
 if TYPE_CHECKING:
