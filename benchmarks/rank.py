@@ -52,7 +52,7 @@ def run_all(args: argparse.Namespace, workers: MomentWorkers, progress: Callable
     with (
         closing(workers),
         tempfile.TemporaryDirectory() as out,
-        RankFolder(Path(out) / "out", {}, settings_of(args)) as folder,
+        RankFolder(Path(out) / "out", {}) as folder,
     ):
         RankingRun(find_recordings([args.dataset]), settings_of(args), folder, workers, progress).run()
 
@@ -166,7 +166,7 @@ def costs(args: argparse.Namespace) -> None:
     for task in tasks:
         pickle.dumps(task)
     packing = (time.process_time() - begin) / len(sent)
-    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}, settings_of(args)) as folder:
+    with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
         begin = time.process_time()
         for ref, part in parts:
             folder.append(ref, part)

@@ -57,6 +57,7 @@ class OutputFolder:
             path.mkdir(parents=True, exist_ok=True)
             lock(path)
             self._make_free(overwrite)
+            remove_unfinished(path)
             self._prepare()
             for name in (_COPY, PENDING):
                 write_atomic(path / name, as_json({"identity": self.identity}).encode())
@@ -157,7 +158,6 @@ class ResultFolder(OutputFolder):
     def _prepare(self) -> None:
         for name in (PARTS, "sumo"):
             (self.path / name).mkdir(exist_ok=True)
-        remove_unfinished(self.path)
         remove_broken(self.path)
 
     def in_order(self, children: int, *, size: int, plans: bool = True) -> Iterator[Part]:

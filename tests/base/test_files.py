@@ -16,7 +16,6 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import TemporaryFolder, lock, replacing, unlock, write_atomic, writing
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.studies.rank.children import RankFolder
-from scex_sumo.studies.rank.scores import RankSettings
 
 HOLDING = """
 import sys
@@ -60,10 +59,10 @@ def test_a_folder_that_another_process_writes_is_refused_until_that_dies(tmp_pat
 def test_two_rankings_never_write_one_folder(tmp_path: Path) -> None:
     with _another(tmp_path) as other:
         with pytest.raises(ResultError, match="another process is writing"):
-            RankFolder(tmp_path, {"seed": 1}, RankSettings())
+            RankFolder(tmp_path, {"seed": 1})
         assert not any(tmp_path.iterdir())
         other.kill()
-    with RankFolder(tmp_path, {"seed": 1}, RankSettings()):
+    with RankFolder(tmp_path, {"seed": 1}):
         pass
     assert _lets_in(tmp_path)
 

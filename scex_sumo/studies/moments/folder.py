@@ -1,12 +1,17 @@
-"""Study folder: moments by name, parts that have run, failures; checked when read, found after a crash."""
+"""Study folder: moments by name, parts that have run, failures; checked when read, found after a crash.
+
+A part is a set of tables of one moment. It counts if its record names every file and the SHA-256 of each.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import json
 import re
 import shutil
 import zlib
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,10 +20,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.base.errors import ResultError, one_line
-from scex_sumo.base.files import replacing, write_atomic
+from scex_sumo.base.files import remove_unfinished, replacing, sha256_of, write_atomic
 from scex_sumo.results.folder import OutputFolder, as_json
 
-_FAILED = "failed"
+_FAILED, _PARTS = "failed", "parts"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,19 +103,75 @@ def plain(name: str) -> str:
 class StudyFolder(OutputFolder):
     """Folder of the moments of a study that have run, and of those that failed."""
 
-    kept: ClassVar[tuple[str, ...]]
-    """Folders and files that another study in the same folder removes."""
+    trees: ClassVar[tuple[str, ...]]
+    """Folders of tables, one folder for each moment."""
+    records: ClassVar[tuple[str, ...]] = ()
+    """Folders of small JSON files, besides those of parts and failures."""
+    kept: ClassVar[tuple[str, ...]] = ()
+    """What else another study in the same folder removes."""
 
     def _clear(self) -> None:
-        for name in (*self.kept, _FAILED):
+        for name in (*self.kept, *self.trees, *self._json_folders):
             path = self.path / name
             if path.is_dir():
                 shutil.rmtree(path, ignore_errors=True)
             else:
                 path.unlink(missing_ok=True)
 
+    @property
+    def _json_folders(self) -> tuple[str, ...]:
+        return (_FAILED, _PARTS, *self.records)
+
     def _prepare(self) -> None:
-        (self.path / _FAILED).mkdir(exist_ok=True)
+        """Find the parts that are whole; remove the others, so that their moments run again."""
+        for name in self._json_folders:
+            (self.path / name).mkdir(exist_ok=True)
+            remove_unfinished(self.path / name)
+        self._parts: dict[str, dict[str, dict[str, str]]] = {}  # SHA-256 by moment, part and file
+        broken: set[str] = set()
+        for file in sorted((self.path / _PARTS).glob("*.json")):
+            rows = self._kept(_PARTS, file.stem) or []
+            whole = {row["part"]: row["files"] for row in rows if self._is_whole(row["files"])}
+            self._parts[file.stem] = whole
+            if len(whole) < max(len(rows), 1):
+                broken.add(file.stem)
+                self._save_parts(file.stem)
+        known = {name for parts in self._parts.values() for files in parts.values() for name in files}
+        for tree in self.trees:
+            for file in (self.path / tree).rglob("*.parquet*"):
+                if file.relative_to(self.path).as_posix() not in known:
+                    file.unlink()
+                    broken.add(file.parent.name.removeprefix("seed="))
+        for moment in broken:  # a failure in a later round counts only with the earlier rounds
+            self.clear_failure(moment)
+
+    def _is_whole(self, files: Mapping[str, str]) -> bool:
+        there = {name: self.path / name for name in files}
+        return all(file.is_file() and sha256_of(file) == files[name] for name, file in there.items())
+
+    def _add(self, moment: str, part: str, tables: Mapping[str, pa.Table], **options: Any) -> None:
+        """Write the tables of a part, by file, and then its record."""
+        for name, table in tables.items():
+            _write_table(self.path / name, table, **options)
+        digests = {name: sha256_of(self.path / name) for name in tables}
+        self._parts.setdefault(moment, {})[part] = digests
+        self._save_parts(moment)
+
+    def _save_parts(self, moment: str) -> None:
+        rows = [{"part": part, "files": files} for part, files in sorted(self._parts[moment].items())]
+        self._save(_PARTS, moment, rows)
+
+    def _has(self, moment: str, part: str) -> bool:
+        return part in self._parts.get(moment, {})
+
+    def _read(self, moment: str, part: str, name: str) -> pa.Table:
+        """Read a table of a part; raise a `ResultError` if it changed since `_prepare`."""
+        content = b""
+        with contextlib.suppress(OSError):
+            content = (self.path / name).read_bytes()
+        if hashlib.sha256(content).hexdigest() != self._parts[moment][part][name]:
+            raise ResultError(f"{self.path / name}: was changed meanwhile; run the same command again")
+        return pq.ParquetFile(pa.BufferReader(content)).read()
 
     def fail(self, failure: Failure) -> None:
         """Record that a moment has no result."""
@@ -120,11 +181,10 @@ class StudyFolder(OutputFolder):
         """Return failures by moment; damaged files are removed, so that their moments run again."""
         found = {}
         for file in sorted((self.path / _FAILED).glob("*.json")):
-            try:
-                rows = self._kept(_FAILED, file.stem) or []
+            if rows := self._kept(_FAILED, file.stem):
                 failure = Failure(**from_row(rows[0]))
                 found[failure.moment] = failure
-            except (IndexError, KeyError, TypeError):
+            else:
                 file.unlink()
         return found
 
@@ -135,51 +195,27 @@ class StudyFolder(OutputFolder):
     def _record(self, kind: str, name: str) -> Path:
         return self.path / kind / f"{plain(name)}.json"
 
-    def _save(self, kind: str, name: str, rows: Sequence[dict[str, Any]], **more: str) -> None:
+    def _save(self, kind: str, name: str, rows: Sequence[dict[str, Any]]) -> None:
         """Write rows and their checksum to a small JSON file."""
-        content = {**more, "seeds": rows, "check": _checksum(rows)}
-        write_atomic(self._record(kind, name), as_json(content).encode())
+        write_atomic(self._record(kind, name), _checked(kind, name, rows).encode())
 
     def _kept(self, kind: str, name: str) -> list[dict[str, Any]] | None:
-        """Return the rows of `_save`; None if the file is missing or damaged."""
+        """Return the rows of `_save`; None if the file is missing, damaged or of another name."""
         try:
-            content = json.loads(self._record(kind, name).read_text())
-            rows: list[dict[str, Any]] = content["seeds"]
-            return rows if content["check"] == _checksum(rows) else None
+            text = self._record(kind, name).read_text()
+            rows: list[dict[str, Any]] = json.loads(text)["seeds"]
+            return rows if text == _checked(kind, name, rows) else None
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
 
 
-def _checksum(rows: Sequence[dict[str, Any]]) -> int:
-    return zlib.crc32(as_json({"seeds": rows}).encode())
+def _checked(kind: str, name: str, rows: Sequence[dict[str, Any]]) -> str:
+    content = {"of": f"{kind} {plain(name)}", "seeds": rows}
+    return as_json({**content, "check": zlib.crc32(as_json(content).encode())})
 
 
-def write_table(file: Path, table: pa.Table, **options: Any) -> None:
+def _write_table(file: Path, table: pa.Table, **options: Any) -> None:
     """Write a Parquet table and its folder."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:
         pq.write_table(table, temporary, compression="zstd", write_page_checksum=True, **options)
-
-
-def read_table(file: Path, schema: pa.Schema, undefined: Collection[str] = ()) -> pa.Table:
-    """Read a kept table; check pages, columns, types, and nulls outside of ``undefined`` columns."""
-    try:
-        table = pq.ParquetFile(file.absolute(), page_checksum_verification=True).read()
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise damaged(file, f"cannot be read ({one_line(error)})") from None
-    for field in schema:
-        if table.column_names.count(field.name) != 1:
-            raise damaged(file, f"has no single column {field.name}")
-        column = table[field.name]
-        if column.type != field.type:
-            raise damaged(file, f"column {field.name} has type {column.type}, needs {field.type}")
-        values = column.combine_chunks()
-        lists = pa.types.is_list(field.type)
-        if field.name not in undefined and (values.null_count or (lists and values.flatten().null_count)):
-            raise damaged(file, f"column {field.name} has empty values")
-    return table.select(schema.names)
-
-
-def damaged(file: Path, what: str) -> ResultError:
-    """Return the error of a kept file that cannot be used."""
-    return ResultError(f"{file}: {what}; remove it and run again")

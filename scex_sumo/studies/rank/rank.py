@@ -110,7 +110,7 @@ def rank(
     identity = settings.to_json(recordings)
     with (
         closing(moment_workers(run_moment, workers, cluster)) as pool,
-        RankFolder(Path(out), identity, settings, overwrite=overwrite) as folder,
+        RankFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "rank") as tick,
     ):
         ranking = RankingRun(recordings, settings, folder, pool, tick)

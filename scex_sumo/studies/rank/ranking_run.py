@@ -57,7 +57,7 @@ class RankingRun:
                 self.failures[name] = failure
         for recording in recordings:
             if (listing := folder.listing(recording.name)) is not None:
-                self._enter(listing)
+                self.listings[recording.name] = listing
 
     @property
     def listed(self) -> list[MomentRef]:
@@ -73,12 +73,13 @@ class RankingRun:
     def parts(self, ref: MomentRef) -> list[pa.Table]:
         """Read the children of a moment."""
         spans = [span for span in self._rounds[: len(self.tallies[ref.moment])] if span]
-        return [self._folder.read(ref, span.start) for span in spans]
+        return [self._folder.read(ref, span) for span in spans]
 
     def run(self) -> None:
-        """Run all rounds that have not run."""
+        """Run all rounds, or what is missing of them."""
         for number, span in enumerate(self._rounds):
             chosen = None if number == 0 else self._chosen(number)
+            self._count_kept(self.listed, span, chosen)
             self._begin_round(span, chosen)
             recordings = self.recordings if chosen is None else self._readable()
             # Closed wherever the workers stop: that ends the thread.
@@ -131,7 +132,8 @@ class RankingRun:
                 yield RankTask.of(item, spare=MAX_KEPT - kept, drawn=drawn)
             elif isinstance(item, Listing):
                 self._folder.save_listing(item)
-                self._enter(item)
+                self.listings[item.recording] = item
+                self._count_kept(item.moments, self._rounds[0], None)
                 self._expect(children)
             elif item.time_s is None:
                 self.unreadable[item.recording] = item
@@ -150,16 +152,14 @@ class RankingRun:
         return ref.moment not in self.failures and not self._has(ref, span)
 
     def _has(self, ref: MomentRef, span: range) -> bool:
-        return self._folder.has(ref, span.start) if span else self._folder.exact(ref) is not None
+        return self._folder.has(ref, span) if span else self._folder.exact(ref) is not None
 
-    def _enter(self, listing: Listing) -> None:
-        self.listings[listing.recording] = listing
-        for ref in listing.moments:
-            for span in self._rounds:
-                if not self._has(ref, span):
-                    break
+    def _count_kept(self, refs: Sequence[MomentRef], span: range, chosen: set[str] | None) -> None:
+        """Count the results of a round that an earlier, interrupted run kept."""
+        for ref in refs:
+            if (chosen is None or ref.moment in chosen) and self._has(ref, span):
                 if span:
-                    self._count(ref, self._folder.read(ref, span.start))
+                    self._count(ref, self._folder.read(ref, span))
                 else:
                     self._count(ref, exact=self._folder.exact(ref))
 

@@ -6,19 +6,17 @@ In the folder of a validation moments are added whole, never changed, and found 
 from __future__ import annotations
 
 import dataclasses
-import shutil
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import ResultError, TrackError, UsageError
+from scex_sumo.base.errors import TrackError, UsageError
 from scex_sumo.converters.datasets.moment import PARTS, Moment, Split, split_moments
 from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, recording_moments
 from scex_sumo.converters.net.sumo_net import SumoNet
@@ -31,11 +29,11 @@ from scex_sumo.humans.population import population_digest
 from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.results.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
-from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder, damaged, read_table, write_table
+from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
-from scex_sumo.studies.validate.realism import FEATURES, realism, realism_score
-from scex_sumo.studies.validate.vehicles import ENCOUNTERS, POSITIONS, gap_forecasts, position_forecasts
+from scex_sumo.studies.validate.realism import realism, realism_score
+from scex_sumo.studies.validate.vehicles import gap_forecasts, position_forecasts
 
 ALL = "all"
 
@@ -98,19 +96,6 @@ class Forecast:
     realism: pa.Table
     seen: pa.Table
     children: pa.Table
-
-
-def forecast_schemas(settings: StudySettings) -> dict[str, pa.Schema]:
-    """Return the columns of the tables of a `Forecast`; undefined metrics are null."""
-    metrics = [(name, pa.float64()) for name in asked_of(settings).columns]
-    children = pa.schema([("child", pa.int32()), *metrics, ("collision", pa.bool_())])
-    return {
-        "vehicles": POSITIONS,
-        "encounters": ENCOUNTERS,
-        "realism": pa.schema([(name, pa.float64()) for name in ("realism", *FEATURES)]),
-        "seen": children,
-        "children": children,
-    }
 
 
 def asked_of(settings: StudySettings) -> RunSettings:
@@ -238,35 +223,14 @@ def _children_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatAr
     return pa.table(data)
 
 
-_MOMENTS = "moments"
+_MOMENTS, _PART = "moments", "forecast"
 
 
 class ForecastFolder(StudyFolder):
     """Folder of the forecasts of moments: ``moments/NAME/children.parquet`` and four more tables."""
 
-    info, what, another, kept = "validate.json", "validation", "another validation", (_MOMENTS,)
+    info, what, another, trees = "validate.json", "validation", "another validation", (_MOMENTS,)
     evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", _MOMENTS)
-
-    def __init__(
-        self,
-        path: Path,
-        identity: Mapping[str, Any],
-        settings: ValidationSettings,
-        *,
-        overwrite: bool = False,
-    ) -> None:
-        self._schemas = forecast_schemas(settings)
-        self._columns = asked_of(settings).columns
-        self._children = list(range(settings.children))
-        super().__init__(path, identity, overwrite=overwrite)
-
-    def _prepare(self) -> None:
-        super()._prepare()
-        for folder in (self.path / _MOMENTS).glob("*/"):
-            try:
-                self._read(folder)
-            except ResultError:
-                shutil.rmtree(folder)
 
     def restart(self) -> None:
         """Remove the moments that have run."""
@@ -275,25 +239,17 @@ class ForecastFolder(StudyFolder):
 
     def has(self, ref: MomentRef) -> bool:
         """Whether a moment has run."""
-        return (self.path / _MOMENTS / ref.moment).is_dir()
+        return self._has(ref.moment, _PART)
 
     def append(self, ref: MomentRef, forecast: Forecast) -> None:
         """Add the forecast of a moment."""
-        for name in self._schemas:
-            write_table(self.path / _MOMENTS / ref.moment / f"{name}.parquet", getattr(forecast, name))
+        self._add(ref.moment, _PART, {_file(ref, name): table for name, table in vars(forecast).items()})
 
     def read(self, ref: MomentRef) -> Forecast:
         """Read the forecast of a moment."""
-        return self._read(self.path / _MOMENTS / ref.moment)
+        names = (field.name for field in dataclasses.fields(Forecast))
+        return Forecast(**{name: self._read(ref.moment, _PART, _file(ref, name)) for name in names})
 
-    def _read(self, folder: Path) -> Forecast:
-        tables = {
-            name: read_table(folder / f"{name}.parquet", schema, self._columns)
-            for name, schema in self._schemas.items()
-        }
-        for name, more in (("children", COMPARED), ("seen", ())):
-            if tables[name]["child"].to_pylist() != [*self._children, *more]:
-                raise damaged(folder / f"{name}.parquet", "has other futures than the validation")
-        if len(tables["realism"]) != 1:
-            raise damaged(folder / "realism.parquet", "needs one row")
-        return Forecast(**tables)
+
+def _file(ref: MomentRef, name: str) -> str:
+    return f"{_MOMENTS}/{ref.moment}/{name}.parquet"

@@ -116,7 +116,7 @@ def validate(
     again = overwrite and (Path(out) / ForecastFolder.info).is_file()  # an interrupted one goes on
     with (
         closing(moment_workers(validate_moment, workers, cluster)) as pool,
-        ForecastFolder(Path(out), identity, settings, overwrite=overwrite) as folder,
+        ForecastFolder(Path(out), identity, overwrite=overwrite) as folder,
     ):
         if again:
             folder.restart()

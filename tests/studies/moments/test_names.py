@@ -12,7 +12,6 @@ from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.studies.moments.cut import list_moments, unreadable
 from scex_sumo.studies.moments.folder import Failure, moment_name
 from scex_sumo.studies.rank.children import RankFolder
-from tests.studies.rank.parts import SETTINGS
 
 RECORDING = Recording(
     name="k733_000", site="k733", dataset="taf_bw", map_path=Path("k733.osm"), track_paths=(Path("t.csv"),)
@@ -51,7 +50,7 @@ def test_listings_and_failures_survive_their_files(tmp_path: Path) -> None:
         list_moments(RECORDING, moments, min_vehicles=2),
         unreadable(RECORDING, "no map\nthere"),
     )
-    with RankFolder(tmp_path / "out", {}, SETTINGS) as folder:
+    with RankFolder(tmp_path / "out", {}) as folder:
         folder.save_listing(listing)
         folder.fail(failure)
         assert folder.listing(RECORDING.name) == listing

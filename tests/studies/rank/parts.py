@@ -26,7 +26,9 @@ def pairs(child: int) -> np.ndarray:
     return np.array([[7, 9, 1 - child % 2, 500 * (1 - child % 2), 9000 * (1 - child % 2)]])
 
 
-def moment_part(first: int, stop: int, *, tracks: pa.Table | None = None) -> MomentPart:
+def moment_part(
+    first: int, stop: int, *, tracks: pa.Table | None = None, models: tuple[str, ...] = DRIVERS
+) -> MomentPart:
     """Children with values 100 child + column; the last column is undefined in the first child."""
     children = np.arange(first, stop)
     values = 100.0 * children[:, None] + np.arange(len(COLUMNS))
@@ -41,7 +43,7 @@ def moment_part(first: int, stop: int, *, tracks: pa.Table | None = None) -> Mom
         fallbacks=np.arange(len(children)),
         kept=np.zeros(len(children), dtype=bool),
         track_ids=np.array([7, 8, 9]),
-        models=(DRIVERS,) * len(children),
+        models=(models,) * len(children),
         pairs=[pairs(child) for child in children],
     )
     return MomentPart(children=table, tracks=tracks)

@@ -13,7 +13,7 @@ from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.studies.moments.folder import Failure, Listing
 from scex_sumo.studies.rank.children import RankFolder
 from scex_sumo.studies.rank.scores import pairs_of
-from tests.studies.rank.parts import DRIVERS, SETTINGS, moment_part, moment_ref
+from tests.studies.rank.parts import DRIVERS, moment_part, moment_ref
 
 PLAN = {"children": 4, "seed": 0}
 ONE, TWO = moment_ref("one_t1.0"), moment_ref("two_t1.0", "there")
@@ -22,7 +22,7 @@ ONE, TWO = moment_ref("one_t1.0"), moment_ref("two_t1.0", "there")
 @pytest.fixture
 def filled(tmp_path: Path) -> Path:
     """Two seeds of two sites, one with a second part."""
-    with RankFolder(tmp_path / "out", PLAN, SETTINGS) as folder:
+    with RankFolder(tmp_path / "out", PLAN) as folder:
         folder.append(ONE, moment_part(0, 4))
         folder.append(ONE, moment_part(4, 8))
         folder.append(TWO, moment_part(0, 4))
@@ -30,16 +30,16 @@ def filled(tmp_path: Path) -> Path:
 
 
 def test_parts_are_found_again(filled: Path) -> None:
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
-        assert folder.has(ONE, 0)
-        assert folder.has(ONE, 4)
-        assert not folder.has(TWO, 4)
-        assert folder.read(ONE, 4)["child"].to_pylist() == [4, 5, 6, 7]
+    with RankFolder(filled, PLAN) as folder:
+        assert folder.has(ONE, range(0, 4))
+        assert folder.has(ONE, range(4, 8))
+        assert not folder.has(TWO, range(4, 8))
+        assert folder.read(ONE, range(4, 8))["child"].to_pylist() == [4, 5, 6, 7]
 
 
 def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
-        table = folder.read(ONE, 0)
+    with RankFolder(filled, PLAN) as folder:
+        table = folder.read(ONE, range(0, 4))
     assert table.column_names == [
         "child",
         *COLUMNS,
@@ -55,7 +55,7 @@ def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
 def test_a_part_that_is_there_is_never_written_again(filled: Path) -> None:
     (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
     before = file.stat().st_mtime_ns
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
+    with RankFolder(filled, PLAN) as folder:
         folder.append(TWO, moment_part(0, 4))
     assert file.stat().st_mtime_ns == before
 
@@ -63,8 +63,8 @@ def test_a_part_that_is_there_is_never_written_again(filled: Path) -> None:
 def test_a_part_cut_off_in_the_writing_does_not_count(filled: Path) -> None:
     (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
     file.rename(file.with_name(f".{file.name}.writing"))
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
-        assert not folder.has(TWO, 0)
+    with RankFolder(filled, PLAN) as folder:
+        assert not folder.has(TWO, range(0, 4))
         folder.append(TWO, moment_part(0, 4))
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
@@ -73,60 +73,60 @@ def test_a_part_cut_off_in_the_writing_does_not_count(filled: Path) -> None:
 def test_a_damaged_part_runs_again(filled: Path, content: bytes) -> None:
     (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
     file.write_bytes(content)
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
-        assert not folder.has(TWO, 0)
+    with RankFolder(filled, PLAN) as folder:
+        assert not folder.has(TWO, range(0, 4))
         folder.append(TWO, moment_part(0, 4))
-        assert folder.read(TWO, 0)["child"].to_pylist() == [0, 1, 2, 3]
+        assert folder.read(TWO, range(0, 4))["child"].to_pylist() == [0, 1, 2, 3]
 
 
 def test_a_damaged_listing_or_failure_is_looked_at_again(filled: Path) -> None:
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
+    with RankFolder(filled, PLAN) as folder:
         folder.save_listing(Listing(recording="r", moments=(ONE,)))
         folder.fail(Failure.of(ONE, "broken"))
     for file in (*filled.glob("seeds/*.json"), *filled.glob("failed/*.json")):
         file.write_bytes(file.read_bytes()[:9])
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
+    with RankFolder(filled, PLAN) as folder:
         assert folder.listing("r") is None
         assert folder.failures() == {}
 
 
 def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Path) -> None:
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
+    with RankFolder(filled, PLAN) as folder:
         folder.save_listing(Listing(recording="r", moments=(ONE,)))
     (file,) = filled.glob("seeds/*.json")
     file.write_text(file.read_text().replace("one_t1.0", "one_t7.0"))
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
+    with RankFolder(filled, PLAN) as folder:
         assert folder.listing("r") is None
 
 
 def test_another_ranking_is_kept_unless_told_otherwise(filled: Path) -> None:
     with pytest.raises(ResultError, match="holds another ranking"):
-        RankFolder(filled, {**PLAN, "seed": 1}, SETTINGS)
-    with RankFolder(filled, {**PLAN, "seed": 1}, SETTINGS, overwrite=True) as folder:
-        assert not folder.has(ONE, 0)
+        RankFolder(filled, {**PLAN, "seed": 1})
+    with RankFolder(filled, {**PLAN, "seed": 1}, overwrite=True) as folder:
+        assert not folder.has(ONE, range(0, 4))
     assert not list(filled.glob("children/*"))
 
 
 def test_a_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(ResultError, match="not empty"):
-        RankFolder(tmp_path, PLAN, SETTINGS, overwrite=True)
+        RankFolder(tmp_path, PLAN, overwrite=True)
     assert (tmp_path / "thesis.tex").exists()
 
 
 def test_an_unwritable_place_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ResultError, match="cannot write the ranking"):
-        RankFolder(tmp_path / "file" / "out", PLAN, SETTINGS)
+        RankFolder(tmp_path / "file" / "out", PLAN)
 
 
 def test_failures_and_listings_are_kept(tmp_path: Path) -> None:
     failure = Failure.of(ONE, "off the map")
     listing = Listing(recording="recording", moments=(ONE, TWO))
-    with RankFolder(tmp_path / "out", PLAN, SETTINGS) as folder:
+    with RankFolder(tmp_path / "out", PLAN) as folder:
         folder.fail(failure)
         folder.save_listing(listing)
-    with RankFolder(tmp_path / "out", PLAN, SETTINGS) as folder:
+    with RankFolder(tmp_path / "out", PLAN) as folder:
         assert folder.failures() == {ONE.moment: failure}
         assert folder.listing("recording") == listing
         assert folder.listing("another") is None
@@ -135,12 +135,12 @@ def test_failures_and_listings_are_kept(tmp_path: Path) -> None:
 
 
 def test_finished_it_says_so(filled: Path) -> None:
-    with RankFolder(filled, PLAN, SETTINGS) as folder:
+    with RankFolder(filled, PLAN) as folder:
         assert (filled / "incomplete.json").exists()
         folder.finish({"seeds": 2})
     assert not (filled / "incomplete.json").exists()
     assert '"seeds": 2' in (filled / "rank.json").read_text()
-    RankFolder(filled, PLAN, SETTINGS).close()  # and the same ranking may go on there
+    RankFolder(filled, PLAN).close()  # and the same ranking may go on there
 
 
 def test_tracks_come_before_the_children_they_belong_to(
@@ -151,7 +151,7 @@ def test_tracks_come_before_the_children_they_belong_to(
     written: list[str] = []
     replace = Path.replace
     monkeypatch.setattr(Path, "replace", lambda path, to: written.append(to.parts[-4]) or replace(path, to))
-    with RankFolder(tmp_path / "out", PLAN, SETTINGS) as folder:
+    with RankFolder(tmp_path / "out", PLAN) as folder:
         folder.append(ONE, moment_part(0, 4, tracks=tracks))
     assert written[-2:] == ["tracks", "children"]
 

@@ -8,7 +8,7 @@ import hashlib
 import itertools
 import shutil
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -83,7 +83,8 @@ def made_up(task: RankTask) -> MomentPart:
         models=(("standard_driver",) * task.scene.vehicles,) * len(children),
         pairs=pairs,
     )
-    return MomentPart(children=table, tracks=None)
+    tracks = pa.table({"case_id": children[np.asarray(table["kept"])]})
+    return MomentPart(children=table, tracks=tracks if len(tracks) else None)
 
 
 def tables(task: RankTask) -> ExactScore:
@@ -110,7 +111,7 @@ def ranked(
     recordings: tuple[Recording, ...], path: Path, workers: Instant, *, keep: str = "none", top: int = 1
 ) -> RankingRun:
     settings = RankSettings(run=ONE_MODEL, every=2.0, top=top, keep=keep)
-    with RankFolder(path, {"plan": 1}, settings) as folder:
+    with RankFolder(path, {"plan": 1}) as folder:
         result = RankingRun(recordings, settings, folder, workers)
         result.run()
     return result
@@ -121,7 +122,7 @@ def ranked_exactly(
 ) -> tuple[RankingRun, pa.Table]:
     run = RunSettings(models="standard_driver,risky_driver", children=128)
     settings = RankSettings(run=run, every=2.0, top=9)
-    with RankFolder(path, {"plan": 1}, settings) as folder:
+    with RankFolder(path, {"plan": 1}) as folder:
         result = RankingRun(recordings, settings, folder, workers)
         result.run()
         return result, ranking_table(result)
@@ -174,6 +175,60 @@ def test_wherever_it_is_interrupted_it_goes_on_to_the_same_bytes(
     assert sorted(cut.asked + rest.asked) == sorted(whole.asked)
 
 
+def flipped(at: int) -> Callable[[bytes], bytes]:
+    """Flip a bit of the byte ``at``."""
+
+    def flip(content: bytes) -> bytes:
+        changed = bytearray(content)
+        changed[at] ^= 1
+        return bytes(changed)
+
+    return flip
+
+
+DAMAGE: dict[str, Callable[[bytes], bytes] | None] = {
+    "gone": None,
+    "empty": lambda content: b"",
+    "cut": lambda content: content[: len(content) // 2],
+    "first byte": flipped(0),
+    "last byte": flipped(-1),
+}
+
+
+def damage(file: Path, how: str) -> None:
+    change, content = DAMAGE[how], file.read_bytes()
+    file.unlink()
+    if change is not None:
+        file.write_bytes(change(content))
+
+
+@pytest.mark.parametrize("exactly", [False, True])
+@pytest.mark.parametrize("how", DAMAGE)
+def test_whichever_file_is_damaged_it_goes_on_to_the_same_bytes(
+    recordings: tuple[Recording, ...], tmp_path: Path, how: str, exactly: bool
+) -> None:
+    """Also the first part of a moment while a later one is kept, tracks, listings, failures, tables."""
+    whole, bad = tmp_path / "whole", "roundabout_t6.1"
+
+    def run(path: Path, workers: Instant) -> pa.Table:
+        if exactly:
+            return ranked_exactly(recordings, path, workers)[1]
+        ranked(recordings, path, workers, keep="critical")
+        return None
+
+    table = run(whole, Instant(bad=bad))
+    expected = contents(whole)
+    assert len({Path(name).parts[0] for name in expected}) >= 7 - exactly
+    for name in expected:
+        cut = tmp_path / "cut"
+        shutil.copytree(whole, cut)
+        damage(cut / name, how)
+        again = run(cut, Instant(bad=bad))
+        assert contents(cut) == expected, name
+        assert again is None or again.equals(table), name
+        shutil.rmtree(cut)
+
+
 def test_a_seed_that_fails_is_recorded_and_not_tried_again(
     recordings: tuple[Recording, ...], tmp_path: Path
 ) -> None:
@@ -214,7 +269,7 @@ def test_a_recording_that_cannot_be_read_stops_no_other(
 def test_progress_ends_where_everything_is_done(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
     workers, settings = Instant(), RankSettings(run=ONE_MODEL, every=2.0, top=1)
-    with RankFolder(tmp_path / "out", {"plan": 1}, settings) as folder:
+    with RankFolder(tmp_path / "out", {"plan": 1}) as folder:
         RankingRun(recordings, settings, folder, workers, lambda *tick: seen.append(tick)).run()
     assert all(done <= total for done, total in seen)
     assert seen[-1] == (32 * len(workers.asked), 32 * len(workers.asked))

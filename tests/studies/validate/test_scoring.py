@@ -169,16 +169,16 @@ def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore
 
 def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_path) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path / "v"
-    with ForecastFolder(path, {"a": 1}, settings(4)) as folder:
+    with ForecastFolder(path, {"a": 1}) as folder:
         folder.append(*FOUND[0])
         assert folder.has(ref(0)) and not folder.has(ref(1))
-    with ForecastFolder(path, {"a": 1}, settings(4)) as folder:
+    with ForecastFolder(path, {"a": 1}) as folder:
         assert folder.read(ref(0)).children.equals(FOUND[0][1].children)
-    with ForecastFolder(path, {"a": 1}, settings(4)) as folder:
+    with ForecastFolder(path, {"a": 1}) as folder:
         folder.restart()
         assert not folder.has(ref(0))
     with pytest.raises(ResultError, match="another validation"):
-        ForecastFolder(path, {"a": 2}, settings(4))
+        ForecastFolder(path, {"a": 2})
 
 
 def motion(speed: float, children: int) -> States:
@@ -205,7 +205,7 @@ def test_realism_of_nobody_is_unknown() -> None:
 
 @pytest.mark.parametrize("name", ["children", "vehicles"])
 def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: str) -> None:
-    with ForecastFolder(tmp_path / "out", {"seed": 1}, settings(2)) as folder:
+    with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
         for number in (0, 1):
             folder.append(ref(number), forecast([1.0, 2.0], 3.0))
         folder.fail(Failure.of(ref(2), "broken"))
@@ -214,7 +214,7 @@ def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: st
     content[len(content) // 5] ^= 0xFF
     table.write_bytes(content)
     (tmp_path / "out/failed/m2.json").write_text("{")
-    with ForecastFolder(tmp_path / "out", {"seed": 1}, settings(2)) as folder:
+    with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
         assert folder.has(ref(0)) and not folder.has(ref(1))
         assert folder.failures() == {}
         folder.append(ref(1), forecast([1.0, 2.0], 3.0))
@@ -224,7 +224,7 @@ def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: st
 @pytest.mark.parametrize("name", ["vehicles", "encounters", "realism", "seen", "children"])
 @pytest.mark.parametrize("how", ["no column", "text", "rows", "gone"])
 def test_a_moment_of_which_a_table_was_edited_runs_again(tmp_path: Path, name: str, how: str) -> None:
-    with ForecastFolder(tmp_path / "out", {"seed": 1}, settings(2)) as folder:
+    with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
         folder.append(ref(0), forecast([1.0, 2.0], 3.0))
     file = tmp_path / "out/moments/m0" / f"{name}.parquet"
     table = pq.read_table(file)
@@ -236,5 +236,5 @@ def test_a_moment_of_which_a_table_was_edited_runs_again(tmp_path: Path, name: s
         pq.write_table(table.slice(1), file)
     else:
         file.unlink()
-    with ForecastFolder(tmp_path / "out", {"seed": 1}, settings(2)) as folder:
+    with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
         assert not folder.has(ref(0))
