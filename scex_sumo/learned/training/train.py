@@ -18,7 +18,7 @@ from torch import nn
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.learned.architecture import Architecture
 from scex_sumo.learned.training.data.augment import Images, mirrored
 from scex_sumo.learned.training.data.batches import Batch, Batches
@@ -45,9 +45,8 @@ Drift: TypeAlias = Callable[[Path, int], TrainingSamples | None]
 
 _MODULES = ("net", "mean", "optimizer")
 _NUMBERS = ("epoch", "seconds", "best_epoch", "best_loss")
-STATE = {"identity", "best", *_MODULES, *_NUMBERS}
-"""Entries of a checkpoint."""
 FILE = "checkpoint.pt"
+_DIGEST = hashlib.sha256().digest_size
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,6 +110,7 @@ class Trainer:
         self.train = Batches(dataset.train, self.site_weight, device)
         self.validation = Batches(dataset.validation, self.site_weight, device)
         self.drifted: list[TrainingSamples] = []
+        self.rounds: list[str] = []  # SHA-256 of their files
         self.epoch, self.best_loss, self.best_epoch, self.seconds = 0, math.inf, 0, 0.0
         self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
 
@@ -128,7 +128,7 @@ class Trainer:
                 self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
             self.seconds = time.monotonic() - begun
             if self.folder is not None:
-                _write_checkpoint(self.folder, self._state(), self.drifted)
+                _write_checkpoint(self.folder, self._state())
             report(Progress(epoch=self.epoch, epochs=options.epochs, seconds=self.seconds, parts=parts,
                             score=score, better=better))  # fmt: skip
             if self.epoch - self.best_epoch >= options.patience:
@@ -149,6 +149,8 @@ class Trainer:
             file.unlink()
             if samples is not None:
                 self.drifted.append(samples)
+                save_samples(_round_file(self.folder, number), samples)
+                self.rounds.append(sha256_of(_round_file(self.folder, number)))
                 self._use_drifted()
         self.best_loss = math.inf  # the best so far has not learned to come back
 
@@ -253,25 +255,28 @@ class Trainer:
     def _state(self) -> dict[str, Any]:
         modules = {name: getattr(self, name).state_dict() for name in _MODULES}
         numbers = {name: getattr(self, name) for name in _NUMBERS}
-        return {"identity": self.identity(), "best": self.best, **modules, **numbers}
+        return {"identity": self.identity(), "best": self.best, "rounds": self.rounds, **modules, **numbers}
 
     def _restore(self, state: dict[str, Any]) -> None:
         for name in _MODULES:
             getattr(self, name).load_state_dict(state[name])
         for name in _NUMBERS:
             setattr(self, name, state[name])
+        self.rounds = state["rounds"]
         self.best = {k: v.to(self.device) for k, v in state["best"].items()}
 
 
-def _write_checkpoint(folder: Path, state: dict[str, Any], drifted: list[TrainingSamples]) -> None:
+def _round_file(folder: Path, number: int) -> Path:
+    return folder / f"round{number}.npz"
+
+
+def _write_checkpoint(folder: Path, state: dict[str, Any]) -> None:
+    """Write the SHA-256 of a state, and the state."""
     folder.mkdir(parents=True, exist_ok=True)
-    for number, samples in enumerate(drifted):
-        file = folder / f"round{number}.npz"
-        if not file.exists():
-            save_samples(file, samples)
     buffer = io.BytesIO()
-    torch.save({**state, "rounds": len(drifted)}, buffer)
-    write_atomic(folder / FILE, buffer.getvalue())
+    torch.save(state, buffer)
+    content = buffer.getvalue()
+    write_atomic(folder / FILE, hashlib.sha256(content).digest() + content)
 
 
 def _read_checkpoint(
@@ -280,14 +285,11 @@ def _read_checkpoint(
     file = folder / FILE
     if not file.exists():
         return None
-    try:
-        state: dict[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
-        if set(state) != {*STATE, "rounds"}:
-            raise ValueError
-    except Exception as error:  # torch raises whatever its unpickler meets
-        raise ResultError(
-            f"{file}: not a checkpoint of this version ({type(error).__name__}); train without --resume"
-        ) from None
+    whole = file.read_bytes()
+    digest, content = whole[:_DIGEST], whole[_DIGEST:]
+    if hashlib.sha256(content).digest() != digest:
+        raise ResultError(f"{file}: not a whole checkpoint of this version; train without --resume")
+    state: dict[str, Any] = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     other = sorted(key for key in identity if state["identity"].get(key) != identity[key])
     if other:
         raise ResultError(
@@ -295,9 +297,10 @@ def _read_checkpoint(
             "or train without --resume"
         )
     drifted = []
-    for number in range(state["rounds"]):
-        samples = load_samples(folder / f"round{number}.npz")
+    for number, known in enumerate(state["rounds"]):
+        file = _round_file(folder, number)
+        samples = load_samples(file) if file.exists() and sha256_of(file) == known else None
         if samples is None:
-            raise ResultError(f"{folder}: round{number}.npz cannot be read; train without --resume")
+            raise ResultError(f"{file}: is not that of the checkpoint; train without --resume")
         drifted.append(samples)
     return state, drifted

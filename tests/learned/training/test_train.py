@@ -132,18 +132,36 @@ def test_a_checkpoint_of_other_options_is_refused(small: Dataset, tmp_path: Path
         trained(small, options(epochs=1, seed=5), tmp_path)
 
 
-def test_a_broken_checkpoint_is_named(small: Dataset, tmp_path: Path) -> None:
-    (tmp_path / "checkpoint.pt").write_bytes(b"torn")
-    with pytest.raises(ResultError, match=r"checkpoint\.pt: not a checkpoint"):
-        trained(small, options(epochs=1), tmp_path)
+@pytest.mark.parametrize("at", [0, 40, 0.5, 0.9])
+def test_a_broken_checkpoint_is_named(small: Dataset, tmp_path: Path, at: float) -> None:
+    """Also one whose weights have a flipped byte, which torch reads without a word."""
+    trained(small, options(epochs=2), tmp_path, stop=1)
+    file = tmp_path / "checkpoint.pt"
+    content = bytearray(file.read_bytes())
+    content[int(at if at >= 1 else at * len(content))] ^= 1
+    for damaged in (bytes(content), file.read_bytes()[:-9], b""):
+        file.write_bytes(damaged)
+        with pytest.raises(ResultError, match=r"checkpoint\.pt: not a whole checkpoint"):
+            trained(small, options(epochs=2), tmp_path)
 
 
-def test_a_broken_round_is_named(small: Dataset, tmp_path: Path) -> None:
-    trained(small, options(epochs=4, rounds=1), tmp_path, stop=3)
+def test_a_round_that_is_not_that_of_the_checkpoint_is_named(small: Dataset, tmp_path: Path) -> None:
+    given = options(epochs=4, rounds=1)
+    trained(small, given, tmp_path, stop=3)
     (file,) = tmp_path.glob("round*.npz")
-    file.write_bytes(b"")
-    with pytest.raises(ResultError, match=r"round0\.npz cannot be read; train without --resume"):
-        trained(small, options(epochs=4, rounds=1), tmp_path)
+    dataset_module.save_samples(file, small.validation)
+    for _ in range(2):
+        with pytest.raises(ResultError, match=r"round0\.npz: is not that of the checkpoint; train without"):
+            trained(small, given, tmp_path)
+        file.unlink(missing_ok=True)
+
+
+def test_a_training_from_the_start_leaves_no_round_of_an_earlier_one(small: Dataset, tmp_path: Path) -> None:
+    given = options(epochs=4, rounds=1)
+    dataset_module.save_samples(tmp_path / "parts" / "round0.npz", small.validation)
+    whole, _ = trained(small, given, tmp_path / "whole")
+    trained(small, given, tmp_path / "parts", stop=3)
+    assert_same(weights(trained(small, given, tmp_path / "parts")[0]), weights(whole))
 
 
 def test_training_stops_when_validation_gets_no_better(small: Dataset) -> None:

@@ -143,17 +143,19 @@ def test_finished_it_says_so(filled: Path) -> None:
     RankFolder(filled, PLAN).close()  # and the same ranking may go on there
 
 
-def test_tracks_come_before_the_children_they_belong_to(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """So that children that are there have their tracks, whenever a run is cut off."""
+def test_the_record_of_a_part_comes_after_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that a part that is there is whole, whenever a run is cut off."""
     tracks = pq.read_table(_tracks(tmp_path / "t.parquet"))
     written: list[str] = []
     replace = Path.replace
-    monkeypatch.setattr(Path, "replace", lambda path, to: written.append(to.parts[-4]) or replace(path, to))
+    monkeypatch.setattr(
+        Path,
+        "replace",
+        lambda path, to: written.append(to.relative_to(tmp_path).parts[1]) or replace(path, to),
+    )
     with RankFolder(tmp_path / "out", PLAN) as folder:
         folder.append(ONE, moment_part(0, 4, tracks=tracks))
-    assert written[-2:] == ["tracks", "children"]
+    assert written[-3:] == ["tracks", "children", "parts"]
 
 
 def _tracks(path: Path) -> Path:
