@@ -151,7 +151,7 @@ function runReport(run) {
   });
 
   showTables(info.tables);
-  const drawTested = info.tested_curves.length ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
+  const drawTested = info.tested_curves ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
   if (byId("exact")) exactCard(info.exact);
   const redraw = () => state.change({}, "size");
   find.oninput = () => state.change({}, "find");
