@@ -34,7 +34,7 @@ from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.models.idm import IdmProfile, desired_speed, idm_acceleration, seed_motion
-from scex_sumo.behaviors.registry import DEFAULTS, build, parse_models
+from scex_sumo.behaviors.registry import build, entry_of, parse_models
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
@@ -283,7 +283,7 @@ def main() -> None:
         for name in SETS
     }
     if not arguments.evaluate_only:
-        start = dataclasses.replace(DEFAULTS["calibrated_driver"], **GIVEN)
+        start = dataclasses.replace(entry_of("calibrated_driver").profile, **GIVEN)
         sets = list(training(scenes, start))
         fitted = fit(sets, start)
         for key in (*BOUNDS, *GIVEN):

@@ -6,7 +6,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.learned.training.closed_loop import drive_all
@@ -16,7 +16,7 @@ from scex_sumo.scene import SeedScene, States
 def drive_scene(scene: SeedScene, model: str, *, steps: int) -> States:
     """All vehicles of a scene by one model in closed loop: (V, steps + 1), the present first."""
     built = build(parse_models(model)[0])
-    if isinstance(built, SumoDriver):
+    if is_driven_by_sumo(built):
         raise UsageError(f"{model}: SUMO's own drivers need SUMO")
     assert scene.road is not None
     driven = drive_all(scene, scene.road, built, steps=steps)[0].swapaxes(0, 1)

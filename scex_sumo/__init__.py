@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.base import Behavior as Behavior
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
-    from scex_sumo.behaviors.registry import predictor as predictor
     from scex_sumo.converters.datasets.find import find_recordings as find_recordings
     from scex_sumo.converters.datasets.recordings import LoadedRecording as LoadedRecording
     from scex_sumo.converters.datasets.recordings import load_recording as load_recording
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     from scex_sumo.metrics.registry import metric as metric
     from scex_sumo.plug_in.inputs import Surroundings as Surroundings
     from scex_sumo.plug_in.predictor import Predictor as Predictor
+    from scex_sumo.plug_in.user_model import predictor as predictor
     from scex_sumo.results.region import Region as Region
     from scex_sumo.results.run import Run as Run
     from scex_sumo.results.run import open_run as open_run
@@ -102,7 +102,7 @@ _HOMES = {
     "parse_models": "scex_sumo.behaviors.registry",
     "plot_attention": "scex_sumo.learned.training.attention",
     "plot_scene_graph": "scex_sumo.exporters.scene_graph",
-    "predictor": "scex_sumo.behaviors.registry",
+    "predictor": "scex_sumo.plug_in.user_model",
     "rank": "scex_sumo.studies.rank.rank",
     "read_map": "scex_sumo.converters.maps",
     "read_road": "scex_sumo.converters.lanelet.reader",

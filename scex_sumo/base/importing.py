@@ -38,9 +38,16 @@ class Registry:
 
     @property
     def paths(self) -> dict[str, str]:
-        """Import path by name: the built-in ones first, which win over entry points."""
-        points = sorted((p.name, p.value) for p in importlib.metadata.entry_points(group=self.group))
-        return {**self.builtin, **{name: path for name, path in points if name not in self.builtin}}
+        """Import path by name: the built-in ones first, then entry points; nobody takes a name of ours."""
+        points = importlib.metadata.entry_points(group=self.group)
+        found = dict(self.builtin)
+        for name, _, path in sorted((p.name, not _of_package(p.value), p.value) for p in points):
+            found.setdefault(name, path)
+        return found
+
+    def is_ours(self, name: str) -> bool:
+        """Return whether a name belongs to this package."""
+        return name in self.builtin or _of_package(self.paths.get(name, ""))
 
     def __contains__(self, name: object) -> bool:
         return name in self.builtin or ":" in str(name) or name in self.paths
@@ -54,6 +61,10 @@ class Registry:
         if path is None:
             raise UsageError(f"unknown {self.kind} {name!r}; known: {', '.join(paths)}")
         return import_object(path)
+
+
+def _of_package(path: str) -> bool:
+    return path.startswith(f"{_PACKAGE.name}.")
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Behaviour model protocol, and checks that the parameter classes share."""
+"""Behaviour model protocols, what a model says of itself, and checks that the parameter classes share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
+from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
 
 PLAN_STEPS = 30
 MIN_PARAMETER, MAX_PARAMETER = 1e-6, 1e6  # beyond them sums and squares could overflow
@@ -45,6 +45,59 @@ class Behavior(Protocol):
                 that the result does not depend on the batch.
         """
         ...
+
+
+@runtime_checkable
+class SingleVehicleBehavior(Protocol):
+    """A model that plans for one vehicle of one child."""
+
+    def plan_one(
+        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+    ) -> States:
+        """Plan at least 30 steps for one vehicle.
+
+        Args:
+            history: states of the vehicle's child alone. ``history.states[child, vehicle]`` (11,) are the
+                vehicle's, ``history.states[child]`` (V, 11) those of all.
+            road: the map; if the model has a `radius`, only the part around the vehicle.
+            child: index into the history, 0; ``history.children[child]`` is the child's number.
+
+        Returns:
+            (H,) states of the centre; column 0 is the next step.
+        """
+        ...
+
+
+def layer_with(model: Any, attribute: str) -> Any:
+    """Return the outermost layer of a model that has an attribute; None if none has it.
+
+    An adapter of this package, such as the guard, has the model that it wraps as attribute ``inner``.
+    """
+    while not hasattr(model, attribute):
+        if not (_is_ours(model) and hasattr(model, "inner")):
+            return None
+        model = model.inner
+    return model
+
+
+def is_driven_by_sumo(model: Any) -> bool:
+    """Return whether SUMO moves the model's vehicles; the model then gives their routes."""
+    return bool(getattr(model, "driven_by_sumo", False))
+
+
+def sight_of(model: Any) -> Sight | None:
+    """Return which states a model's plans depend on; None for a user's model: possibly all."""
+    return getattr(model, "sight", None) if _is_ours(model) else None
+
+
+def clear_of_others(model: Any) -> Any:
+    """Return a copy of a model that steers away from vehicles beside it, or the model if it cannot."""
+    return model.clear_of_others() if hasattr(model, "clear_of_others") else model
+
+
+def _is_ours(model: Any) -> bool:
+    """Return whether a model's class is of this package: a user's may inherit what does not hold for it."""
+    return type(model).__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def check_positive(parameters: Any, *names: str, zero: bool = False) -> None:

@@ -1,16 +1,16 @@
-"""Registry of behaviour models: names, defaults, parsing, building, users' models."""
+"""Registry of behaviour models: names, mixes, defaults, parsing, building, users' models."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any, Final, TypeVar
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
-from scex_sumo.base.importing import Registry, own_error_reason
+from scex_sumo.base.importing import Registry, import_object, own_error_reason
 from scex_sumo.base.programs import SUMO_MODELS, check_driver
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver, IdmProfile
 from scex_sumo.behaviors.models.simple import (
     ConstantVelocity,
@@ -21,44 +21,18 @@ from scex_sumo.behaviors.models.simple import (
     ReplayProfile,
 )
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.spec import (
-    GUARD,
-    LEARNED,
-    parameter_texts,
-    parameter_value,
-    profile_of,
-    user_arguments,
-)
+from scex_sumo.behaviors.spec import ModelEntry, maker_of, parameter_texts, parameter_value
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
-from scex_sumo.humans.driver import LikelyDriver, LikelyProfile
-from scex_sumo.humans.guard.corridors import GuardProfile
-from scex_sumo.humans.guard.guarded import Guarded
-from scex_sumo.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
-from scex_sumo.learned.profiles import (
-    GraphImagePredictorProfile,
-    GraphPredictorProfile,
-    JointPredictorProfile,
-)
-from scex_sumo.plug_in.files import FILES, PROCESS_NAME, split_command
-from scex_sumo.plug_in.user_model import (
-    SingleVehicle,
-    SingleVehicleBehavior,
-    UserModel,
-    is_import_path,
-    load_model,
-    predictor_model,
-    user_model,
-)
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
-SUMO = "sumo"
-# Without learned models, so that new weights do not change default results.
-PAPER_MODELS = f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor"
-LIKELY_MODELS = "likely_driver"
-SETS: Mapping[str, str] = {"likely": LIKELY_MODELS, "rules": DEFAULT_MODELS, "paper": PAPER_MODELS}
+SUMO: Final = "sumo"
+_MIXES: Final[Mapping[str, str]] = {
+    "rules": DEFAULT_MODELS,
+    # Without learned models, so that new weights do not change default results.
+    "paper": f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor",
+}
 
 T = TypeVar("T")
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,80 +44,62 @@ class ModelInfo:
     summary: str
 
 
-# Class, default profile and summary of each built-in model. Parameters of the standard and the risky
-# driver: Zipfl, Schütt, Zöllner 2024, except max_acceleration, which the paper does not state.
-_MODELS: Mapping[str, tuple[Callable[[Any], Behavior], Any, str]] = {
-    "standard_driver": (
-        IdmDriver,
-        IdmProfile(
+_rule = partial(ModelEntry, may_fail=False, is_own=False)  # an exception is a bug of this package
+
+# Parameters of the standard and the risky driver: Zipfl, Schütt, Zöllner 2024, except max_acceleration, which
+# the paper does not state.
+_CORE: Final[Mapping[str, ModelEntry]] = {
+    "standard_driver": _rule(
+        make=IdmDriver,
+        profile=IdmProfile(
             comfort_deceleration=3.0, time_headway=3.1, minimum_gap=9.0, max_acceleration=1.5, clearance=5.0
         ),
-        "Intelligent Driver Model, the paper's standard profile",
+        summary="Intelligent Driver Model, the paper's standard profile",
+        place=10,
     ),
-    "risky_driver": (
-        IdmDriver,
-        IdmProfile(
+    "risky_driver": _rule(
+        make=IdmDriver,
+        profile=IdmProfile(
             comfort_deceleration=8.0, time_headway=2.1, minimum_gap=5.0, max_acceleration=3.0, clearance=5.0
         ),
-        "Intelligent Driver Model, the paper's risky profile: close and fast",
+        summary="Intelligent Driver Model, the paper's risky profile: close and fast",
+        place=20,
     ),
-    "calibrated_driver": (
-        IdmDriver,
-        CALIBRATED,
-        "Intelligent Driver Model as people drive, slow in curves, own lane only",
+    "calibrated_driver": _rule(
+        make=IdmDriver,
+        profile=CALIBRATED,
+        summary="Intelligent Driver Model as people drive, slow in curves, own lane only",
+        place=30,
     ),
-    "likely_driver": (
-        LikelyDriver,
-        LikelyProfile(),
-        "a driver drawn for every vehicle and future, as people were recorded",
+    "constant_velocity": _rule(
+        make=ConstantVelocity,
+        profile=ConstantVelocityProfile(),
+        summary="keeps its speed along its path, whatever is in the way",
+        place=50,
     ),
-    "constant_velocity": (
-        ConstantVelocity,
-        ConstantVelocityProfile(),
-        "keeps its speed along its path, whatever is in the way",
+    "emergency_brake": _rule(
+        make=EmergencyBrake,
+        profile=EmergencyBrakeProfile(deceleration=5.0),
+        summary="brakes to a standstill along its path",
+        place=60,
     ),
-    "emergency_brake": (
-        EmergencyBrake,
-        EmergencyBrakeProfile(deceleration=5.0),
-        "brakes to a standstill along its path",
+    "replay": _rule(
+        make=Replay,
+        profile=ReplayProfile(),
+        summary="repeats the recorded future, then constant velocity along its path",
+        place=100,
     ),
-    "graph_predictor": (
-        GraphPredictor,
-        GraphPredictorProfile(),
-        "learned: motion along its path, from the semantic scene graph",
-    ),
-    "graph_image_predictor": (
-        GraphImagePredictor,
-        GraphImagePredictorProfile(),
-        "learned: motion from the scene graph and the road seen from above, weighed by attention",
-    ),
-    "joint_predictor": (
-        JointPredictor,
-        JointPredictorProfile(),
-        "learned: the motion of all vehicles drawn together, every 0.5 s",
-    ),
-    "replay": (Replay, ReplayProfile(), "repeats the recorded future, then constant velocity along its path"),
 }
-DEFAULTS: Mapping[str, Any] = {name: defaults for name, (_, defaults, _) in _MODELS.items()}
-"""Default profile of each built-in model."""
+EXTENSIONS: Final = Registry(group="scex_sumo.behaviors", kind="behavior")
+"""Models of the wings and of other packages: a `ModelEntry`, or a class, function or object."""
 
-# Guards other than the default: people drive closer together than the default guard allows.
-_GUARDS: Mapping[str, GuardProfile] = {
-    "likely_driver": GuardProfile(
-        comfort_deceleration=6.5,
-        reaction_time=0.2,
-        minimum_gap=0.3,
-        margin=0.15,
-        alongside_margin=0.05,
-        time_margin=0.3,
-        touching=0.3,
-    )
-}
-# An exception of these models is a bug of this package; all other models may fall back.
-RULE_BASED = frozenset(_MODELS) - frozenset(LEARNED)
-EXTENSIONS = Registry(group="scex_sumo.behaviors", kind="behavior")
-_BUILT_IN = {*_MODELS, SUMO, *FILES, *SETS}
-_registered: dict[str, UserModel] = {}
+MIXES: Final = Registry(group="scex_sumo.mixes", kind="mix of models")
+"""Names that stand for several models, of the wings and of other packages."""
+
+ADAPTERS: Final = Registry(group="scex_sumo.adapters", kind="adapter of models")
+"""What is put around a model: ``guard`` and ``fallback``; ``single`` and ``user`` make one of a user's."""
+
+_registered: dict[str, ModelEntry] = {}
 
 
 def behavior(name: str) -> Callable[[T], T]:
@@ -167,90 +123,105 @@ def behavior(name: str) -> Callable[[T], T]:
     """
 
     def register(constructor: T) -> T:
-        if name in _BUILT_IN:
+        if name in {*_CORE, SUMO, *_MIXES} or EXTENSIONS.is_ours(name) or MIXES.is_ours(name):
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
             raise UsageError(f"behavior {name!r}: a name must not contain , : @ = or spaces")
         if not callable(constructor):
             raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
-        _registered[name] = user_model(constructor, name)
+        _registered[name] = _entry(constructor, name)
         return constructor
 
     return register
 
 
-def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
-    """Register a function that predicts trajectories: ``@predictor("my_driver")``.
-
-    Args:
-        name: None gives it no name except its import path.
-        batched: as in `Predictor`.
-        surroundings: fields of `Surroundings`; they become parameters of the model.
-
-    Raises:
-        UsageError: the name is taken, or the function asks for unknown inputs.
-
-    Example:
-        >>> @scex.predictor("straight")
-        ... def straight(history):
-        ...     way = 0.1 * history[:, -1, 4:] * np.arange(1, 31)
-        ...     return np.stack([way, np.zeros_like(way)], axis=-1)
-        >>> [str(model) for model in scex.parse_models("straight:radius=30")]
-        ['straight:radius=30']
-    """
-
-    def register(function: F) -> F:
-        model = predictor_model(function, batched=batched, **surroundings)
-        model.make()  # raises where the function is written, not where it is used
-        function.__scex_predictor__ = model  # type: ignore[attr-defined]
-        return function if name is None else behavior(name)(function)
-
-    return register
-
-
-def may_fail(spec: ModelSpec) -> bool:
-    """Return whether a model is learned or a user's, so that plans may be unusable."""
-    return spec.name not in RULE_BASED and not _is_sumo(spec)
-
-
 def is_own(spec: ModelSpec) -> bool:
     """Return whether a model is the user's."""
-    return spec.name not in _MODELS and not _is_sumo(spec)
+    return entry_of(spec.name).is_own
 
 
-def _is_sumo(spec: ModelSpec) -> bool:
-    return spec.name.startswith(f"{SUMO}:")
+def mixes() -> dict[str, str]:
+    """Return the models that each mix stands for."""
+    return {**{name: MIXES.load(name) for name in MIXES.paths if name not in _MIXES}, **_MIXES}
 
 
 def known_names() -> list[str]:
     """Return the names that `build` accepts, ``sumo:<model>`` among them."""
-    return [*_MODELS, *(f"{SUMO}:{model}" for model in SUMO_MODELS), *_user_names()]
+    return list(known_entries())
 
 
 def known_models() -> list[ModelInfo]:
     """Return all models."""
-    infos = []
-    for name, (_, defaults, summary) in _MODELS.items():
-        parameters = parameter_texts({**dataclasses.asdict(defaults), GUARD: False})
-        infos.append(ModelInfo(name=name, parameters=parameters, summary=summary))
-    for sumo in SUMO_MODELS:
-        summary = f"SUMO's own {sumo}; parameters are SUMO's vehicle type attributes, e.g. tau"
-        infos.append(ModelInfo(name=f"{SUMO}:{sumo}", parameters=("path=straight",), summary=summary))
-    for name in _user_names():
+    return [
+        ModelInfo(name=name, parameters=parameter_texts(entry.defaults), summary=entry.summary)
+        for name, entry in known_entries().items()
+    ]
+
+
+def known_entries() -> dict[str, ModelEntry]:
+    """Return the entries of all models; one that cannot be loaded says why in its summary."""
+    found = dict(_CORE)
+    for model in SUMO_MODELS:
+        found[f"{SUMO}:{model}"] = entry_of(f"{SUMO}:{model}")
+    for name in sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *_MIXES}):
         try:
-            model = _user_model(name)
+            found[name] = entry_of(name)
         except UsageError as error:  # a broken package does not hide the other models
-            infos.append(ModelInfo(name=name, parameters=(), summary=str(error).removeprefix(f"{name}: ")))
-            continue
-        parameters = parameter_texts({**model.parameters, GUARD: False})
-        infos.append(ModelInfo(name=name, parameters=parameters, summary=model.summary))
-    return infos
+            summary = str(error).removeprefix(f"{name}: ")
+            found[name] = ModelEntry(make=dict, summary=summary, takes_guard=False)
+    return dict(sorted(found.items(), key=lambda item: item[1].place))
+
+
+def entry_of(name: str) -> ModelEntry:
+    """Return the entry of a model; raise a `UsageError` if there is none, or its package is broken."""
+    if name in _CORE:
+        return _CORE[name]
+    if name.startswith(f"{SUMO}:"):
+        return _rule(
+            make=SumoDriver,
+            parameters={"path": "straight"},
+            summary=f"SUMO's own {name.partition(':')[2]}; parameters are SUMO's vehicle type attributes, "
+            "e.g. tau",
+            takes_guard=False,
+            place=200,
+        )
+    if name in _registered:
+        return _registered[name]
+    if ":" in name:
+        hint = "; a model is name[:parameter=value]... or package.module:Class"
+        return _entry(import_object(name, hint=hint, reason=own_error_reason), name)
+    if mix := _mix(name):
+        raise UsageError(
+            f"{name} stands for several models and takes neither parameters nor a weight; "
+            f"give them to the models: {mix}"
+        )
+    if name not in EXTENSIONS.paths:
+        names = nearest(name, [*known_names(), *mixes()])
+        raise UsageError(f"unknown behavior {name!r}; nearest: {names}; 'scex-sumo models' lists all")
+    try:
+        return _entry(EXTENSIONS.load(name), name)
+    except UsageError as error:
+        raise UsageError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from error
+
+
+def _entry(given: Any, name: str) -> ModelEntry:
+    if isinstance(given, ModelEntry):
+        return given
+    entry: ModelEntry = ADAPTERS.load("user")(given, name)
+    return entry
+
+
+def _mix(name: str) -> str:
+    """Return what a mix stands for; an empty text for other names."""
+    if name in _CORE or name in _MIXES:
+        return _MIXES.get(name, "")
+    return str(MIXES.load(name)) if name in MIXES.paths else ""
 
 
 def parse_models(text: str) -> list[ModelSpec]:
     """Read ``name[:parameter=value]...[@weight]``, several separated by commas.
 
-    A name may be an import path, ``package.module:Class``, or a set: ``likely``, ``rules``, ``paper``.
+    A name may be an import path, ``package.module:Class``, or a mix: ``likely``, ``rules``, ``paper``.
 
     Raises:
         UsageError: a model or parameter is unknown, a weight or value is invalid, or a model is given twice.
@@ -261,8 +232,9 @@ def parse_models(text: str) -> list[ModelSpec]:
     """
     if not isinstance(text, str):
         raise UsageError(f"got {text!r} as a model; give its name, e.g. standard_driver")
-    given = [part.strip() for part in (text.split(",") if split_command(text) is None else [text])]
-    parts = [name for part in given for name in (SETS[part].split(",") if part in SETS else [part])]
+    given = [part.strip() for part in (text.split(",") if _split(text) is None else [text])]
+    mixed = [(part, _mix(part)) for part in given]
+    parts = [name for part, mix in mixed for name in (mix.split(",") if mix else [part])]
     specs = [_parse_one(part) for part in parts if part]
     if not specs:
         raise UsageError(f"no model in {text!r}; give e.g. standard_driver; 'scex-sumo models' lists all")
@@ -275,15 +247,25 @@ def parse_models(text: str) -> list[ModelSpec]:
     return specs
 
 
+def _split(text: str) -> tuple[str, list[str]] | None:
+    """Return name and parameters if the model splits its own text, as a command with colons; else None."""
+    name, colon, rest = text.partition(":")
+    name = name.strip()
+    if not colon or name in (*_CORE, SUMO) or not name.isidentifier():
+        return None
+    entry = _registered.get(name) or (entry_of(name) if name in EXTENSIONS.paths else None)
+    return None if entry is None or entry.split is None else (name, entry.split(rest))
+
+
 def _parse_one(text: str) -> ModelSpec:
-    command = split_command(text)
-    body, at, weight = text.rpartition("@") if "@" in text and command is None else (text, "", "1")
-    name, *rest = body.split(":") if command is None else (PROCESS_NAME, *command)
+    own = _split(text)
+    body, at, weight = text.rpartition("@") if "@" in text and own is None else (text, "", "1")
+    name, *rest = body.split(":") if own is None else (own[0], *own[1])
     if name == SUMO:
         if not rest or "=" in rest[0]:
             raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")
         name = f"{SUMO}:{rest.pop(0)}"
-    elif rest and is_import_path(name, rest[0]) and name not in known_names():
+    elif rest and _is_import_path(name, rest[0]) and not _is_known(name):
         name = f"{name}:{rest.pop(0)}"
     parameters = {}
     for item in rest:
@@ -294,8 +276,16 @@ def _parse_one(text: str) -> ModelSpec:
             raise UsageError(f"{text}: parameter {key} is given twice")
         parameters[key] = value
     spec = ModelSpec(name=name, parameters=parameters, weight=_weight(text, weight) if at else 1.0)
-    _check(spec)
+    _maker(spec)  # raises for what cannot be made
     return spec
+
+
+def _is_import_path(module: str, attribute: str) -> bool:
+    return all(part.isidentifier() for part in module.split(".")) and attribute.isidentifier()
+
+
+def _is_known(name: str) -> bool:
+    return name in _CORE or name in _registered or name in EXTENSIONS.paths
 
 
 def _weight(text: str, weight: str) -> float:
@@ -305,81 +295,47 @@ def _weight(text: str, weight: str) -> float:
         raise UsageError(f"{text}: weight {weight!r} is not a number; write e.g. @2 or @0.5") from None
 
 
-def _check(spec: ModelSpec) -> None:
-    spec, _ = _without_guard(spec)
-    if _is_sumo(spec):
-        check_driver(*_sumo_arguments(spec))
-    elif spec.name in _MODELS:
-        profile_of(spec, DEFAULTS[spec.name])
-    elif ":" in spec.name or spec.name in _user_names():
-        user_arguments(spec, _user_model(spec.name))
-    elif spec.name in SETS:
-        raise UsageError(
-            f"{spec.name} stands for several models and takes neither parameters nor a weight; "
-            f"give them to the models: {SETS[spec.name]}"
-        )
-    else:
-        names = nearest(spec.name, [*known_names(), *SETS])
-        raise UsageError(f"unknown behavior {spec.name!r}; nearest: {names}; 'scex-sumo models' lists all")
+def build(spec: ModelSpec, *, fallback: bool = False) -> Behavior:
+    """Make the model of a spec.
+
+    Args:
+        fallback: put the fallback planner around a model that may fail.
+    """
+    entry = entry_of(spec.name)
+    make, guard = _maker(spec)
+    model = _made(spec.name, entry, make)
+    if fallback and (entry.may_fail or entry.is_own):
+        model = ADAPTERS.load("fallback")(model, str(spec))
+    return ADAPTERS.load("guard")(model, entry.guard) if guard else model
 
 
-def build(spec: ModelSpec) -> Behavior:
-    """Make the model of a spec."""
-    _check(spec)
-    plain, guard = _without_guard(spec)
-    return Guarded(_build(plain), _GUARDS.get(plain.name)) if guard else _build(plain)
+def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
+    """Return the function that makes the model of a spec, and whether the model is guarded."""
+    entry = entry_of(spec.name)
+    if not spec.name.startswith(f"{SUMO}:"):
+        return maker_of(spec, entry)
+    given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
+    model = spec.name.partition(":")[2]
+    check_driver(model, given)
+    path = parameter_value(spec, "path", entry, spec.parameters.get("path", "straight"))
+    return partial(entry.make, model, given, path=path), False
 
 
-def _without_guard(spec: ModelSpec) -> tuple[ModelSpec, bool]:
-    if GUARD not in spec.parameters or _is_sumo(spec):
-        return spec, False
-    others = {key: value for key, value in spec.parameters.items() if key != GUARD}
-    guard = parameter_value(spec, GUARD, False, spec.parameters[GUARD])
-    if not isinstance(guard, bool):
-        raise UsageError(f"{spec.name}: {GUARD}={guard!r} is neither true nor false")
-    return dataclasses.replace(spec, parameters=others), guard
-
-
-def _build(spec: ModelSpec) -> Behavior:
-    if _is_sumo(spec):
-        path = parameter_value(spec, "path", "straight", spec.parameters.get("path", "straight"))
-        return SumoDriver(*_sumo_arguments(spec), path=path)
-    if spec.name in _MODELS:
-        return _MODELS[spec.name][0](profile_of(spec, DEFAULTS[spec.name]))
-    user = _user_model(spec.name)
-    arguments = user_arguments(spec, user)
+def _made(name: str, entry: ModelEntry, make: Callable[[], Any]) -> Behavior:
     try:
-        model = user.make(**arguments)
+        model = make()
     except ScexError:
         raise
     except Exception as error:  # whatever a user's constructor raises
-        raise UsageError(f"{spec.name}: making it {own_error_reason(error)}") from error
+        if not entry.is_own:
+            raise
+        raise UsageError(f"{name}: making it {own_error_reason(error)}") from error
     if isinstance(model, Behavior):
         return model
     if isinstance(model, SingleVehicleBehavior):
-        return SingleVehicle(model)
+        adapted: Behavior = ADAPTERS.load("single")(model)
+        return adapted
     raise UsageError(
-        f"{spec.name}: {type(model).__name__} has neither plan nor plan_one; needs a class with one of them, "
+        f"{name}: {type(model).__name__} has neither plan nor plan_one; needs a class with one of them, "
         "or a function of history"
     )
-
-
-def _sumo_arguments(spec: ModelSpec) -> tuple[str, dict[str, str]]:
-    given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
-    return spec.name.partition(":")[2], given
-
-
-def _user_names() -> list[str]:
-    return [*FILES, *sorted({*_registered, *EXTENSIONS.paths} - _BUILT_IN)]
-
-
-def _user_model(name: str) -> UserModel:
-    model = _registered.get(name) or FILES.get(name)
-    if model is not None:
-        return model
-    if ":" in name:
-        return load_model(name)
-    try:
-        return user_model(EXTENSIONS.load(name), name)
-    except UsageError as error:
-        raise UsageError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from error

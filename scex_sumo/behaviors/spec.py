@@ -1,4 +1,4 @@
-"""Model specification: a model's name, parameters and weight, and their checks."""
+"""Registry entry of a behaviour model, and a user's specification of one: parameters and their checks."""
 
 from __future__ import annotations
 
@@ -6,14 +6,51 @@ import dataclasses
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, Final
 
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.behaviors.base import MAX_PARAMETER, MIN_PARAMETER
-from scex_sumo.plug_in.user_model import EMPTY, UserModel
 
-GUARD = "guard"  # a parameter of every model but SUMO's
-LEARNED = ("graph_predictor", "graph_image_predictor", "joint_predictor")
+EMPTY: Final = inspect.Parameter.empty
+GUARD: Final = "guard"  # a parameter of every model but SUMO's
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelEntry:
+    """Entry of the model registry: how a model is made, and what it says of itself.
+
+    Attributes:
+        make: makes the model, from its profile, else from parameters by name.
+        summary: one sentence for ``scex-sumo models``.
+        profile: the default parameters, a frozen dataclass.
+        parameters: the defaults by name of a model without a profile; ``EMPTY`` if there is none.
+        path_words: values of the parameter ``path`` beside an index, ``straight`` and ``random``.
+        takes_guard: whether it has the parameter ``guard``.
+        guard: profile of its guard; None for the default one.
+        is_own: whether it is the user's; a vehicle that it is assigned to is under test.
+        may_fail: whether plans may be unusable, as those of users', so that a fallback planner stands by.
+        split: splits the text after the name into ``parameter=value``; None: at each colon.
+        place: models are listed by it.
+    """
+
+    make: Callable[..., Any]
+    summary: str
+    profile: Any = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    path_words: tuple[str, ...] = ()
+    takes_guard: bool = True
+    guard: Any = None
+    may_fail: bool = True
+    is_own: bool = True
+    split: Callable[[str], list[str]] | None = None
+    place: int = 1000
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """Default of each parameter; ``EMPTY`` if there is none."""
+        own = self.parameters if self.profile is None else vars(self.profile)
+        return {**own, GUARD: False} if self.takes_guard else dict(own)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,42 +75,40 @@ class ModelSpec:
         return ":".join([self.name, *(f"{key}={value}" for key, value in self.parameters.items())])
 
 
-def profile_of(spec: ModelSpec, defaults: Any) -> Any:
-    """Return a built-in model's profile with the given values."""
-    values = _typed_parameters(spec, vars(defaults))
-    try:
-        return dataclasses.replace(defaults, **values)
-    except UsageError as error:
-        raise UsageError(f"{spec.name}: {error}") from None
+def maker_of(spec: ModelSpec, entry: ModelEntry) -> tuple[Callable[[], Any], bool]:
+    """Return the function that makes the model of a spec, and whether the model is guarded.
 
-
-def user_arguments(spec: ModelSpec, model: UserModel) -> dict[str, Any]:
-    """Return the arguments that make a user's model."""
-    values = _typed_parameters(spec, model.parameters)
-    missing = [key for key, default in model.parameters.items() if default is EMPTY and key not in values]
+    Raises:
+        UsageError: a parameter is unknown, missing, or has a wrong value.
+    """
+    defaults = entry.defaults
+    for key in spec.parameters:
+        if key not in defaults:
+            raise UsageError(f"{spec.name}: unknown parameter {key!r}; nearest: {nearest(key, defaults)}")
+    values = {key: parameter_value(spec, key, entry, value) for key, value in spec.parameters.items()}
+    guard = values.pop(GUARD, False)
+    if not isinstance(guard, bool):
+        raise UsageError(f"{spec.name}: {GUARD}={guard!r} is neither true nor false")
+    if entry.profile is not None:
+        try:
+            return partial(entry.make, dataclasses.replace(entry.profile, **values)), guard
+        except UsageError as error:
+            raise UsageError(f"{spec.name}: {error}") from None
+    missing = [key for key, default in defaults.items() if default is EMPTY and key not in values]
     if missing:
-        is_function = inspect.isfunction(model.make)
+        is_function = inspect.isfunction(entry.make)
         hint = "; a function that predicts names its inputs, e.g. history" if is_function else ""
         raise UsageError(
             f"{spec.name}: parameter {missing[0]} has no default; give it as {missing[0]}=value{hint}"
         )
-    return values
+    return partial(entry.make, **values), guard
 
 
-def _typed_parameters(spec: ModelSpec, defaults: Mapping[str, Any]) -> dict[str, Any]:
-    for key in spec.parameters:
-        if key not in defaults:
-            known = nearest(key, [*defaults, GUARD])
-            raise UsageError(f"{spec.name}: unknown parameter {key!r}; nearest: {known}")
-    return {key: parameter_value(spec, key, defaults[key], value) for key, value in spec.parameters.items()}
-
-
-def parameter_value(spec: ModelSpec, key: str, default: Any, value: Any) -> Any:
+def parameter_value(spec: ModelSpec, key: str, entry: ModelEntry, value: Any) -> Any:
     """Convert text to the type of the default; return other values unchanged."""
     if not isinstance(value, str):
         return value
-    words = ["straight", "random", *(["likeliest"] if spec.name in LEARNED else [])]
-    words += ["fitted"] if spec.name == "likely_driver" else []
+    default, words = entry.defaults[key], ("straight", "random", *entry.path_words)
     if key == "path" and (default in words or isinstance(default, int)):  # else it is a user's file
         wanted = f"an index, {', '.join(words[:-1])} or {words[-1]}"
         return value if value in words else _number(spec, key, value, int, wanted)

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, IntArray
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.base import is_driven_by_sumo, sight_of
 from scex_sumo.certainty.futures import DrawnModels, ExtraFutures
 from scex_sumo.certainty.results import Exact
 from scex_sumo.certainty.search import MAX_VEHICLES, Search
@@ -22,7 +22,6 @@ from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.situations import plan_inputs_of
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION
@@ -52,9 +51,9 @@ _Key = tuple[int, int, str]
 def why_not_exact(settings: RunSettings, models: ModelSet, children: int) -> str | None:
     """Return why a run has no exact probabilities; None if it has."""
     for name, model in zip(models.names, models.built, strict=True):
-        if plan_inputs_of(model) is None:
+        if sight_of(model) is None:
             return f"{name} draws at random or is not known to be deterministic"
-        if isinstance(model, SumoDriver):
+        if is_driven_by_sumo(model):
             return f"{name} is driven by SUMO, and may draw at random"
     if settings.count is None:
         return "all assignments were run"

@@ -7,7 +7,7 @@ def models_command() -> None:
     """List the behaviour models and their parameters."""
     from rich.table import Table
 
-    from scex_sumo.behaviors.registry import SETS, known_models
+    from scex_sumo.behaviors.registry import known_models, mixes
     from scex_sumo.commands.console import output_console
 
     table = Table(show_lines=False, box=None, pad_edge=False)
@@ -16,5 +16,5 @@ def models_command() -> None:
     for model in known_models():
         table.add_row(model.name, ", ".join(model.parameters), model.summary)
     output_console().print(table)
-    for name, models in SETS.items():
+    for name, models in mixes().items():
         output_console().print(f"{name} stands for {models.replace(',', ', ')}")

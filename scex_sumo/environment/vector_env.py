@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.base import PLAN_STEPS, is_driven_by_sumo
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
@@ -115,7 +114,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         settings = RunSettings(models=models, assign=assign or {}, steps=steps, replan=replan)
         self._models = ModelSet.of(settings)
         for name, model in zip(self._models.names, self._models.built, strict=True):
-            if isinstance(model, SumoDriver):
+            if is_driven_by_sumo(model):
                 raise UsageError(f"models: SUMO drives the vehicles of {name}; an environment has no SUMO")
         self.scene, self.road = scene, scene.road
         self.num_envs, self.steps, self.replan, self.hold = num_envs, steps, replan, hold

@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
@@ -153,7 +153,7 @@ def _settled(
 
 def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
     """Raise a `UsageError` if SUMO is needed and the world has none."""
-    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
+    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if is_driven_by_sumo(m)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
         what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
         raise UsageError(f"--world {settings.world}: {what}, which is not there; use --world sumo")

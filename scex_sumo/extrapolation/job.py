@@ -13,7 +13,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, worst_of
@@ -81,7 +81,7 @@ class Job:
     @property
     def sumo_drives(self) -> bool:
         """Whether SUMO drives some vehicles."""
-        return any(isinstance(model, SumoDriver) for model in self.models.built)
+        return any(is_driven_by_sumo(model) for model in self.models.built)
 
     @property
     def apart(self) -> bool:
@@ -214,7 +214,7 @@ def _batch(job: Job, children: IntArray) -> Batch:
         assignment=job.assignment[children],
         models=built,
         names=job.models.names,
-        overridden=np.array([not isinstance(model, SumoDriver) for model in built]),
+        overridden=np.array([not is_driven_by_sumo(model) for model in built]),
         route_draw=route_draws(children, job.scene.vehicles, seed=seed)
         if job.route_draw is None
         else job.route_draw[children],
@@ -225,7 +225,7 @@ def _batch(job: Job, children: IntArray) -> Batch:
 def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
     driven = []
     for index, model in enumerate(batch.models):
-        if not isinstance(model, SumoDriver):
+        if not is_driven_by_sumo(model):
             continue
         child, vehicle = np.nonzero(batch.assignment == index)
         routes = model.routes(job.scene, job.road, vehicle, batch.route_draw[child, vehicle])

@@ -12,14 +12,11 @@ import numpy as np
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
-from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.registry import ModelSpec, build, is_own, may_fail, parse_models
+from scex_sumo.behaviors.base import Behavior, layer_with
+from scex_sumo.behaviors.registry import ModelSpec, build, is_own, parse_models
 from scex_sumo.extrapolation.assignments import assignments, child_generator, listing, route_draws
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.humans.guard.guarded import Guarded
-from scex_sumo.learned.models import LearnedModel
-from scex_sumo.plug_in.fallback import Fallible, source_file
 from scex_sumo.scene import SeedScene, VehicleIndex
 
 
@@ -56,7 +53,7 @@ class ModelSet:
                 specs.append(wanted[0])
                 names.append(str(wanted[0]))
             fixed[int(track)] = names.index(str(wanted[0]))
-        built = tuple(_built(spec) for spec in specs)
+        built = tuple(build(spec, fallback=True) for spec in specs)
         return cls(drawn=settings.drawn, specs=tuple(specs), fixed=fixed, tested=tested, built=built)
 
     @property
@@ -67,26 +64,24 @@ class ModelSet:
     @cached_property
     def weights(self) -> dict[str, str]:
         """SHA-256 of each learned model's weights, by name."""
-        found = {name: getattr(model, "weights_sha256", None) for _, name, model in self._bare()}
-        return {name: sha256 for name, sha256 in found.items() if isinstance(sha256, str)}
+        return {str(spec): model.weights_sha256 for spec, model in self._with("weights_sha256")}
 
     @cached_property
     def sources(self) -> dict[str, str]:
         """SHA-256 of the source file of each of the user's models, by name."""
-        files = {name: source_file(model) for spec, name, model in self._bare() if is_own(spec)}
+        files = {str(s): model.source_file for s, model in self._with("source_file") if is_own(s)}
         return {name: sha256_of(file) for name, file in files.items() if file is not None and file.is_file()}
 
     def keep_images(self) -> None:
         """Let learned drivers cache their map features on the disk."""
-        for _, _, model in self._bare():
-            if isinstance(model, LearnedModel):
-                model.driver.keeps = True
+        for _, model in self._with("keep_images"):
+            model.keep_images()
 
-    def _bare(self) -> Iterator[tuple[ModelSpec, str, Behavior]]:
-        for spec, name, model in zip(self.specs, self.names, self.built, strict=True):
-            while isinstance(model, Guarded | Fallible):
-                model = model.model
-            yield spec, name, model
+    def _with(self, attribute: str) -> Iterator[tuple[ModelSpec, Any]]:
+        """Yield the spec of each model that has an attribute, and the layer that has it."""
+        for spec, model in zip(self.specs, self.built, strict=True):
+            if (layer := layer_with(model, attribute)) is not None:
+                yield spec, layer
 
     def draw(
         self, track_ids: IntArray, *, children: int | None, seed: int, design: str, keep: bool = False
@@ -120,13 +115,13 @@ class ModelSet:
         history = history_at(scene, scene.history.repeat(1), children, draw, step=0)
         tracks = scene.track_ids.tolist()
         for index, driver in enumerate(self.built):
-            model = driver.model if isinstance(driver, Guarded) else driver
-            if not isinstance(model, Fallible):
+            fallible = layer_with(driver, "try_on")
+            if fallible is None:
                 continue
             mine = [self.fixed.get(t, index if index < len(self.drawn) else -1) == index for t in tracks]
             vehicle = np.flatnonzero(np.array(mine, dtype=np.bool_))
             who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
-            model.try_on(history, scene.road, who, [child_generator(seed, 0)])
+            fallible.try_on(history, scene.road, who, [child_generator(seed, 0)])
 
     def to_json(self) -> dict[str, Any]:
         """Return the models' entries of ``run.json``."""
@@ -137,12 +132,3 @@ class ModelSet:
             "assign": {str(t): self.names[m] for t, m in sorted(self.fixed.items())},
             "under_test": {str(t): model for t, model in sorted(self.tested.items())},
         }
-
-
-def _built(spec: ModelSpec) -> Behavior:
-    model = build(spec)
-    if not may_fail(spec):
-        return model
-    if isinstance(model, Guarded):
-        return Guarded(Fallible(model.model, str(spec)), model.profile)
-    return Fallible(model, str(spec))

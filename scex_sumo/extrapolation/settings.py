@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list, numbers_by_name, option
 from scex_sumo.base.progress import Progress
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, parse_models
+from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, known_names, mixes, parse_models
 from scex_sumo.metrics.evaluate import PAPER_PRESET
 from scex_sumo.metrics.registry import (
     COLUMNS,
@@ -45,10 +45,8 @@ RUN_PRESETS: Final = {"paper": ("paper",), "path": ("path",), "both": ("paper", 
 
 
 def complete_models(incomplete: str) -> list[str]:
-    """Complete the last of a list of models and sets of models."""
-    from scex_sumo.behaviors.registry import SETS, known_models
-
-    return last_of_list(incomplete, [*SETS, *(model.name for model in known_models())])
+    """Complete the last of a list of models and mixes."""
+    return last_of_list(incomplete, [*mixes(), *known_names()])
 
 
 def read_assign(entries: Sequence[str], option: str = "--assign") -> dict[int, str]:

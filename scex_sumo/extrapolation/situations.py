@@ -9,10 +9,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import IntArray, distinct
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.base import Behavior, Sight
-from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
-from scex_sumo.humans.guard.guarded import Guarded
-from scex_sumo.plug_in.fallback import Fallible
+from scex_sumo.behaviors.base import Behavior, sight_of
+from scex_sumo.behaviors.driving.motion import Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
@@ -38,8 +36,8 @@ def plans_of(
 
 def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
     """Return a path-following model's intent, once for equal situations; None for other models."""
-    sight = plan_inputs_of(model)
-    if sight is None or not isinstance(model, DrivesAlong):
+    sight, intend = sight_of(model), getattr(model, "intend", None)
+    if sight is None or intend is None:
         return None
     if sight == "itself":
         first, kind = distinct(own_motion(history, who))
@@ -47,7 +45,8 @@ def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleInde
         first, kind = distinct(
             np.stack([_first_alike(history)[who.child], who.vehicle], axis=1).astype(np.float64)
         )
-    return model.intend(history, road, _some(who, first)).of(kind)
+    intent: Intent = intend(history, road, _some(who, first))
+    return intent.of(kind)
 
 
 def plan_once(
@@ -57,7 +56,7 @@ def plan_once(
 
     All children begin in one scene, so that the first plans differ by vehicle only.
     """
-    sight = plan_inputs_of(model)
+    sight = sight_of(model)
     if sight is None or len(who) < 2:
         return model.plan(history, road, who, rng)
     if sight == "itself":
@@ -71,18 +70,6 @@ def plan_once(
     first, kind = distinct(np.stack([child, who.vehicle], axis=1).astype(np.float64))
     asked = _some(VehicleIndex(child=child, vehicle=who.vehicle), first)
     return handed_out(model.plan(few, road, asked, [rng[c] for c in children.tolist()]), kind)
-
-
-def plan_inputs_of(model: Behavior) -> Sight | None:
-    """Return which inputs a model's plans depend on; None for a user's model: possibly all."""
-    guarded = False
-    while isinstance(model, Guarded | Fallible):
-        guarded |= isinstance(model, Guarded)
-        model = model.model
-    if type(model).__module__.partition(".")[0] != __name__.partition(".")[0]:
-        return None
-    sight: Sight | None = getattr(model, "sight", None)
-    return "everyone" if guarded and sight is not None else sight
 
 
 @owner_cache

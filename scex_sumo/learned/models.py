@@ -52,6 +52,10 @@ class LearnedModel:
         """What a plan depends on; a drawn path or mode differs between children."""
         return None if self.profile.path == "random" or self.profile.mode == "draw" else "everyone"
 
+    def keep_images(self) -> None:
+        """Keep features of map images in the user's cache."""
+        self.driver.keeps = True
+
     def clear_of_others(self) -> LearnedModel:
         """Return a copy that steers away from vehicles beside it."""
         other = copy(self)

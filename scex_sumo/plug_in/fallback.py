@@ -14,7 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.importing import own_error_reason
-from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
+from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
 from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
@@ -33,8 +33,22 @@ class Fallible:
     """
 
     def __init__(self, model: Behavior, name: str) -> None:
-        self.model = model
+        self.inner = model
         self.name = name
+
+    @property
+    def sight(self) -> Sight | None:
+        """What a plan depends on."""
+        return sight_of(self.inner)
+
+    @property
+    def source_file(self) -> Path | None:
+        """File of a user's model; None if there is none."""
+        return source_file(self.inner)
+
+    def clear_of_others(self) -> Fallible:
+        """Return a copy whose model steers away from vehicles beside it."""
+        return Fallible(clear_of_others(self.inner), self.name)
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -54,19 +68,19 @@ class Fallible:
             return
         raise ScexError(
             f"{self.name}: no usable plan for any of {len(who)} vehicles of the seed scene: "
-            f"{made.reasons[0]}; it is {describe_source(self.model)}; needs a Plan of x, y, heading, speed, "
+            f"{made.reasons[0]}; it is {describe_source(self.inner)}; needs a Plan of x, y, heading, speed, "
             f"each (n, {PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
         )
 
     def _ask(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Answer:
-        if isinstance(self.model, SingleVehicle) and len(who) > 1:  # plans for one vehicle at a time anyway
+        if isinstance(self.inner, SingleVehicle) and len(who) > 1:  # plans for one vehicle at a time anyway
             return self._ask_each(history, road, who, np.arange(len(who)), rng)
         children = np.unique(who.child).tolist() if len(who) > 1 else []
         before = [rng[child].bit_generator.state for child in children]
         try:
-            made = plan_arrays(self.model.plan(history, road, who, rng), len(who))
+            made = plan_arrays(self.inner.plan(history, road, who, rng), len(who))
             defects = plan_defects(made, history, who)
         except (Exception, SystemExit) as error:  # of a user's code
             if len(who) == 1:

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.errors import InputError, MissingExtraError, ScexError, UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.spec import EMPTY, ModelEntry
 from scex_sumo.plug_in.inputs import ARRAYS, Surroundings
 from scex_sumo.plug_in.predictor import Predictor
-from scex_sumo.plug_in.user_model import EMPTY, UserModel
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, States
 
@@ -218,26 +218,22 @@ def _states(command: str, answer: Any) -> States:
     return States(**rows)
 
 
-PROCESS = UserModel(
-    make=ProcessDriver,
-    parameters={"command": EMPTY, "deadline_s": 1.0},
-    summary="A program of any language, asked by lines of JSON; process:COMMAND.",
-)
-
-
-def split_command(text: str) -> list[str] | None:
-    """Split ``process[:deadline_s=S]:COMMAND`` into parameters; return None for other models.
-
-    The command keeps its colons, commas and blanks.
-    """
-    name, colon, rest = text.partition(":")
-    if name.strip() != PROCESS_NAME or not colon:
-        return None
+def split_command(rest: str) -> list[str]:
+    """Split ``[deadline_s=S:]COMMAND`` into parameters; the command keeps its colons, commas and blanks."""
     parts = []
     head, colon, after = rest.partition(":")
     if head.startswith("deadline_s=") and colon:
         parts, rest = [head], after
     return [*parts, f"command={rest.removeprefix('command=')}"]
+
+
+PROCESS = ModelEntry(
+    make=ProcessDriver,
+    parameters={"command": EMPTY, "deadline_s": 1.0},
+    summary="A program of any language, asked by lines of JSON; process:COMMAND.",
+    split=split_command,
+    place=320,
+)
 
 
 class FileFunction(ABC):
@@ -369,19 +365,15 @@ def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
     return Predictor(function, inputs=function.inputs, surroundings=around)
 
 
-_SUMMARIES = {
-    "torchscript": "A TorchScript file that predicts trajectories; its forward names its inputs.",
-    "onnx": "An ONNX file that predicts trajectories; the names of its inputs say what it is given.",
-}
-FILES: Mapping[str, UserModel] = {
-    **{
-        kind: UserModel(
-            make=partial(_predictor, kind),
-            parameters={"file": EMPTY, **asdict(Surroundings())},
-            summary=summary,
-        )
-        for kind, summary in _SUMMARIES.items()
-    },
-    PROCESS_NAME: PROCESS,
-}
-"""Models from files by name; the file or command is a parameter."""
+TORCHSCRIPT = ModelEntry(
+    make=partial(_predictor, "torchscript"),
+    parameters={"file": EMPTY, **asdict(Surroundings())},
+    summary="A TorchScript file that predicts trajectories; its forward names its inputs.",
+    place=300,
+)
+ONNX = ModelEntry(
+    make=partial(_predictor, "onnx"),
+    parameters=TORCHSCRIPT.parameters,
+    summary="An ONNX file that predicts trajectories; the names of its inputs say what it is given.",
+    place=310,
+)

@@ -4,34 +4,26 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, TypeVar
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.base.importing import import_object, own_error_reason
-from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior
+from scex_sumo.behaviors.registry import behavior
+from scex_sumo.behaviors.spec import EMPTY, ModelEntry
 from scex_sumo.plug_in.inputs import Surroundings
 from scex_sumo.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
 
-EMPTY = inspect.Parameter.empty
+F = TypeVar("F", bound=Callable[..., Any])
 
 
-@dataclass(frozen=True, kw_only=True)
-class UserModel:
-    """A user's model that is not made yet."""
-
-    make: Callable[..., Any]  # makes it, with parameters by name
-    parameters: Mapping[str, Any]  # their defaults; ``EMPTY`` if there is none
-    summary: str  # one sentence for ``scex-sumo models``
-
-
-def user_model(given: Any, name: str) -> UserModel:
+def user_model(given: Any, name: str) -> ModelEntry:
     """Return a class, function or object as a model.
 
     A function with inputs of a predictor, such as ``history``, predicts; another one makes the model, as does
@@ -41,7 +33,7 @@ def user_model(given: Any, name: str) -> UserModel:
         if hasattr(given, "__scex_predictor__"):
             return given.__scex_predictor__  # type: ignore[no-any-return]
         if hasattr(given, "plan") or hasattr(given, "plan_one"):
-            return UserModel(make=lambda: given, parameters={}, summary=_summary(given))
+            return ModelEntry(make=lambda: given, parameters={}, summary=_summary(given))
         if is_predictor(given):
             return predictor_model(given)
     if not callable(given):
@@ -51,10 +43,12 @@ def user_model(given: Any, name: str) -> UserModel:
         )
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     parameters = {key: p.default for key, p in _parameters(given).items() if p.kind in by_name}
-    return UserModel(make=given, parameters=parameters, summary=_summary(given))
+    return ModelEntry(make=given, parameters=parameters, summary=_summary(given))
 
 
-def predictor_model(function: Callable[..., Any], *, batched: bool = False, **surroundings: Any) -> UserModel:
+def predictor_model(
+    function: Callable[..., Any], *, batched: bool = False, **surroundings: Any
+) -> ModelEntry:
     """Return a function that predicts as a model.
 
     Its parameters with a default that are no inputs become parameters, as do the fields of `Surroundings`.
@@ -79,7 +73,7 @@ def predictor_model(function: Callable[..., Any], *, batched: bool = False, **su
         )
 
     summary = _summary(function) if function.__doc__ else f"Predictor {name_of(function)}"
-    return UserModel(make=make, parameters=defaults | around, summary=summary)
+    return ModelEntry(make=make, parameters=defaults | around, summary=summary)
 
 
 def is_predictor(given: Any) -> bool:
@@ -100,36 +94,33 @@ def _summary(given: Any) -> str:
     return words[0] if words else "registered"
 
 
-def is_import_path(module: str, attribute: str) -> bool:
-    """Return whether both parts of ``module:attribute`` consist of identifiers."""
-    return all(part.isidentifier() for part in module.split(".")) and attribute.isidentifier()
+def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
+    """Register a function that predicts trajectories: ``@predictor("my_driver")``.
 
+    Args:
+        name: None gives it no name except its import path.
+        batched: as in `Predictor`.
+        surroundings: fields of `Surroundings`; they become parameters of the model.
 
-def load_model(path: str) -> UserModel:
-    """Import the model of an import path ``package.module:Class``."""
-    hint = "; a model is name[:parameter=value]... or package.module:Class"
-    return user_model(import_object(path, hint=hint, reason=own_error_reason), path)
+    Raises:
+        UsageError: the name is taken, or the function asks for unknown inputs.
 
+    Example:
+        >>> @scex.predictor("straight")
+        ... def straight(history):
+        ...     way = 0.1 * history[:, -1, 4:] * np.arange(1, 31)
+        ...     return np.stack([way, np.zeros_like(way)], axis=-1)
+        >>> [str(model) for model in scex.parse_models("straight:radius=30")]
+        ['straight:radius=30']
+    """
 
-@runtime_checkable
-class SingleVehicleBehavior(Protocol):
-    """A model that plans for one vehicle of one child."""
+    def register(function: F) -> F:
+        model = predictor_model(function, batched=batched, **surroundings)
+        model.make()  # raises where the function is written, not where it is used
+        function.__scex_predictor__ = model  # type: ignore[attr-defined]
+        return function if name is None else behavior(name)(function)
 
-    def plan_one(
-        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
-    ) -> States:
-        """Plan at least 30 steps for one vehicle.
-
-        Args:
-            history: states of the vehicle's child alone. ``history.states[child, vehicle]`` (11,) are the
-                vehicle's, ``history.states[child]`` (V, 11) those of all.
-            road: the map; if the model has a `radius`, only the part around the vehicle.
-            child: index into the history, 0; ``history.children[child]`` is the child's number.
-
-        Returns:
-            (H,) states of the centre; column 0 is the next step.
-        """
-        ...
+    return register
 
 
 class SingleVehicle:

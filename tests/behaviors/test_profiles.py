@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scex_sumo.behaviors.registry import DEFAULTS
+from scex_sumo.behaviors.registry import entry_of
 
 
 @pytest.mark.parametrize(
@@ -12,7 +12,7 @@ from scex_sumo.behaviors.registry import DEFAULTS
     [("standard_driver", 3.0, 3.1, 9.0), ("risky_driver", 8.0, 2.1, 5.0)],
 )
 def test_idm_profiles_are_the_papers(name: str, deceleration: float, headway: float, gap: float) -> None:
-    profile = DEFAULTS[name]
+    profile = entry_of(name).profile
     assert (profile.comfort_deceleration, profile.time_headway, profile.minimum_gap) == (
         deceleration,
         headway,
@@ -22,4 +22,4 @@ def test_idm_profiles_are_the_papers(name: str, deceleration: float, headway: fl
 
 
 def test_the_emergency_brake_is_the_papers() -> None:
-    assert DEFAULTS["emergency_brake"].deceleration == 5.0
+    assert entry_of("emergency_brake").profile.deceleration == 5.0

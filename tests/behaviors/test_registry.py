@@ -17,10 +17,10 @@ from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.registry import (
     DEFAULT_MODELS,
-    DEFAULTS,
     ModelSpec,
     behavior,
     build,
+    entry_of,
     known_models,
     known_names,
     parse_models,
@@ -119,7 +119,7 @@ def test_parameters_reach_the_model_and_the_others_keep_their_defaults() -> None
     built = build(parse_models("risky_driver:time_headway=0.7:path=2")[0])
     assert isinstance(built, IdmDriver)
     assert (built.profile.time_headway, built.profile.path) == (0.7, 2)
-    assert built.profile.comfort_deceleration == DEFAULTS["risky_driver"].comfort_deceleration
+    assert built.profile.comfort_deceleration == entry_of("risky_driver").profile.comfort_deceleration
     assert build(ModelSpec(name="risky_driver", parameters={"path": (1, 12)})).profile.path == (1, 12)  # type: ignore[attr-defined]
 
 
@@ -179,8 +179,12 @@ def test_a_class_of_ones_own_becomes_a_model() -> None:
 
 def entry_points(monkeypatch: pytest.MonkeyPatch, value: str) -> None:
     point = importlib.metadata.EntryPoint(name="installed", value=value, group="scex_sumo.behaviors")
-    points = importlib.metadata.EntryPoints([point])
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda *, group: points.select(group=group))
+    there = importlib.metadata.entry_points
+
+    def points(*, group: str) -> importlib.metadata.EntryPoints:
+        return importlib.metadata.EntryPoints([*there(group=group), point]).select(group=group)
+
+    monkeypatch.setattr(importlib.metadata, "entry_points", points)
 
 
 def test_another_package_adds_a_model_by_an_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -281,3 +285,15 @@ class FromFile:
 def test_a_path_of_ones_own_model_may_be_a_file() -> None:
     behavior("from_file")(FromFile)
     assert build(parse_models("from_file:path=weights/other.bin")[0]).path == "weights/other.bin"  # type: ignore[attr-defined]
+
+
+def test_a_run_with_rule_based_drivers_loads_no_wing_of_drivers() -> None:
+    code = (
+        "import sys\n"
+        "import scex_sumo as scex\n"
+        "scene = scex.read_seed(scex.example_path('roundabout'))\n"
+        "scex.extrapolate(scene, models='rules', children=2, steps=2, exact=False)\n"
+        "wings = tuple(f'scex_sumo.{wing}' for wing in ('humans', 'learned', 'plug_in'))\n"
+        "sys.exit(', '.join(name for name in sys.modules if name.startswith(wings)) or None)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

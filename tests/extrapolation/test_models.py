@@ -90,7 +90,7 @@ def test_only_models_that_may_fail_are_stood_in_for() -> None:
     plain, own, guarded = models_of("standard_driver,parked,parked:guard=true").built
     assert not isinstance(plain, Fallible)
     assert isinstance(own, Fallible)
-    assert isinstance(guarded, Guarded) and isinstance(guarded.model, Fallible)
+    assert isinstance(guarded, Guarded) and isinstance(guarded.inner, Fallible)
 
 
 SCENE = replace(

@@ -150,7 +150,7 @@ def test_with_the_guard_a_driver_steers_clear_of_who_is_beside_it_and_without_it
     close = roads.scene_of((50.0, 1.1, -0.04, 10.0), (50.0, -1.1, 0.04, 10.0))
     alone = roads.scene_of((50.0, 1.1, -0.04, 10.0), (90.0, -1.1, 0.04, 10.0))
     raw = build(parse_models(f"{name}:weights={nets.untrained(tmp_path, name, close, roads.fork())}")[0])
-    models = raw, Guarded(raw).model
+    models = raw, Guarded(raw).inner
     before, after = (roads.plan(model, WIDE, roads.present(close)) for model in models)
     assert np.all(after.y[0] - after.y[1] > before.y[0] - before.y[1] - 1e-9)
     assert after.y[0, 20] - after.y[1, 20] > 2.1

@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.models.idm import IdmDriver, follow_path
-from scex_sumo.behaviors.registry import DEFAULTS
+from scex_sumo.behaviors.registry import entry_of
 from scex_sumo.plug_in.fallback import Fallible
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
@@ -207,7 +207,7 @@ def test_a_model_that_fails_for_some_may_run() -> None:
 def test_the_path_following_driver_is_the_calibrated_driver_on_the_straight_path() -> None:
     scene = roads.scene_of((30.0, 0.4, 0.0, 8.0))
     history = roads.present(scene)
-    expected = roads.plan(IdmDriver(DEFAULTS["calibrated_driver"]), roads.fork(), history)
+    expected = roads.plan(IdmDriver(entry_of("calibrated_driver").profile), roads.fork(), history)
     made = follow_path(history, roads.fork(), roads.every(history))
     assert np.array_equal(made.x, expected.x) and np.array_equal(made.y, expected.y)
 

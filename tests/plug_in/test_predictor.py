@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.registry import build, known_models, parse_models, predictor
+from scex_sumo.behaviors.registry import build, known_models, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.learned.scene_graph.graph import SceneGraph, scene_graph
 from scex_sumo.plug_in.predictor import (
@@ -17,7 +17,7 @@ from scex_sumo.plug_in.predictor import (
     graph_of_child,
     trajectories,
 )
-from scex_sumo.plug_in.user_model import is_predictor, predictor_model
+from scex_sumo.plug_in.user_model import is_predictor, predictor, predictor_model
 from tests.behaviors import roads
 
 # One along +y, one along -x.

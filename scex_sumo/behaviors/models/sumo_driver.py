@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -26,6 +27,8 @@ class SumoDriver:
     Raises:
         UsageError: SUMO has no such model or parameter, or its result would depend on the tile.
     """
+
+    driven_by_sumo: Final = True
 
     def __init__(
         self, model: str, parameters: Mapping[str, str] | None = None, *, path: PathChoice = "straight"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import Behavior, Sight, clear_of_others, sight_of
 from scex_sumo.humans.guard.conflicts import SAFE_S, StopLines, find_stop_lines
 from scex_sumo.humans.guard.corridors import GuardProfile, PlannedWays, planned_paths
 from scex_sumo.road import Road
@@ -50,32 +50,29 @@ def safe_speed(
     return np.maximum(speed, 0.0)
 
 
-@runtime_checkable
-class Steers(Protocol):
-    """A model that can steer away from vehicles beside it."""
-
-    def clear_of_others(self) -> Behavior:
-        """Return a copy of the model that does."""
-        ...
-
-
 class Guarded:
     """A model whose vehicles drive slowly enough to stop for others.
 
     The way of the plan stays. Speeds stay below `safe_speed` for leaders in the swept corridor and for
     crossings that others reach first. Braking is as hard as needed, and gentle for others that are missed
-    with constant velocity and heading. A model that `Steers` also keeps clear of vehicles beside it.
+    with constant velocity and heading. A model with
+    ``clear_of_others`` also steers away from vehicles beside it.
     """
 
     def __init__(self, model: Behavior, profile: GuardProfile | None = None) -> None:
-        self.model = model.clear_of_others() if isinstance(model, Steers) else model
+        self.inner: Behavior = clear_of_others(model)
         self.profile = profile or GuardProfile()
+
+    @property
+    def sight(self) -> Sight | None:
+        """What a plan depends on: the guard sees all vehicles."""
+        return None if sight_of(self.inner) is None else "everyone"
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the model's plan, slowed down where necessary."""
-        made = self.model.plan(history, road, who, rng)
+        made = self.inner.plan(history, road, who, rng)
         return slowed(made, history, road, who, self.profile) if len(who) else made
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile, desired_speed, idm_acceleration
-from scex_sumo.behaviors.registry import DEFAULTS
+from scex_sumo.behaviors.registry import entry_of
 from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
 
@@ -29,7 +29,7 @@ def acceleration(v: float, v0: float, gap: float, leader: float, profile: IdmPro
 def test_the_acceleration_is_that_of_the_formula(
     name: str, v: float, v0: float, gap: float, leader: float
 ) -> None:
-    p = DEFAULTS[name]
+    p = entry_of(name).profile
     root = 2 * np.sqrt(p.max_acceleration * p.comfort_deceleration)
     wanted = p.minimum_gap + v * p.time_headway + v * (v - leader) / root
     by_hand = p.max_acceleration * (1 - (v / v0) ** 4 - (wanted / gap) ** 2)
@@ -162,7 +162,7 @@ def test_the_calibrated_driver_goes_on_as_the_seed_scene_shows() -> None:
     scene = roads.scene_of((30.0, 0.0, 0.0, 8.0))
     speed = 8.0 + 0.1 * 1.0 * np.arange(-10, 1)[None]
     speeding = replace(scene, history=replace(scene.history, speed=speed))
-    driver = IdmDriver(DEFAULTS["calibrated_driver"])
+    driver = IdmDriver(entry_of("calibrated_driver").profile)
     steady, faster = (
         roads.plan(driver, roads.straight(), roads.present(one)).speed[0] for one in (scene, speeding)
     )

@@ -190,7 +190,7 @@ def test_boxes_that_touch_in_the_seed_scene_are_left_alone_where_the_guard_is_to
     history, road = roads.present(scene), roads.straight()
     first = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
     held = roads.plan(GUARDED, road, history, first)
-    left = roads.plan(Guarded(GUARDED.model, GuardProfile(touching=0.3)), road, history, first)
+    left = roads.plan(Guarded(GUARDED.inner, GuardProfile(touching=0.3)), road, history, first)
     assert held.speed[0, 9] < 11.0
     assert np.array_equal(left.speed, roads.plan(STEADY, road, history, first).speed)
 
@@ -308,7 +308,7 @@ def test_every_model_that_we_drive_takes_a_guard_and_keeps_it_in_its_name(name: 
     assert str(spec) == f"{name}:path=0:guard=true"
     built = build(spec)
     assert isinstance(built, Guarded)
-    assert type(built.model) is type(build(ModelSpec(name=name)))
+    assert type(built.inner) is type(build(ModelSpec(name=name)))
     (plain,) = parse_models(f"{name}:guard=false")
     assert not isinstance(build(plain), Guarded)
     assert isinstance(build(ModelSpec(name=name, parameters={"guard": True})), Guarded)
@@ -343,7 +343,7 @@ def test_who_stands_in_for_a_model_that_fails_is_guarded_too() -> None:
 
     behavior("broken")(Broken)
     (driver,) = ModelSet.of(RunSettings(models="broken:guard=true")).built
-    assert isinstance(driver, Guarded) and isinstance(driver.model, Fallible)
+    assert isinstance(driver, Guarded) and isinstance(driver.inner, Fallible)
     scene = roads.scene_of((30.0, 0.0, 0.0, 10.0), (45.0, 0.0, 0.0, 0.0))
     made = roads.plan(driver, roads.straight(), roads.present(scene))
     assert made.fallback is not None and made.fallback.all()
