@@ -293,7 +293,8 @@ def test_a_run_with_rule_based_drivers_loads_no_wing_of_drivers() -> None:
         "import scex_sumo as scex\n"
         "scene = scex.read_seed(scex.example_path('roundabout'))\n"
         "scex.extrapolate(scene, models='rules', reference='none', children=2, steps=2)\n"
-        "wings = tuple(f'scex_sumo.{wing}' for wing in ('humans.driver', 'humans.guard', 'learned', 'plug_in'))\n"
+        "rooms = 'humans.driver', 'humans.guard', 'learned', 'plug_in'\n"
+        "wings = tuple(f'scex_sumo.{room}' for room in rooms)\n"
         "sys.exit(', '.join(name for name in sys.modules if name.startswith(wings)) or None)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
