@@ -23,8 +23,7 @@ from scex_sumo.formats.boxes import box_table, checked, one_line, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_lights, is_py123d_map
 from scex_sumo.formats.spat import lane_programme
-from scex_sumo.lanelet2sumo.plan.layout import NetLayout
-from scex_sumo.lanelet2sumo.plan.lights import Programme
+from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
 from scex_sumo.road import Road
 
 MAP = "map.arrow"

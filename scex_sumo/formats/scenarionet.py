@@ -30,8 +30,7 @@ from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
 from scex_sumo.formats.recognition import is_scenarionet
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.geometry.polylines import samples
-from scex_sumo.lanelet2sumo.plan.layout import NetLayout
-from scex_sumo.lanelet2sumo.plan.lights import Programme
+from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
 from scex_sumo.road import Road
 
 MPH, KMH = 0.44704, 1 / 3.6

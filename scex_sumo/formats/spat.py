@@ -21,8 +21,7 @@ from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.registries import SignalFormat
 from scex_sumo.formats.recognition import is_spat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
-from scex_sumo.lanelet2sumo.plan.layout import Connection, NetLayout
-from scex_sumo.lanelet2sumo.plan.lights import Programme, state
+from scex_sumo.lanelet2sumo.plan.elements import Connection, NetLayout, Programme, phase_state
 
 # SAE J2735 movement states in SUMO's letters.
 LETTERS = {
@@ -230,7 +229,7 @@ def _phases(
     phases = []
     for start, stop in zip(changes, [*changes[1:], end], strict=True):
         lit = {name: _letter(runs[group], start) for name, group in groups.items()}
-        phases.append((round(stop - start, 3), state(links, lit)))
+        phases.append((round(stop - start, 3), phase_state(links, lit)))
     # The recording ends with some lights green that are red where it begins again: those turn yellow first.
     closing = "".join(
         "y" if last in "Gg" and first in "rsu" else "r" if last in "Gg" and first == "y" else last

@@ -6,23 +6,21 @@ The net is written directly, not by netconvert, to keep the map's shapes and coo
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scex_sumo.base.errors import MapError, listed
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.drawing import extras_text
 from scex_sumo.converters.net.sumo_net import WrittenNet, lane_table
-from scex_sumo.converters.registries import signal_format
 from scex_sumo.geometry.polylines import length_of
-from scex_sumo.lanelet2sumo.plan.footways import crossed_zones, footways
-from scex_sumo.lanelet2sumo.plan.layout import NetLayout, plan_net
-from scex_sumo.lanelet2sumo.plan.lights import Programme, fixed_programmes, with_crossings
-from scex_sumo.lanelet2sumo.plan.pedestrians import plan_walks
+from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme, Walks
+from scex_sumo.lanelet2sumo.plan.layout import plan_net
 from scex_sumo.lanelet2sumo.text import net_text
 from scex_sumo.lanelet2sumo.topology.borders import add_approaches, add_entries
 from scex_sumo.lanelet2sumo.topology.graph import Topology, build_rows, cut_lanes
-from scex_sumo.road import MapLoss, Road
-from scex_sumo.roads.conflicts import conflicts
+from scex_sumo.road import Lane, MapLoss, Road
+from scex_sumo.roads.conflicts import Conflict, conflicts
 
 SHORTEST_M = 0.01
 JOINED_M = 0.3  # between consecutive bus or bicycle lanes
@@ -40,19 +38,12 @@ def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
     found = conflicts(lanes, border_forks=True)
     if (approached := add_approaches(lanes, found, road.lanes)).keys() != lanes.keys():
         lanes, found = approached, conflicts(approached, border_forks=True)
-    ways = footways(road.lanes, lanes)
-    topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
-    layout = plan_net(topology, road.regulations, found)
-    recorded, notes = None, list[str]()
-    if signals is not None:
-        recorded, notes = signal_format(signals).read(layout, road.origin, signals)
-    fixed = fixed_programmes(layout, lanes, road.regulations, found)
-    walks = plan_walks(ways, topology, layout)
-    lights, unlit = with_crossings(_with_fixed_programmes(recorded, fixed), recorded, walks, layout)
-    if unlit:
-        notes.append(
-            f"crosswalks without green for people, because the lights never stop the cars: {listed(unlit)}"
-        )
+    layout, walks, lost = _plan(road, lanes, found)
+    lights, notes = list[Programme](), list[str]()
+    if signals is not None or any(rule.kind == "traffic_light" for rule in road.regulations):
+        from scex_sumo.lanelet2sumo.plan.lights import plan_lights
+
+        lights, notes = plan_lights(road, lanes, found, layout, walks, signals)
     layout = layout.beside(_side_lanes(road))
     table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
     why = "not possible in SUMO, because the lanes lie in different edges"
@@ -65,6 +56,22 @@ def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
         notes=tuple(notes),
         losses=(*road.losses, *([loss] if lost else ())),
     )
+
+
+def _plan(
+    road: Road, lanes: Mapping[int, Lane], found: Sequence[Conflict]
+) -> tuple[NetLayout, Walks, list[tuple[int, int]]]:
+    """Return the plan of the vehicle lanes, that of the footways, and the lane changes that are lost."""
+    if all(lane.kind != "pedestrian" for lane in road.lanes.values()):
+        topology, lost = cut_lanes(lanes, found)
+        return plan_net(topology, road.regulations, found), Walks(), lost
+    from scex_sumo.lanelet2sumo.plan.footways import crossed_zones, footways
+    from scex_sumo.lanelet2sumo.plan.pedestrians import plan_walks
+
+    ways = footways(road.lanes, lanes)
+    topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
+    layout = plan_net(topology, road.regulations, found)
+    return layout, plan_walks(ways, topology, layout), lost
 
 
 def _side_lanes(road: Road) -> NetLayout:
@@ -88,10 +95,3 @@ def _side_lanes(road: Road) -> NetLayout:
         for k, lane in own.items()
     }
     return plan_net(Topology(build_rows(lanes)[0], lanes, []), road.regulations, [])
-
-
-def _with_fixed_programmes(recorded: Programme | None, fixed: list[Programme]) -> list[Programme]:
-    if recorded is None:
-        return fixed
-    taken = {c.internal.name for c in recorded.connections}
-    return [recorded, *(p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))]

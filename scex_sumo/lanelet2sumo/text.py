@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TypeAlias
 
@@ -10,10 +11,15 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.lanelets import KEY, parts_text
 from scex_sumo.converters.net.reader import DECIMALS, shape_text
-from scex_sumo.lanelet2sumo.plan.layout import Connection, NetLane, NetLayout, Node
-from scex_sumo.lanelet2sumo.plan.lights import Programme
-from scex_sumo.lanelet2sumo.plan.pedestrians import SPEED_MPS, Walks
-from scex_sumo.lanelet2sumo.plan.right_of_way import bits, direction
+from scex_sumo.lanelet2sumo.plan.elements import (
+    WALKING_SPEED_MPS,
+    Connection,
+    NetLane,
+    NetLayout,
+    Node,
+    Programme,
+    Walks,
+)
 from scex_sumo.road import Georeference
 from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opposed
 
@@ -111,7 +117,7 @@ def _edges(layout: NetLayout, nodes: Iterable[Node], walks: Walks) -> Iterator[s
         about = f'function="crossing" crossingEdges="{" ".join(crossing.edges)}"'
         yield from _edge(crossing.lane.edge, about, [_footway(crossing.lane)])
     for name, outline in walks.areas.items():
-        area = _walking_lane(f"{name}_0", SPEED_MPS, "1.00", 2.0, outline)
+        area = _walking_lane(f"{name}_0", WALKING_SPEED_MPS, "1.00", 2.0, outline)
         yield from _edge(name, 'function="walkingarea"', [area])
     for edge in layout.edges:
         lanes = [_lane(lane, k, bans=len(edge.lanes) > 1) for k, lane in enumerate(edge.lanes)]
@@ -156,8 +162,24 @@ def _junctions(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[
 
 
 def _request(index: int, response: set[int], foes: set[int], size: int) -> str:
-    told = f'response="{bits(response, size)}" foes="{bits(foes, size)}"'
+    told = f'response="{_bits(response, size)}" foes="{_bits(foes, size)}"'
     return f'        <request index="{index}" {told} cont="0"/>'
+
+
+def _bits(indices: set[int], count: int) -> str:
+    """Format SUMO's bit string: index 0 is the rightmost character."""
+    return "".join("1" if i in indices else "0" for i in reversed(range(count)))
+
+
+def _direction(bend: float) -> str:
+    """Return SUMO's letter for a change of heading, rad."""
+    degrees = math.degrees(bend)
+    if abs(degrees) < 25:
+        return "s"
+    if abs(degrees) > 165:
+        return "t"
+    letter = "l" if degrees > 0 else "r"
+    return letter.upper() if abs(degrees) < 50 else letter
 
 
 def _type(node: Node, lights: Lights) -> str:
@@ -179,11 +201,11 @@ def _connections(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterato
     for c in every:
         via, light = f' via="{c.internal.name}"', _light(c.internal.name, lights)
         state = ("o" if c.response else "O") if light else c.state
-        head = f'    <connection {_ends(c)}{via}{light} dir="{direction(c.bend)}" state="{state}"'
+        head = f'    <connection {_ends(c)}{via}{light} dir="{_direction(c.bend)}" state="{state}"'
         conflicts = told.get(c.internal.name, ())
         yield from [f"{head}>", *conflicts, "    </connection>"] if conflicts else [f"{head}/>"]
     for c in every:
-        yield _way(c.internal.edge, c.to_edge, c.to_lane, turn=direction(c.bend))
+        yield _way(c.internal.edge, c.to_edge, c.to_lane, turn=_direction(c.bend))
     for crossing in walks.crossings:
         light, state = _light(crossing.lane.edge, lights), "M" if crossing.marked else "m"
         yield _way(crossing.areas[0], crossing.lane.edge, light=light, state=state)

@@ -10,7 +10,7 @@ from scex_sumo import example_path
 from tests.extensions.package import install, scex
 
 CODE = """
-from scex_sumo.lanelet2sumo.plan.lights import Programme
+from scex_sumo.lanelet2sumo.plan.elements import Programme
 
 
 def is_mine(path):

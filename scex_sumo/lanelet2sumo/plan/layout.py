@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -18,12 +17,11 @@ from scex_sumo.geometry.polylines import (
     heading,
     join,
     length_of,
-    mean_line,
     project,
     width_along,
 )
+from scex_sumo.lanelet2sumo.plan.elements import Connection, Edge, NetLane, NetLayout, Node
 from scex_sumo.lanelet2sumo.plan.right_of_way import (
-    Link,
     approach,
     clashing_pieces,
     ring_lanes,
@@ -34,103 +32,6 @@ from scex_sumo.lanelet2sumo.topology.borders import ENTRY
 from scex_sumo.lanelet2sumo.topology.graph import Cut, Path, Piece, Topology
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class NetLane:
-    """Lane of an edge or of an internal edge.
-
-    Attributes:
-        length: nominal, the same for all lanes of an edge, m.
-        allow: SUMO's vehicle class if only one may drive here, else empty.
-        starts: lanelets under it, with the arc length in m where it begins, in driving order.
-        parts: stretches of lanelets under it, in driving order.
-    """
-
-    name: str
-    shape: FloatArray
-    length: float
-    width: float
-    speed: float
-    starts: tuple[tuple[int, float], ...]
-    change_left: bool = False
-    change_right: bool = False
-    allow: str = ""
-    parts: tuple[LaneletPart, ...] = ()
-
-    @property
-    def edge(self) -> str:
-        """Name of its edge."""
-        return self.name.rpartition("_")[0]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Edge:
-    """A road edge: its lanes, rightmost first, and the nodes at its ends."""
-
-    name: str
-    start: str
-    end: str
-    lanes: tuple[NetLane, ...]
-
-    @property
-    def shape(self) -> FloatArray:
-        """(P, 2) mean line of the lanes. SUMO itself uses the lanes; exports use this line."""
-        return mean_line([lane.shape for lane in self.lanes])
-
-
-@dataclass(kw_only=True, eq=False)
-class Connection(Link):
-    """Link with its internal lane and its ends.
-
-    Attributes:
-        lanelets: from the road before to the road after, without repeats.
-        enters: whether it comes from the first piece of a lane without predecessors.
-    """
-
-    lanelets: tuple[int, ...]
-    enters: bool
-    internal: NetLane
-    from_edge: str
-    from_lane: int
-    to_edge: str
-    to_lane: int
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Node:
-    """A junction: its incoming lanes, connections and outline."""
-
-    name: str
-    incoming: tuple[str, ...]
-    connections: tuple[Connection, ...]
-    shape: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class NetLayout:
-    """A whole net, ready to be written."""
-
-    edges: tuple[Edge, ...]
-    nodes: tuple[Node, ...]
-
-    def beside(self, other: NetLayout) -> NetLayout:
-        """Return both nets as one."""
-        return NetLayout(edges=self.edges + other.edges, nodes=self.nodes + other.nodes)
-
-    @property
-    def connections(self) -> tuple[Connection, ...]:
-        """Connections of all junctions."""
-        return tuple(c for node in self.nodes for c in node.connections)
-
-    def places(self) -> list[tuple[str, tuple[tuple[int, float], ...]]]:
-        """Return each SUMO lane, with (lanelet under it, arc length in m where the lane begins)."""
-        lanes = [lane for edge in self.edges for lane in edge.lanes] + [c.internal for c in self.connections]
-        return [(lane.name, lane.starts) for lane in lanes]
-
-    def ends(self) -> dict[str, tuple[str, str]]:
-        """Return the edges before and after each internal lane."""
-        return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
 
 
 def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Conflict]) -> NetLayout:

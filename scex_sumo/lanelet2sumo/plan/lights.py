@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from pathlib import Path
 from typing import TypeAlias
 
+from scex_sumo.base.errors import listed
+from scex_sumo.converters.registries import signal_format
 from scex_sumo.geometry.polylines import length_of, project, turn
-from scex_sumo.lanelet2sumo.plan.layout import Connection, NetLayout
-from scex_sumo.lanelet2sumo.plan.pedestrians import Crossing, Walks
+from scex_sumo.lanelet2sumo.plan.elements import (
+    Connection,
+    Crossing,
+    NetLayout,
+    Programme,
+    Walks,
+    phase_state,
+)
 from scex_sumo.lanelet2sumo.topology.graph import Groups
-from scex_sumo.road import Lane, Regulation
+from scex_sumo.road import Lane, Regulation, Road
 from scex_sumo.roads.conflicts import Conflict
 from scex_sumo.roads.routes import lanes_ahead
 
@@ -22,22 +31,28 @@ AHEAD_M = 60.0  # where conflicts with other lights' traffic count
 ONCOMING = math.radians(135.0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Programme:
-    """A SUMO traffic light.
-
-    Attributes:
-        connections: the controlled connections; their places are the link indices.
-        phases: (seconds, state), one character of state per connection.
-        programme: SUMO's programID.
-        crossings: edges of the controlled crossings; their link indices follow those of the connections.
-    """
-
-    name: str
-    connections: tuple[Connection, ...]
-    phases: tuple[tuple[float, str], ...]
-    programme: str = "0"
-    crossings: tuple[str, ...] = ()
+def plan_lights(
+    road: Road,
+    lanes: Mapping[int, Lane],
+    found: Sequence[Conflict],
+    layout: NetLayout,
+    walks: Walks,
+    signals: Path | None,
+) -> tuple[list[Programme], list[str]]:
+    """Return the programmes of all lights, recorded ones (``signals``) first, and notes."""
+    recorded, notes = None, list[str]()
+    if signals is not None:
+        recorded, notes = signal_format(signals).read(layout, road.origin, signals)
+    taken = {c.internal.name for c in recorded.connections} if recorded is not None else set()
+    fixed = fixed_programmes(layout, lanes, road.regulations, found)
+    free = (p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))
+    programmes = [*([] if recorded is None else [recorded]), *free]
+    lights, unlit = with_crossings(programmes, recorded, walks, layout)
+    if unlit:
+        notes.append(
+            f"crosswalks without green for people, because the lights never stop the cars: {listed(unlit)}"
+        )
+    return lights, notes
 
 
 def fixed_programmes(
@@ -124,32 +139,14 @@ def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tu
     for k, green in enumerate(greens):
         following = greens[(k + 1) % len(greens)]
         on = {c.internal.name: "G" for c in links if id(c) in green}
-        phases.append((GREEN_S, state(links, on)))
+        phases.append((GREEN_S, phase_state(links, on)))
         if len(greens) == 1:
             break
         change = {c.internal.name: "G" if id(c) in following else "y" for c in links if id(c) in green}
-        phases.append((YELLOW_S, state(links, change)))
+        phases.append((YELLOW_S, phase_state(links, change)))
         rest = {name: letter for name, letter in change.items() if letter == "G"}
-        phases.append((ALL_RED_S, state(links, rest)))
+        phases.append((ALL_RED_S, phase_state(links, rest)))
     return tuple(phases)
-
-
-def state(links: Sequence[Connection], lit: dict[str, str]) -> str:
-    """Format one phase: letters by internal lane, red if not named.
-
-    Green becomes ``g`` if a foe with priority also has green or no light.
-    """
-    known = {c.internal.name for c in links}
-    letters = []
-    for c in links:
-        letter = lit.get(c.internal.name, "r")
-        if letter == "G":
-            prefix = c.internal.name.rsplit("_", 2)[0]
-            foes = [f"{prefix}_{j}_0" for j in c.response]
-            if any(lit.get(foe, "r") in "Gg" or foe not in known for foe in foes):
-                letter = "g"
-        letters.append(letter)
-    return "".join(letters)
 
 
 _Phases: TypeAlias = Sequence[tuple[float, str]]

@@ -13,6 +13,15 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import cut, heading, length_of
+from scex_sumo.lanelet2sumo.plan.elements import (
+    WALKING_SPEED_MPS,
+    Connection,
+    Crossing,
+    NetLane,
+    NetLayout,
+    Sidewalk,
+    Walks,
+)
 from scex_sumo.lanelet2sumo.plan.footways import (
     MIN_SINE,
     OVER_M,
@@ -23,67 +32,15 @@ from scex_sumo.lanelet2sumo.plan.footways import (
     lengthened,
     slant,
 )
-from scex_sumo.lanelet2sumo.plan.layout import Connection, NetLane, NetLayout, corners, hull
+from scex_sumo.lanelet2sumo.plan.layout import corners, hull
 from scex_sumo.lanelet2sumo.topology.graph import Topology
 
 _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, its links, edges at them
 
-SPEED_MPS = 2.78  # SUMO's own for sidewalks
 ASIDE_M = 0.6  # along a slanted crossing, between people at its sides and those in its middle
 ISLAND_END_M = 0.25  # of the shortest walking area between two crosswalks
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
 STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
-
-
-@dataclass(frozen=True, eq=False)
-class Crossing:
-    """A crosswalk across links of one junction.
-
-    Attributes:
-        crossed: indices of the junction's links that run over it.
-        edges: of these links, those nearer to it.
-        areas: walking areas at its beginning and end.
-        marked: whether vehicles give way there; elsewhere people do.
-    """
-
-    node: str
-    crossed: tuple[int, ...]
-    edges: tuple[str, ...]
-    lane: NetLane
-    areas: tuple[str, str]
-    marked: bool
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Sidewalk:
-    lane: NetLane
-    nodes: tuple[str, str]
-    areas: tuple[str, str]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Walks:
-    """Pedestrian part of a net; ``areas`` and ``nodes`` hold outlines by name."""
-
-    crossings: tuple[Crossing, ...]
-    areas: Mapping[str, FloatArray]
-    sidewalks: tuple[_Sidewalk, ...]
-    nodes: Mapping[str, FloatArray]
-
-    def at(self, node: str) -> list[Crossing]:
-        """Crossings of a junction."""
-        return [c for c in self.crossings if c.node == node]
-
-    def incoming(self, node: str) -> list[str]:
-        """Return lanes for people that lead into a junction."""
-        ending = [s.lane.name for s in self.sidewalks if s.nodes[1] == node]
-        return [*ending, *dict.fromkeys(f"{c.areas[0]}_0" for c in self.at(node))]
-
-    def places(self) -> Iterator[tuple[str, tuple[tuple[int, float], ...]]]:
-        """Each lane for people, with the lanelet under it and its order along that lanelet."""
-        lanes = [crossing.lane for crossing in self.crossings] + [walk.lane for walk in self.sidewalks]
-        for k, lane in enumerate(lanes):
-            yield lane.name, tuple((lanelet, float(k)) for lanelet, _ in lane.starts)
 
 
 def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -> Walks:
@@ -100,7 +57,7 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
     numbers, crossed = ({name: count() for name in node.values()} for _ in range(2))
     area = {p: f":{n}_w{next(numbers[n])}" for p, n in node.items() if ends.count(p) > 1}
     crossings: list[Crossing] = []
-    sidewalks: list[_Sidewalk] = []
+    sidewalks: list[Sidewalk] = []
     corner: dict[int, list[FloatArray]] = {}
     met_twice = [place for way in crosswalks for place in way.places]
     over = {
@@ -137,14 +94,14 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
             shape=shape,
             length=length_of(shape),
             width=width,
-            speed=SPEED_MPS,
+            speed=WALKING_SPEED_MPS,
             starts=tuple((lanelet, 0.0) for lanelet in way.lanelets),
             allow="pedestrian",
         )
         if way.name in across:
             crossings.append(Crossing(*across[way.name], lane=lane, areas=areas, marked=way.marked))
         else:
-            sidewalks.append(_Sidewalk(lane=lane, nodes=(node[start], node[end]), areas=areas))
+            sidewalks.append(Sidewalk(lane=lane, nodes=(node[start], node[end]), areas=areas))
     return Walks(
         crossings=tuple(sorted(crossings, key=lambda c: c.lane.name)),
         areas={name: hull(corner[place]) for place, name in area.items()},

@@ -5,12 +5,12 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 
 from scex_sumo.geometry.polylines import along, length_of, project, samples, turn, without_repeats
+from scex_sumo.lanelet2sumo.plan.elements import Connection
 from scex_sumo.lanelet2sumo.topology.graph import Path, Piece, Topology, endless, reached
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
@@ -23,31 +23,6 @@ MAX_RING_M = 400.0  # round the largest roundabouts; blocks of houses are mostly
 MIN_ROUNDNESS = 0.85  # area over that of a circle with the same circumference; a square has 0.79
 MAX_ONCOMING = 0.2  # of a roundabout's length that has oncoming lanes beside it; blocks have over 0.3
 BESIDE_M = 10.0
-
-
-@dataclass(kw_only=True, eq=False)
-class Link:
-    """A connection as SUMO's right of way sees it.
-
-    Attributes:
-        entry: heading where the path enters the node, rad.
-        bend: signed change of heading along the path, rad, positive to the left.
-        on: lanelets whose rules apply: those of the path and of the approach.
-        across: lanelets of the path within the node.
-        foes: indices of links in the way of this one.
-        response: indices of foes that this link gives way to.
-        state: SUMO's link state, e.g. ``M`` (priority), ``m`` (yields), ``Z`` (zipper).
-    """
-
-    path: Path
-    entry: float
-    bend: float
-    on: frozenset[int]
-    across: frozenset[int]
-    on_ring: bool = False
-    foes: set[int] = field(default_factory=set)
-    response: set[int] = field(default_factory=set)
-    state: str = "M"
 
 
 def approach(topology: Topology, path: Path) -> frozenset[int]:
@@ -67,7 +42,7 @@ def approach(topology: Topology, path: Path) -> frozenset[int]:
     return frozenset(found)
 
 
-def set_foes(links: Sequence[Link], clashes: Mapping[tuple[Piece, Piece], str]) -> set[frozenset[int]]:
+def set_foes(links: Sequence[Connection], clashes: Mapping[tuple[Piece, Piece], str]) -> set[frozenset[int]]:
     """Fill ``foes`` of the links of one node; return the pairs of foes that only merge."""
     merging: set[frozenset[int]] = set()
     for i, a in enumerate(links):
@@ -99,7 +74,7 @@ def clashing_pieces(topology: Topology, found: Sequence[Conflict]) -> dict[tuple
 
 
 def set_right_of_way(
-    links: Sequence[Link], merging: set[frozenset[int]], rules: Sequence[Regulation]
+    links: Sequence[Connection], merging: set[frozenset[int]], rules: Sequence[Regulation]
 ) -> None:
     """Fill ``response`` and ``state`` from the rules, or from defaults if there are none.
 
@@ -124,7 +99,7 @@ def set_right_of_way(
         a.state = _state(a, i, rules, zippers, circular=i in reached(a.response, waits))
 
 
-def _by_rule(a: Link, b: Link, rules: Sequence[Regulation]) -> str:
+def _by_rule(a: Connection, b: Connection, rules: Sequence[Regulation]) -> str:
     """Return ``yields``, ``has priority``, ``both`` (all-way stop) or nothing, for link a against link b."""
     mine = theirs = certain = 0
     for rule in rules:
@@ -155,7 +130,9 @@ def _weight(a: frozenset[int], b: frozenset[int], yielding: set[int], priority: 
     return 0 if b & yielding else 1
 
 
-def _zippers(links: Sequence[Link], merging: set[frozenset[int]], ruled: set[frozenset[int]]) -> set[int]:
+def _zippers(
+    links: Sequence[Connection], merging: set[frozenset[int]], ruled: set[frozenset[int]]
+) -> set[int]:
     free = merging - ruled
     good = {
         i
@@ -175,7 +152,7 @@ def _zippers(links: Sequence[Link], merging: set[frozenset[int]], ruled: set[fro
         good = kept
 
 
-def _by_default(a: Link, b: Link, tie: bool) -> bool:
+def _by_default(a: Connection, b: Connection, tie: bool) -> bool:
     if a.on_ring != b.on_ring:
         return b.on_ring
     side = turn(a.entry, b.entry)
@@ -187,7 +164,9 @@ def _by_default(a: Link, b: Link, tie: bool) -> bool:
     return side > 0 if side != 0 else tie
 
 
-def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int], *, circular: bool) -> str:
+def _state(
+    link: Connection, index: int, rules: Sequence[Regulation], zippers: set[int], *, circular: bool
+) -> str:
     kinds = {rule.kind for rule in rules if link.on & (set(rule.yielding) or set(rule.lanes))}
     if index in zippers:
         return "Z"
@@ -199,22 +178,6 @@ def _state(link: Link, index: int, rules: Sequence[Regulation], zippers: set[int
         return "M"
     # SUMO looks for a way out of circular waiting only where the state says right before left.
     return "=" if circular else "m"
-
-
-def bits(indices: set[int], count: int) -> str:
-    """Format SUMO's bit string: index 0 is the rightmost character."""
-    return "".join("1" if i in indices else "0" for i in reversed(range(count)))
-
-
-def direction(bend: float) -> str:
-    """Return SUMO's letter for a change of heading, rad."""
-    degrees = math.degrees(bend)
-    if abs(degrees) < 25:
-        return "s"
-    if abs(degrees) > 165:
-        return "t"
-    letter = "l" if degrees > 0 else "r"
-    return letter.upper() if abs(degrees) < 50 else letter
 
 
 def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:

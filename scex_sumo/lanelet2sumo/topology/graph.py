@@ -7,7 +7,9 @@ may have several ways in and out.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -256,7 +258,7 @@ class _Chains:
                 stack += (*after[piece], *before[piece])
         out, into = _roads_behind(after, before), _roads_behind(before, after)
         knots = [p for p in after if len(out[p]) > 1 and len(into[p]) > 1]
-        return reached(knots, after) | reached(knots, before) | _on_rings(after, before)
+        return reached(knots, after) | reached(knots, before) | _on_rings(after)
 
 
 _Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
@@ -288,30 +290,18 @@ def reached(nodes: Iterable[Node], steps: Mapping[Node, Iterable[Node]]) -> set[
 
 def endless(after: Mapping[Node, Collection[Node]]) -> set[Node]:
     """Return the nodes of a graph on its rings, and those that lead to them."""
-    before: dict[Node, list[Node]] = {}
-    for node, onward in after.items():
-        for other in onward:
-            before.setdefault(other, []).append(node)
-    left = {node: sum(other in after for other in onward) for node, onward in after.items()}
-    ends = [node for node, count in left.items() if not count]
-    for node in ends:  # grows
-        for other in before.get(node, ()):
-            left[other] -= 1
-            if not left[other]:
-                ends.append(other)
-    return {*after} - {*ends}
+    order = TopologicalSorter({node: [n for n in onward if n in after] for node, onward in after.items()})
+    with suppress(CycleError):
+        order.prepare()
+    ends = set[Node]()
+    while ready := order.get_ready():
+        ends.update(ready)
+        order.done(*ready)
+    return {*after} - ends
 
 
-def _on_rings(after: _Steps, before: _Steps) -> set[Piece]:
-    rest, rings = endless(after), set[Piece]()
-    while rest:
-        piece = next(iter(rest))
-        there, back = (reached([piece], {p: steps[p] for p in rest}) for steps in (after, before))
-        ring = there & back
-        if len(ring) > 1 or piece in after[piece]:
-            rings |= ring
-        rest -= ring
-    return rings
+def _on_rings(after: _Steps) -> set[Piece]:
+    return {piece for piece in endless(after) if piece in reached(after[piece], after)}
 
 
 class Topology(_Chains):

@@ -1,0 +1,219 @@
+"""Elements of a planned net: lanes, edges, junctions, connections, traffic lights, footways."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.lanelets import LaneletPart
+from scex_sumo.geometry.polylines import mean_line
+
+if TYPE_CHECKING:
+    from scex_sumo.lanelet2sumo.topology.graph import Path
+
+WALKING_SPEED_MPS = 2.78  # SUMO's own for sidewalks
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetLane:
+    """Lane of an edge or of an internal edge.
+
+    Attributes:
+        length: nominal, the same for all lanes of an edge, m.
+        allow: SUMO's vehicle class if only one may drive here, else empty.
+        starts: lanelets under it, with the arc length in m where it begins, in driving order.
+        parts: stretches of lanelets under it, in driving order.
+    """
+
+    name: str
+    shape: FloatArray
+    length: float
+    width: float
+    speed: float
+    starts: tuple[tuple[int, float], ...]
+    change_left: bool = False
+    change_right: bool = False
+    allow: str = ""
+    parts: tuple[LaneletPart, ...] = ()
+
+    @property
+    def edge(self) -> str:
+        """Name of its edge."""
+        return self.name.rpartition("_")[0]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Edge:
+    """A road edge: its lanes, rightmost first, and the nodes at its ends."""
+
+    name: str
+    start: str
+    end: str
+    lanes: tuple[NetLane, ...]
+
+    @property
+    def shape(self) -> FloatArray:
+        """(P, 2) mean line of the lanes. SUMO itself uses the lanes; exports use this line."""
+        return mean_line([lane.shape for lane in self.lanes])
+
+
+@dataclass(kw_only=True, eq=False)
+class Connection:
+    """A connection with its internal lane, its ends and its right of way.
+
+    Attributes:
+        entry: heading where the path enters the node, rad.
+        bend: signed change of heading along the path, rad, positive to the left.
+        on: lanelets whose rules apply: those of the path and of the approach.
+        across: lanelets of the path within the node.
+        on_ring: whether it comes from a lane of a roundabout.
+        lanelets: from the road before to the road after, without repeats.
+        enters: whether it comes from the first piece of a lane without predecessors.
+        foes: indices of connections in the way of this one.
+        response: indices of foes that this connection gives way to.
+        state: SUMO's link state, e.g. ``M`` (priority), ``m`` (yields), ``Z`` (zipper).
+    """
+
+    path: Path
+    entry: float
+    bend: float
+    on: frozenset[int]
+    across: frozenset[int]
+    on_ring: bool
+    lanelets: tuple[int, ...]
+    enters: bool
+    internal: NetLane
+    from_edge: str
+    from_lane: int
+    to_edge: str
+    to_lane: int
+    foes: set[int] = field(default_factory=set)
+    response: set[int] = field(default_factory=set)
+    state: str = "M"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Node:
+    """A junction: its incoming lanes, connections and outline."""
+
+    name: str
+    incoming: tuple[str, ...]
+    connections: tuple[Connection, ...]
+    shape: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetLayout:
+    """A whole net, ready to be written."""
+
+    edges: tuple[Edge, ...]
+    nodes: tuple[Node, ...]
+
+    def beside(self, other: NetLayout) -> NetLayout:
+        """Return both nets as one."""
+        return NetLayout(edges=self.edges + other.edges, nodes=self.nodes + other.nodes)
+
+    @property
+    def connections(self) -> tuple[Connection, ...]:
+        """Connections of all junctions."""
+        return tuple(c for node in self.nodes for c in node.connections)
+
+    def places(self) -> list[tuple[str, tuple[tuple[int, float], ...]]]:
+        """Return each SUMO lane, with (lanelet under it, arc length in m where the lane begins)."""
+        lanes = [lane for edge in self.edges for lane in edge.lanes] + [c.internal for c in self.connections]
+        return [(lane.name, lane.starts) for lane in lanes]
+
+    def ends(self) -> dict[str, tuple[str, str]]:
+        """Return the edges before and after each internal lane."""
+        return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Programme:
+    """A SUMO traffic light.
+
+    Attributes:
+        connections: the controlled connections; their places are the link indices.
+        phases: (seconds, state), one character of state per connection.
+        programme: SUMO's programID.
+        crossings: edges of the controlled crossings; their link indices follow those of the connections.
+    """
+
+    name: str
+    connections: tuple[Connection, ...]
+    phases: tuple[tuple[float, str], ...]
+    programme: str = "0"
+    crossings: tuple[str, ...] = ()
+
+
+def phase_state(links: Sequence[Connection], lit: dict[str, str]) -> str:
+    """Format one phase: letters by internal lane, red if not named.
+
+    Green becomes ``g`` if a foe with priority also has green or no light.
+    """
+    known = {c.internal.name for c in links}
+    letters = []
+    for c in links:
+        letter = lit.get(c.internal.name, "r")
+        if letter == "G":
+            prefix = c.internal.name.rsplit("_", 2)[0]
+            foes = [f"{prefix}_{j}_0" for j in c.response]
+            if any(lit.get(foe, "r") in "Gg" or foe not in known for foe in foes):
+                letter = "g"
+        letters.append(letter)
+    return "".join(letters)
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """A crosswalk across links of one junction.
+
+    Attributes:
+        crossed: indices of the junction's links that run over it.
+        edges: of these links, those nearer to it.
+        areas: walking areas at its beginning and end.
+        marked: whether vehicles give way there; elsewhere people do.
+    """
+
+    node: str
+    crossed: tuple[int, ...]
+    edges: tuple[str, ...]
+    lane: NetLane
+    areas: tuple[str, str]
+    marked: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sidewalk:
+    """A footway of its own, with the nodes and the walking areas at its ends."""
+
+    lane: NetLane
+    nodes: tuple[str, str]
+    areas: tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Walks:
+    """Pedestrian part of a net; ``areas`` and ``nodes`` hold outlines by name."""
+
+    crossings: tuple[Crossing, ...] = ()
+    areas: Mapping[str, FloatArray] = field(default_factory=dict)
+    sidewalks: tuple[Sidewalk, ...] = ()
+    nodes: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def at(self, node: str) -> list[Crossing]:
+        """Crossings of a junction."""
+        return [c for c in self.crossings if c.node == node]
+
+    def incoming(self, node: str) -> list[str]:
+        """Return lanes for people that lead into a junction."""
+        ending = [s.lane.name for s in self.sidewalks if s.nodes[1] == node]
+        return [*ending, *dict.fromkeys(f"{c.areas[0]}_0" for c in self.at(node))]
+
+    def places(self) -> Iterator[tuple[str, tuple[tuple[int, float], ...]]]:
+        """Each lane for people, with the lanelet under it and its order along that lanelet."""
+        lanes = [crossing.lane for crossing in self.crossings] + [walk.lane for walk in self.sidewalks]
+        for k, lane in enumerate(lanes):
+            yield lane.name, tuple((lanelet, float(k)) for lanelet, _ in lane.starts)
