@@ -4,7 +4,8 @@ Perfectly plastic impact of two point masses: the speed change of a vehicle is t
 masses times the relative speed. P(MAIS 3+) of its occupant is a logistic curve of the speed change, a mean
 over crash modes. The fault is the class of each vehicle's part in a collision.
 
-Sources: masses are the defaults of SUMO's vehicle classes; curves NHTSA DOT HS 813 219; classes of fault
+Sources: masses are those of SUMO's vehicle classes, and of the small car and the pick-up of AASHTO's MASH
+(2016); curves NHTSA DOT HS 813 219; classes of fault
 after nuPlan's collision types (Caesar et al. 2021).
 """
 
@@ -28,16 +29,13 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
 MASSES_KG: Final = {
-    "car": ((6.0, 1500.0), (np.inf, 5000.0)),
-    "van": ((6.0, 1500.0), (np.inf, 5000.0)),
-    "truck": ((12.0, 4500.0), (np.inf, 13000.0)),
-    "bus": ((13.0, 12000.0), (np.inf, 25000.0)),
-    "motorcycle": ((np.inf, 200.0),),
+    "car": ((4.3, 1100.0), (5.0, 1500.0), (6.0, 2270.0)),  # MASH 1100C; passenger; MASH 2270P
+    "van": ((5.0, 1500.0), (6.5, 5000.0)),  # passenger; delivery
+    "truck": ((7.1, 4500.0), (16.5, 13000.0)),  # truck; trailer
+    "bus": ((12.0, 12000.0), (14.0, 25000.0)),  # bus; coach
+    "motorcycle": ((2.2, 200.0),),
 }
-"""Mass by type: pairs of a length in m and the mass in kg of vehicles up to that length.
-
-SUMO's classes passenger, delivery; truck, trailer; bus, coach; motorcycle.
-"""
+"""Mass by type: pairs of length in m and mass in kg, linear between them, constant beyond."""
 
 CURVES: Final = {"mais2": (-5.1331, 0.1479), "mais3": (-6.9540, 0.1637), "fatal": (-8.9819, 0.1603)}
 """Intercept and slope per mph of the logistic curve of an occupant's injury, by level."""
@@ -58,7 +56,7 @@ FAULTS: Final = (
 ``hits standing``, ``hits from behind``, ``leaves lane`` and ``against priority``, else the other one."""
 
 UNDECIDED: Final = -1
-_NO_MASS = ((np.inf, np.nan),)
+_NO_MASS = ((0.0, np.nan),)
 MPH: Final = 0.44704  # m/s
 _STANDING_MPS = 0.05  # as nuPlan's
 _OUTSIDE_M = 0.25  # a corner this far outside of its lane has left it
@@ -90,10 +88,8 @@ class Severity:
 
 def masses(types: Sequence[str], length: FloatArray) -> FloatArray:
     """Return the mass (V,) of vehicles by type and length in m, kg; NaN for types not in `MASSES_KG`."""
-    found = np.empty(len(types))
-    for index, (kind, long) in enumerate(zip(types, np.asarray(length).tolist(), strict=True)):
-        found[index] = next(mass for limit, mass in MASSES_KG.get(road_user(kind), _NO_MASS) if long <= limit)
-    return found
+    known = [zip(*MASSES_KG.get(road_user(kind), _NO_MASS), strict=True) for kind in types]
+    return np.array([np.interp(long, *points) for long, points in zip(length, known, strict=True)])
 
 
 def injury_probability(delta_v: FloatArray, level: str = "mais3") -> FloatArray:

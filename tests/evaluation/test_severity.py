@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
-from scex_sumo.results.outcomes import Severity, injury_probability, masses, severity_of
+from scex_sumo.results.outcomes import MASSES_KG, Severity, injury_probability, masses, severity_of
 from scex_sumo.road import Lane, Regulation, Road
 from tests.metrics.straight import straight
 
@@ -50,7 +50,9 @@ def test_equal_cars_at_equal_speed_and_heading_have_no_speed_change() -> None:
 
 def test_a_truck_changes_less_than_the_car_that_it_hits() -> None:
     """4 500 kg at 20 m/s hit 1 500 kg at 8 m/s from behind: 12 m/s in the ratio 3 to 1."""
-    hits, found = severity({"speed": 20, "length": 8}, {"x": 30, "speed": 8}, types=("truck", "car"))
+    hits, found = severity(
+        {"speed": 20, "length": 7.1}, {"x": 30, "speed": 8, "length": 5}, types=("truck", "car")
+    )
     assert (found.delta_v, found.delta_v_other) == (pytest.approx([3.0]), pytest.approx([9.0]))
     assert np.isnan(found.p_mais3).all() and found.p_mais3_other > 0  # no curve for occupants of trucks
     assert found.faults() == ["hits from behind"] and hits.first.tolist() == [0]
@@ -68,9 +70,17 @@ def test_the_one_that_stands_is_struck() -> None:
 
 
 def test_masses_go_by_type_and_length() -> None:
-    kinds = ("car", "car", "truck", "truck", "coach", "motorcycle")
-    length = np.array([4.5, 7.0, 8.0, 16.5, 14.0, 2.2])
-    assert masses(kinds, length).tolist() == [1500, 5000, 4500, 13000, 25000, 200]
+    kinds = ("car", "pickup", "van", "truck", "truck", "coach", "motorcycle", "tram")
+    length = np.array([5.0, 6.1, 6.5, 7.1, 11.8, 14.0, 2.2, 30.0])
+    assert masses(kinds, length) == pytest.approx(
+        [1500, 2270, 5000, 4500, 8750, 25000, 200, np.nan], nan_ok=True
+    )
+
+
+@pytest.mark.parametrize("kind", MASSES_KG)
+def test_a_centimetre_of_length_is_not_worth_fifty_kilograms_and_longer_is_not_lighter(kind: str) -> None:
+    steps = np.diff(masses([kind] * 2000, np.arange(2000) / 100))
+    assert (steps >= 0).all() and steps.max() < 50 + 20 * (kind == "bus")
 
 
 def crossroads() -> Road:

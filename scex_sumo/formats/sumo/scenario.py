@@ -166,7 +166,7 @@ def _expanded(name: str) -> str:
 
 
 def _is_output_parameter(tag: str, attributes: Mapping[str, str]) -> bool:
-    return tag == "param" and re.search("(?i)file|output", attributes.get("key", "")) is not None
+    return tag == "param" and re.search("(?i)file|output|ssm", attributes.get("key", "")) is not None
 
 
 def _names_files(file: Path) -> bool:

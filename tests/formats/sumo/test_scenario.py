@@ -20,6 +20,7 @@ from scex_sumo.converters.datasets.recordings import (
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Light, Programme, Recorded, with_lights
+from scex_sumo.formats.sumo.scenario import PrivateRun
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.batch import RunningBatch
@@ -153,6 +154,16 @@ def test_no_output_of_the_user_is_written(tmp_path: Path) -> None:
     # SUMO itself writes all of them: the test would see it.
     run("sumo", "-c", grid.config.name, cwd=tmp_path)
     assert len(list(tmp_path.iterdir())) >= len(before) + 20
+
+
+def test_a_type_with_an_ssm_device_runs_without_it(tmp_path: Path) -> None:
+    """Without a name the device would write ssm_VEHICLE.xml."""
+    device = '<vType id="car"><param key="has.ssm.device" value="true"/><param key="k" value="1"/></vType>'
+    grid = write_grid(tmp_path, routes=f'<routes>{device}<trip id="a" type="car" depart="0"/></routes>')
+    (folder := tmp_path / "private").mkdir()
+    words = PrivateRun(grid.config, folder, program("sumo")).options
+    routes = Path(words[words.index("--route-files") + 1]).read_text()
+    assert "ssm" not in routes and 'key="k"' in routes
 
 
 def test_a_configuration_that_does_not_load_says_why(grid: Simulation, tmp_path: Path) -> None:
