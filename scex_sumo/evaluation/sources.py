@@ -14,10 +14,10 @@ import pyarrow.parquet as pq
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import TrackError, one_line
 from scex_sumo.converters.datasets.reader import read_clean
+from scex_sumo.converters.datasets.repairs import repair_tracks
 from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
-from scex_sumo.formats.cleaning.repair import repair_tracks
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 MAX_SIZE_M = 1e4

@@ -11,8 +11,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.registries import Window
-from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.cleaning.heading import STANDING_MPS
+from scex_sumo.converters.tracks.rows import STANDING_MPS, TrackTable
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 
 CASE_FRAME = 10

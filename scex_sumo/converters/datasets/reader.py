@@ -14,13 +14,13 @@ import shapely
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import ScexError, listed
 from scex_sumo.base.progress import Progress
+from scex_sumo.converters.datasets.repairs import align_tracks, repair_tracks
 from scex_sumo.converters.datasets.sample import resample_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
 from scex_sumo.converters.tracks.check import check_values
+from scex_sumo.converters.tracks.evidence import Evidence, evidence
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, joined_rows, other_rate
-from scex_sumo.formats.cleaning.align import Evidence, align_tracks, evidence
-from scex_sumo.formats.cleaning.repair import repair_tracks
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 from scex_sumo.scene import STEP_S
@@ -74,7 +74,7 @@ def read_clean(
     from_car = dataset_of(paths[0]).from_car
     if align and road is not None and not from_car:
         table, moved = align_tracks(table, road, siblings=_siblings(paths))
-        findings = (*findings, moved) if moved else findings
+        findings = (*findings, *moved)
     if road is not None and from_car:
         table, left = within_map(table, road)
         findings = (*findings, *left)

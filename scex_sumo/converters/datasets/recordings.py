@@ -16,21 +16,18 @@ from scex_sumo.base.progress import Progress
 from scex_sumo.converters.datasets.find import find_recordings, find_tracks
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.reader import read_clean
+from scex_sumo.converters.datasets.repairs import doubt_place, explain_mismatch
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS, CleanRecording, take_scene
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.maps import LANELET2, read_map
 from scex_sumo.converters.registries import Recording, Window, dataset_of, map_format, place_name
+from scex_sumo.converters.tracks.evidence import Evidence, evidence, on_closed_lanes, on_lanes
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.cleaning.align import Evidence, evidence, on_lanes
-from scex_sumo.formats.cleaning.mismatch import (
-    MIN_SHARE_ON_LANES,
-    doubt_place,
-    explain_mismatch,
-    on_closed_lanes,
-)
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+
+MIN_SHARE_ON_LANES = 0.1  # a recording with less of its driving on lanes does not belong to its map
 
 __all__ = [
     "LoadedRecording",

@@ -11,9 +11,9 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
+from scex_sumo.converters.datasets.repairs import repair_tracks
 from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
-from scex_sumo.formats.cleaning.repair import repair_tracks
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
 
 FUTURE_STEPS = 50

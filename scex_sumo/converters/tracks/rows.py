@@ -18,6 +18,9 @@ from scex_sumo.scene import STEP_S, SeedScene
 MAX_GAP_S = 0.5
 """A longer gap splits a track into two segments: nothing is interpolated or smoothed across it."""
 
+STANDING_MPS = 0.5  # slower road users stand: trackers let standing vehicles drift this fast
+FORWARD_MPS = 3.0  # faster than this a vehicle does not drive backwards or sideways
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrackRows:

@@ -12,14 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.converters.tracks.evidence import Evidence, evidence, nearest_lanes, thinned
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
-from scex_sumo.roads.matching import match
 
-MOVING_MPS = 2.0  # slower samples tell nothing about lanes
-SAMPLE_M = 1.0
-MAX_SAMPLES = 2000  # more are thinned out evenly
 OWN_TRACKS, ENOUGH_TRACKS = 100, 200  # with fewer own tracks, other recordings of the site are read
 MIN_SAMPLES, MIN_TRACKS = 500, 20  # with fewer nothing is done
 MIN_OTHER_DIRECTIONS = 0.1
@@ -32,26 +29,6 @@ MIN_OFFSET_M = 0.3  # across the lanes; smaller offsets are left alone
 MIN_GAIN = 0.2  # by which the spread within lanes must shrink, for tracks that the estimate has not seen
 MAX_OFFSET_M = 3.0  # a larger offset means a wrong origin
 _ROUNDS, _STILL_M, _STILL_RAD = 6, 0.005, 1e-4
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Evidence:
-    """Poses of moving vehicles, one for every metre driven; ``track`` (n,) counts from 0."""
-
-    x: FloatArray
-    y: FloatArray
-    heading: FloatArray
-    track: IntArray
-
-    @property
-    def tracks(self) -> int:
-        """Number of tracks."""
-        return int(self.track.max()) + 1 if len(self.track) else 0
-
-    def take(self, keep: BoolArray) -> Evidence:
-        """Return the samples where ``keep`` (n,) is True."""
-        number = np.unique(self.track[keep], return_inverse=True)[1].astype(np.int64)
-        return Evidence(x=self.x[keep], y=self.y[keep], heading=self.heading[keep], track=number)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +46,7 @@ class _Alignment:
 
 def align_tracks(
     table: TrackTable, road: Road, *, siblings: Iterable[tuple[str, Evidence]] = ()
-) -> tuple[TrackTable, str | None]:
+) -> tuple[TrackTable, tuple[str, ...]]:
     """Move a recording onto the lanes of its map if its vehicles drive beside them.
 
     Shift and rotation are the least-squares fit of moving vehicles' centres to the centrelines. A track
@@ -79,7 +56,7 @@ def align_tracks(
         siblings: name and evidence of other recordings of the site; read only if the own evidence is thin.
 
     Returns:
-        The table, and a phrase about the shift; None if the evidence is too thin or the tracks are right.
+        The table, and a phrase about the shift; none if the evidence is too thin or the tracks are right.
     """
     parts = [(table.path.name, evidence(table.vehicles))]
     if parts[0][1].tracks < OWN_TRACKS:
@@ -90,7 +67,7 @@ def align_tracks(
     pooled = thinned(_pooled([part for _, part in sorted(parts, key=lambda named: named[0])]))
     estimate = _find_alignment(pooled, road)
     if estimate is None:
-        return table, None
+        return table, ()
     alignment, before, after = estimate
     others = f", estimated from {len(parts)} recordings of the site" if len(parts) > 1 else ""
     finding = (
@@ -99,17 +76,7 @@ def align_tracks(
         f"{after:.2f} m{others})"
     )
     vehicles, rest = _moved(table.vehicles, alignment), _moved(table.others, alignment)
-    return replace(table, vehicles=vehicles, others=rest), finding
-
-
-def evidence(rows: TrackRows) -> Evidence:
-    """Return one pose for every metre that vehicles drive."""
-    joined = np.diff(rows.segment) == 0
-    step = np.where(joined, np.hypot(np.diff(rows.x), np.diff(rows.y)), 0.0)
-    mark = np.floor(np.append(0.0, np.cumsum(step)) / SAMPLE_M)
-    keep = np.append(True, ~joined | (np.diff(mark) > 0.0))[: len(rows)] & (rows.speed > MOVING_MPS)
-    track = np.unique(rows.track[keep], return_inverse=True)[1].astype(np.int64)
-    return Evidence(x=rows.x[keep], y=rows.y[keep], heading=rows.psi_rad[keep], track=track)
+    return replace(table, vehicles=vehicles, others=rest), (finding,)
 
 
 def _find_alignment(samples: Evidence, road: Road) -> tuple[_Alignment, float, float] | None:
@@ -135,22 +102,6 @@ def fitted(samples: Evidence, road: Road) -> tuple[Evidence, float, float]:
     fit = _fit(few, road)
     x, y = fit.points(few.x, few.y)
     return replace(few, x=x, y=y, heading=few.heading + fit.turn), fit.dx, fit.dy
-
-
-def on_lanes(samples: Evidence, road: Road) -> float:
-    """Return the share of samples that match a lane; 1 without samples."""
-    few = thinned(samples, most=400)
-    if not len(few.x):
-        return 1.0
-    return len(np.unique(match(road, few.x, few.y, few.heading).vehicle)) / len(few.x)
-
-
-def lane_distance(samples: Evidence, road: Road) -> float:
-    """Return the median distance of samples to the middle of their lanes, m; nan without any."""
-    few = thinned(samples)
-    stay = _Alignment(dx=0.0, dy=0.0, turn=0.0, centre=(0.0, 0.0))
-    offsets = _offsets(few, road, stay) if len(few.x) else np.zeros(0)
-    return float(np.median(np.abs(offsets))) if len(offsets) else math.nan
 
 
 def _fit(samples: Evidence, road: Road) -> _Alignment:
@@ -189,10 +140,8 @@ def _matched(
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray]:
     x, y = alignment.points(samples.x, samples.y)
     heading = wrap(samples.heading + alignment.turn)
-    matches = match(road, x, y, heading)
-    best = np.append(True, np.diff(matches.vehicle) != 0)[: len(matches.vehicle)]
-    sample = matches.vehicle[best]
-    return x, y, heading[sample] - matches.heading_error[best], sample, matches.offset[best]
+    sample, error, offset = nearest_lanes(road, x, y, heading)
+    return x, y, heading[sample] - error, sample, offset
 
 
 def _offsets(samples: Evidence, road: Road, alignment: _Alignment) -> FloatArray:
@@ -223,15 +172,6 @@ def _pooled(parts: Sequence[Evidence]) -> Evidence:
         heading=np.concatenate([part.heading for part in parts]),
         track=np.concatenate([part.track + n for part, n in zip(parts, begins[:-1], strict=True)]),
     )
-
-
-def thinned(samples: Evidence, most: int = MAX_SAMPLES) -> Evidence:
-    """Return at most so many samples, evenly taken."""
-    if len(samples.x) <= most:
-        return samples
-    chosen = np.zeros(len(samples.x), bool)
-    chosen[np.linspace(0, len(samples.x) - 1, most).astype(np.int64)] = True
-    return samples.take(chosen)
 
 
 def _moved(rows: TrackRows, alignment: _Alignment) -> TrackRows:

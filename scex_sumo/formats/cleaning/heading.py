@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.converters.tracks.rows import TrackRows
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, STANDING_MPS, TrackRows
 from scex_sumo.geometry.polylines import wrap
 
-STANDING_MPS = 0.5  # slower vehicles stand: trackers let standing vehicles drift this fast
 MOVING_MPS = 1.0  # faster than this a recorded heading can be held while standing
-FORWARD_MPS = 3.0  # faster than this a vehicle does not drive backwards or sideways
 JITTER_RAD = np.deg2rad(10.0)
 SIDEWAYS_RAD = np.deg2rad(45.0)
 

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import listed
-from scex_sumo.formats.cleaning.align import Evidence, fitted, on_lanes, thinned
+from scex_sumo.converters.datasets.repairs import Repair
+from scex_sumo.converters.tracks.evidence import Evidence, on_lanes
+from scex_sumo.formats.cleaning.align import align_tracks, fitted
 from scex_sumo.geometry.polylines import along, arc_lengths, wrap
 from scex_sumo.road import Road
-from scex_sumo.roads.matching import match
 
-MIN_SHARE_ON_LANES = 0.1  # a recording with less of its driving on lanes does not belong to its map
 FITTING_SHARE = 0.8  # with this much of the driving on lanes after a shift, the map is the right one
 MIN_GAIN = 0.05  # of the driving that a shift must bring onto lanes before the origin is doubted
 MIN_SHIFT_M = 2.0  # of an origin in doubt
@@ -39,17 +38,6 @@ def explain_mismatch(samples: Evidence, road: Road) -> str:
             "--origin LAT,LON"
         )
     return "no other origin puts them on lanes, so the tracks belong to another map; give that map"
-
-
-def on_closed_lanes(samples: Evidence, road: Road) -> str | None:
-    """Return a phrase with the remedy if most samples lie on lanes that the map closes to cars."""
-    lanes = {i: replace(lane, kind="vehicle") for i, lane in road.lanes.items() if lane.kind != "vehicle"}
-    few = thinned(samples, most=400)
-    matches = match(replace(road, lanes=lanes), few.x, few.y, few.heading)
-    if 2 * len(np.unique(matches.vehicle)) <= len(few.x):
-        return None
-    names = sorted({lanes[int(i)].subtype or str(i) for i in matches.lane_id})
-    return f"they are on lanes that the map closes to cars: {listed(names)}; allow cars there"
 
 
 def doubt_place(samples: Evidence, road: Road) -> str | None:
@@ -122,3 +110,6 @@ def _dense(line: FloatArray) -> FloatArray:
     s = np.arange(0.0, arc[-1], CELL_M / 2.0)
     segment = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(line) - 2)
     return np.column_stack((along(line, s), np.arctan2(*np.diff(line, axis=0)[segment].T[::-1])))
+
+
+PLACE = Repair(order=1, align=align_tracks, doubt=doubt_place, explain=explain_mismatch)

@@ -9,8 +9,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import listed
-from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
-from scex_sumo.formats.cleaning.heading import FORWARD_MPS, STANDING_MPS, repair_headings
+from scex_sumo.converters.datasets.repairs import Repair
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, STANDING_MPS, TrackRows, TrackTable, segments_of
+from scex_sumo.formats.cleaning.heading import repair_headings
 from scex_sumo.formats.cleaning.smooth import derivative, position_noise, smooth
 
 # A step this long is a jump, if it is also so much longer than the track's usual step there.
@@ -310,3 +311,6 @@ def _off_middle(
     single_before = ~has_before | (np.roll(size, 1) == 1)
     single_after = ~has_after | (np.roll(size, -1) == 1)
     return np.where(count[group] > 0.0, off, np.inf), single_before & single_after
+
+
+TRACKS = Repair(tracks=repair_tracks)

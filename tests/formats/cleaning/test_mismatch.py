@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.formats.cleaning.align import Evidence
+from scex_sumo.converters.tracks.evidence import Evidence
 from scex_sumo.formats.cleaning.mismatch import doubt_place, explain_mismatch
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import arc, lane, road
