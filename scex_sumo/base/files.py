@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -57,6 +58,18 @@ def write_atomic(path: Path, content: bytes) -> None:
 def sha256_of(file: Path) -> str:
     """Return the SHA-256 of a file."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+_DIGITS = 64  # of an identity, a SHA-256
+
+
+def identity_in(file: Path) -> str | None:
+    """Return the identity of a result in a JSON file; None if it is missing, damaged or not ours."""
+    try:
+        identity = json.loads(file.read_bytes())["identity"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return identity if isinstance(identity, str) and len(identity) == _DIGITS else None
 
 
 def remove_unfinished(folder: Path) -> None:

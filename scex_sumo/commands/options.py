@@ -37,7 +37,7 @@ def complete_results(incomplete: str) -> list[str]:
 MapPath = Annotated[
     Path,
     typer.Argument(
-        metavar="MAP", help="Lanelet2, CommonRoad, SUMO, OpenDRIVE, Argoverse 2, ScenarioNet, ..."
+        metavar="MAP", help="Lanelet2, CommonRoad, SUMO, OpenDRIVE, Argoverse 2, ..., or a folder with one."
     ),
 ]
 Origin = Annotated[

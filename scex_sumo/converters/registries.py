@@ -159,16 +159,16 @@ def map_format(path: Path) -> MapFormat:
     return next(_recognised(MapFormat, path))
 
 
+def is_map(path: Path) -> bool:
+    """Whether a file is a map, by its name, else by its beginning."""
+    *others, _ = _entries(MapFormat)
+    return path.suffix == ".osm" or any(entry.is_mine(path) for entry in others)
+
+
 def refuse_folder(path: Path) -> None:
     """Refuse a folder that is given as a map."""
     if path.is_dir():
-        *others, _ = _entries(MapFormat)
-        maps = (
-            file.name
-            for file in sorted(path.iterdir())
-            if file.suffix == ".osm" or any(entry.is_mine(file) for entry in others)
-        )
-        example = next(maps, "")
+        example = next((file.name for file in sorted(path.iterdir()) if is_map(file)), "")
         raise MapError(f"{path}: a folder; give a map{f' in it, e.g. {example}' if example else ''}")
 
 

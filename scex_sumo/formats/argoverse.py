@@ -18,11 +18,11 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import MAX_ITEMS, box_table, checked, one_line, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
-from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, is_argoverse, is_argoverse_map
+from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, AV2_POSES, is_argoverse, is_argoverse_map
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 
-POSES, EGO = "city_SE3_egovehicle.feather", "EGO_VEHICLE"
+EGO = "EGO_VEHICLE"
 EGO_SIZE_M, EGO_CENTRE_M = (4.87, 1.85), 1.42
 """Ford Fusion; the pose is that of the rear axle, and the centre lies so far ahead of it."""
 _KINDS = {
@@ -93,13 +93,15 @@ def _scenario(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
 def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
     from pyarrow import feather
 
-    boxes, poses = feather.read_table(path), feather.read_table(path.with_name(POSES))
+    if not path.exists():
+        raise TrackError(f"{path}: no such file; the test logs are published without boxes: give another log")
+    boxes, poses = feather.read_table(path), feather.read_table(path.with_name(AV2_POSES))
     turns = ("qw", "qx", "qy", "qz")
     wanted = ("track_uuid", "category", "timestamp_ns", "tx_m", "ty_m", "length_m", "width_m", *turns)
     names, kinds, time, x, y, length, width, *turn = _columns(boxes, wanted)
     pose_time, ego_x, ego_y, *ego_turn = _columns(poses, ("timestamp_ns", "tx_m", "ty_m", *turns))
     if not len(pose_time):
-        raise TrackError(f"{path.with_name(POSES)}: no pose in it; fetch the file again")
+        raise TrackError(f"{path.with_name(AV2_POSES)}: no pose in it; fetch the file again")
     order = np.argsort(pose_time)
     pose_time, ego_x, ego_y = (column[order] for column in (pose_time, ego_x, ego_y))
     ego_yaw = np.unwrap(yaw_of(*(column[order] for column in ego_turn)))
@@ -148,9 +150,13 @@ def _kinds(names: Sequence[str], kinds: Sequence[str]) -> dict[str, str]:
 
 def _tracks(path: Path) -> Path | None:
     scenario = path.with_name(path.name.replace("log_map_archive_", "scenario_")).with_suffix(".parquet")
-    return next(
-        (file for file in (scenario, *(path.parent.parent / n for n in AV2_BOXES)) if file.is_file()), None
-    )
+    return scenario if scenario.is_file() else _boxes(path.parent.parent)
+
+
+def _boxes(log: Path) -> Path | None:
+    """Return the boxes of a log, which need not exist: those of the test logs are not published."""
+    there = next((file for name in AV2_BOXES if (file := log / name).is_file()), None)
+    return there or (log / AV2_BOXES[1] if (log / AV2_POSES).is_file() else None)
 
 
 def _map_of(path: Path) -> Path:
@@ -160,12 +166,15 @@ def _map_of(path: Path) -> Path:
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
+    known: set[Path] = set()
     for path in files:
-        if path.name == AV2_BOXES[1] and path.with_name(AV2_BOXES[0]).is_file():
+        boxes = path if path.suffix == ".parquet" else _boxes(path.parent)
+        if boxes is None or boxes in known:
             continue
+        known.add(boxes)
         map_path = _map_of(path)
         name = _name(map_path)
-        yield Recording(name=name, site=name, dataset="argoverse", map_path=map_path, track_paths=(path,))
+        yield Recording(name=name, site=name, dataset="argoverse", map_path=map_path, track_paths=(boxes,))
 
 
 def _name(path: Path) -> str:

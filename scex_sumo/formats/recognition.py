@@ -13,6 +13,7 @@ XML = (".xml", ".xml.gz")
 FCD_ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
 LEVELX_TRACKS, LEVELX_META = "_tracks.csv", "_recordingMeta.csv"
 AV2_MAP, AV2_BOXES = "log_map_archive_*.json", ("annotations_with_ego.feather", "annotations.feather")
+AV2_POSES = "city_SE3_egovehicle.feather"
 PY123D_LOG = "sync.arrow"
 SIND_VEHICLES, SIND_WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
 _CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")
@@ -129,8 +130,8 @@ def is_argoverse_map(path: Path) -> bool:
 
 
 def is_argoverse(path: Path) -> bool:
-    """Whether a file is a scenario or the boxes of a log of Argoverse 2."""
-    return path.name in AV2_BOXES or path.match("scenario_*.parquet")
+    """Whether a file is a scenario, or the boxes or poses of a log, of Argoverse 2."""
+    return path.name in (*AV2_BOXES, AV2_POSES) or path.match("scenario_*.parquet")
 
 
 def is_opendd_map(path: Path) -> bool:

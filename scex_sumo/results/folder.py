@@ -19,14 +19,13 @@ import pyarrow.parquet as pq
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ResultError
-from scex_sumo.base.files import lock, remove_unfinished, replacing, unlock, write_atomic
+from scex_sumo.base.files import identity_in, lock, remove_unfinished, replacing, unlock, write_atomic
 from scex_sumo.results.extras import extra_types
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 
 PENDING = "incomplete.json"
 _COPY = ".incomplete.json"  # used if `PENDING` is damaged
-_DIGITS = 64  # of an identity, a SHA-256
 _Folder = TypeVar("_Folder", bound="OutputFolder")
 
 
@@ -75,7 +74,7 @@ class OutputFolder:
         """Clear the folder unless it holds the same result; refuse one of another program."""
         names = (PENDING, _COPY, self.info)
         there = [name for name in names if (self.path / name).is_file()]
-        identities = [found for name in there if (found := _identity_in(self.path / name))]
+        identities = [found for name in there if (found := identity_in(self.path / name))]
         if self.identity in identities:
             return
         remedy = "give another folder with -o, or --overwrite to replace it"
@@ -120,14 +119,6 @@ class OutputFolder:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _identity_in(file: Path) -> str | None:
-    try:
-        identity = json.loads(file.read_bytes())["identity"]
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return None
-    return identity if isinstance(identity, str) and len(identity) == _DIGITS else None
 
 
 def as_json(content: Mapping[str, Any], *, indent: int | None = None, allow_nan: bool = True) -> str:

@@ -29,7 +29,7 @@ def read_seed(
     """Read one moment of a recording, with its map; notes on both are `ScexWarning`.
 
     Args:
-        map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
+        map_path: a map, or a folder with one recording and its map.
         tracks: a track file in INTERACTION format, a CommonRoad scenario, or a folder with the chunks of a
             CommonRoad recording; None: the dataset's folder layout, or a CommonRoad map's vehicles.
         case: of a file with ``case_id``; None: the busiest one.
@@ -49,13 +49,13 @@ def read_seed(
         >>> scex.read_seed(scex.example_path("roundabout"), time=4.0).vehicles
         14
     """
-    from scex_sumo.converters.datasets.find import find_tracks
+    from scex_sumo.converters.datasets.find import find_tracks, map_and_tracks
     from scex_sumo.converters.datasets.recordings import recorded_scene
     from scex_sumo.converters.maps import read_map
 
-    map_path = Path(map_path)
+    map_path, given = map_and_tracks(Path(map_path), None if tracks is None else Path(tracks))
     try:
-        track_path = Path(tracks) if tracks is not None else find_tracks(map_path)
+        track_path = find_tracks(map_path) if given is None else given
     except TrackError:
         read_map(map_path)  # no map is the likelier reason
         raise

@@ -152,6 +152,19 @@ def test_boxes_of_a_log_lie_in_the_city_with_the_ego_among_them(tmp_path: Path, 
     np.testing.assert_allclose(rows.y[me], 200.0 + (1.4 if ego else 1.42) + 11.0 * streets.TIMES, atol=1e-6)
 
 
+def test_a_log_of_the_test_split_says_that_its_boxes_are_not_published(tmp_path: Path) -> None:
+    sensor_log(tmp_path, "annotations.feather", ego=False).unlink()
+    (tmp_path / "map").mkdir()
+    the_map = tmp_path / "map" / "log_map_archive_0.json"
+    the_map.write_text(json.dumps(map_content()))
+    (recording,) = find_recordings([tmp_path])
+    for read in (lambda: load_recording(recording), lambda: read_seed(the_map), lambda: read_seed(tmp_path)):
+        with pytest.raises(
+            TrackError, match=r"annotations\.feather: no such file; the test logs are published"
+        ):
+            read()
+
+
 @pytest.mark.parametrize("key", ["lane_segments", "pedestrian_crossings"])
 def test_a_map_without_a_part_is_one_line(scenario: Path, key: str) -> None:
     content = map_content()

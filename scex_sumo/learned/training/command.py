@@ -198,9 +198,10 @@ def _checkpoints(out: Path) -> Path:
 def _recordings(
     roots: Sequence[Path], leave_out: Sequence[str], validation: Sequence[str]
 ) -> tuple[Recording, ...]:
-    from scex_sumo.converters.datasets.recordings import find_recordings
+    from scex_sumo.converters.datasets.find import find_recordings, left_out
 
     recordings = find_recordings(roots)
+    warn(left_out(roots))
     sites = sorted({recording.site for recording in recordings})
     names = sorted({recording.name for recording in recordings})
     for option, given, known in (("leave-out", leave_out, sites + names), ("validation", validation, names)):

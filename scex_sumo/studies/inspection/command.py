@@ -39,6 +39,7 @@ def inspect_command(
     """List the moments of a recording, or the vehicles of one."""
     from scex_sumo.commands.answers import inspect_answer
     from scex_sumo.commands.console import output_console
+    from scex_sumo.converters.datasets.find import left_out, map_and_tracks
     from scex_sumo.converters.datasets.moment import busiest
     from scex_sumo.converters.datasets.recordings import (
         load_recording,
@@ -54,6 +55,8 @@ def inspect_command(
         raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
     if out is not None and out.suffix != ".html":
         raise UsageError(f"-o {out}: unknown ending; known: .html")
+    warn(left_out([map_path] if map_path.is_dir() else []))
+    map_path, tracks = map_and_tracks(map_path, tracks)
     zero = parse_origin(origin) if origin is not None else None
     loaded = load_recording(recording_of(map_path, tracks), zero)
     console = output_console(width=110)

@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
-from scex_sumo.converters.datasets.recordings import find_recordings
+from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
@@ -105,7 +105,8 @@ def rank(
     )
     if window[0] is not None and window[1] is not None and window[0] > window[1]:
         raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
-    found = find_recordings([roots] if isinstance(roots, str | Path) else roots)
+    places = [roots] if isinstance(roots, str | Path) else roots
+    found = find_recordings(places)
     recordings = tuple(replace(recording, window=window) for recording in found)
     identity = settings.to_json(recordings)
     with (
@@ -127,7 +128,7 @@ def rank(
             "children_run": sum(pc.sum(table[name]).as_py() or 0 for name in ("children", "extra")),
             "fallbacks": pc.sum(table["fallbacks"]).as_py() or 0,
             "shown": shown,
-            "notes": pool.notes(),
+            "notes": [*left_out(places), *pool.notes()],
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }

@@ -17,8 +17,9 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
+from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.converters.datasets.moment import Moment, Split
-from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, find_recordings
+from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
@@ -111,7 +112,8 @@ def validate(
         min_vehicles=min_vehicles,
         part=part,
     )
-    recordings = find_recordings([roots] if isinstance(roots, str | Path) else roots)
+    places = [roots] if isinstance(roots, str | Path) else roots
+    recordings = find_recordings(places)
     identity = settings.to_json(recordings)
     again = overwrite and (Path(out) / ForecastFolder.info).is_file()  # an interrupted one goes on
     with (
@@ -144,7 +146,7 @@ def validate(
             **identity,
             **summary(forecasts, rows["events"]),
             "failed": {name: failure.reason for name, failure in failures.items()},
-            "notes": pool.notes(),
+            "notes": [*left_out(places), *pool.notes()],
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }

@@ -1,0 +1,125 @@
+"""Folders as published: the one recording in them is taken, several are listed, results are left out."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import scex_sumo
+from scex_sumo.base.errors import MapError, ScexWarning, TrackError
+from scex_sumo.converters.datasets.find import find_recordings, left_out, map_and_tracks
+from tests.command import scex
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """One recording and its map."""
+    source = scex_sumo.example_path("roundabout")
+    (tmp_path / "data").mkdir()
+    for suffix in (".osm", ".csv"):
+        shutil.copy(source.with_suffix(suffix), tmp_path / "data" / f"a{suffix}")
+    return tmp_path / "data"
+
+
+def add_recording(folder: Path, name: str) -> None:
+    for suffix in (".osm", ".csv"):
+        (folder / f"{name}{suffix}").write_bytes((folder / f"a{suffix}").read_bytes())
+
+
+def add_result(folder: Path, info: str) -> Path:
+    """A result that holds the seed scene as a recording with its map."""
+    out = folder / "out"
+    out.mkdir()
+    add = {"a.osm": "seed.osm", "a.csv": "seed.csv"}
+    for name, copy in add.items():
+        shutil.copy(folder / name, out / copy)
+    (out / info).write_text(json.dumps({"identity": 64 * "0"}))
+    return out
+
+
+def test_a_map_stays_as_it_is_given(tmp_path: Path) -> None:
+    assert map_and_tracks(tmp_path / "a.osm") == (tmp_path / "a.osm", None)
+    assert map_and_tracks(tmp_path / "a.osm", tmp_path / "b.csv") == (tmp_path / "a.osm", tmp_path / "b.csv")
+
+
+def test_the_only_recording_of_a_folder_is_taken(folder: Path) -> None:
+    assert map_and_tracks(folder) == (folder / "a.osm", folder / "a.csv")
+    assert scex_sumo.read_seed(folder, time=4.0).vehicles == 14
+
+
+def test_tracks_choose_the_map_of_a_folder(folder: Path) -> None:
+    add_recording(folder, "b")
+    assert map_and_tracks(folder, folder / "b.csv") == (folder / "b.osm", folder / "b.csv")
+
+
+def test_several_recordings_are_listed(folder: Path) -> None:
+    add_recording(folder, "b")
+    with pytest.raises(MapError, match=r"2 recordings on 2 maps; give one of the maps: a\.osm, b\.osm$"):
+        map_and_tracks(folder)
+
+
+def test_several_recordings_of_one_map_are_listed(folder: Path) -> None:
+    tracks = folder / "recorded_trackfiles" / "a"
+    tracks.mkdir(parents=True)
+    (folder / "maps").mkdir()
+    (folder / "a.osm").rename(folder / "maps" / "a.osm")
+    for number in range(2):
+        shutil.copy(folder / "a.csv", tracks / f"vehicle_tracks_00{number}.csv")
+    (folder / "a.csv").unlink()
+    words = r"2 recordings; give one of them with --tracks: recorded_trackfiles/a/vehicle_tracks_000\.csv, "
+    with pytest.raises(MapError, match=words):
+        map_and_tracks(folder)
+
+
+def test_a_folder_with_a_map_alone_can_be_populated(folder: Path) -> None:
+    (folder / "a.csv").unlink()
+    assert map_and_tracks(folder) == (folder / "a.osm", None)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("sample_annotation.json", "nuScenes as published; convert it by py123d or ScenarioNet"),
+        ("segment-1.tfrecord", "Waymo Open Dataset as published"),
+        ("2021.db", "nuPlan as published"),
+        ("notes.txt", "looked for recorded_trackfiles"),
+    ],
+)
+def test_a_folder_without_a_recording_says_what_to_do(tmp_path: Path, name: str, words: str) -> None:
+    (tmp_path / name).touch()
+    with pytest.raises(MapError, match=words):
+        map_and_tracks(tmp_path)
+    with pytest.raises(TrackError, match=words):
+        find_recordings([tmp_path])
+
+
+@pytest.mark.parametrize("info", ["run.json", "rank.json", "validate.json", "incomplete.json"])
+def test_results_of_this_program_are_left_out_with_a_note(folder: Path, info: str) -> None:
+    out = add_result(folder, info)
+    note = f"results of this program are left out: {out}"
+    with pytest.warns(ScexWarning, match="results of this program"):
+        assert [one.name for one in find_recordings([folder])] == ["a"]
+    assert left_out([folder]) == [note]
+    assert map_and_tracks(folder) == (folder / "a.osm", folder / "a.csv")
+    with pytest.raises(TrackError, match="is a result of this program; give recordings"):
+        find_recordings([out])
+
+
+def test_a_file_of_the_same_name_by_another_program_hides_nothing(folder: Path) -> None:
+    (folder / "run.json").write_text('{"identity": "me"}')
+    assert [one.name for one in find_recordings([folder])] == ["a"]
+    assert left_out([folder]) == []
+
+
+def test_commands_take_folders_and_print_what_they_leave_out(folder: Path, tmp_path: Path) -> None:
+    add_result(folder, "run.json")
+    models = ("--models", "constant_velocity", "--every", "9", "--children", "2")
+    for words in (("inspect", folder), ("rank", folder, *models, "--first", "2", "-o", tmp_path / "r")):
+        done = scex(*words)
+        assert done.returncode == 0, done.stderr
+        assert f"note: results of this program are left out: {folder / 'out'}" in done.stderr
+    done = scex("run", folder, "--time", "4", "--children", "2", "--no-plots", "-o", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
