@@ -12,7 +12,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.converters.net.reader import NetContent, points_of, read_net
+from scex_sumo.converters.net.files import points_of
+from scex_sumo.converters.net.reader import NetContent, read_net
 from scex_sumo.geometry.polylines import begin_inside
 
 LATERAL_MPS2 = 2.5  # usual in curves: 2 to 3

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 
 from scex_sumo.base.errors import MapError, ScexError, listed
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.net.reader import unpacked, xml_root
+from scex_sumo.converters.net.files import unpacked, xml_root
 
 _ATTRIBUTES = {
     "net": "version junctionCornerDetail junctionLinkDetail lefthand rectangularLaneCut walkingareas"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 from xml.etree import ElementTree
 
-from scex_sumo.converters.net.reader import points_of
+from scex_sumo.converters.net.files import points_of
 from scex_sumo.geometry.polylines import length_of
 
 KEY = "lanelets"

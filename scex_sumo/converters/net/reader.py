@@ -5,14 +5,12 @@ sumolib drops the lane changes that a lane forbids.
 
 from __future__ import annotations
 
-import zlib
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -20,12 +18,11 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.naming import open_binary
+from scex_sumo.converters.net.files import net_root, points_of
 from scex_sumo.road import Georeference
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
 MAX_M = 1e8  # of coordinates
-DECIMALS = 3  # millimetres: what SUMO's tools expect
 CAR = "passenger"
 
 Made = TypeVar("Made")
@@ -133,46 +130,6 @@ class NetContent:
             offset = offset + np.array([place.east_m, place.north_m])
         lanes = {i: replace(lane, shape=lane.shape - offset) for i, lane in self.lanes.items()}
         return replace(self, lanes=lanes, offset=offset)
-
-
-def unpacked(path: Path) -> bytes:
-    """Read a net or another file of SUMO's, gzipped or not."""
-    try:
-        with open_binary(path) as file:
-            return file.read()
-    except FileNotFoundError:
-        raise MapError(f"{path}: no such net; convert the map first") from None
-    except (OSError, EOFError, zlib.error) as error:
-        raise MapError(f"{path}: cannot be read: {error}; check the path of the net") from None
-
-
-def xml_root(path: Path, content: bytes) -> Element:
-    """Parse the content of a net or another file of SUMO's."""
-    try:
-        return ElementTree.fromstring(content)
-    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
-        raise MapError(f"{path}: not XML ({error}); build the net again with netconvert") from None
-
-
-def net_root(path: Path) -> Element:
-    """Return the XML root element of a net."""
-    root = xml_root(path, unpacked(path))
-    if root.tag != "net":
-        raise MapError(f"{path}: no SUMO net, its root element is <{root.tag}>; give a SUMO .net.xml")
-    return root
-
-
-def points_of(shape: str) -> FloatArray:
-    """Return the points (P, 2) of a shape; SUMO may mix points with and without a height."""
-    return np.array([point.split(",")[:2] for point in shape.split()], dtype=np.float64).reshape(-1, 2)
-
-
-def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
-    """Format a polyline as SUMO does: ``x,y x,y``."""
-    # Adding 0.0 turns a rounded -0.0 into 0.0.
-    return " ".join(
-        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
-    )
 
 
 def read_net(path: Path) -> NetContent:

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 
 from scex_sumo.base.errors import InputError, MapError
 from scex_sumo.converters.net.allowed import refuse_outputs
-from scex_sumo.converters.net.reader import net_root
+from scex_sumo.converters.net.files import net_root
 from scex_sumo.road import MapLoss
 
 

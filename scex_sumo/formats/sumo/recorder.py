@@ -22,7 +22,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS
-from scex_sumo.converters.net.reader import net_root
+from scex_sumo.converters.net.files import net_root
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.imported import kept_net

@@ -12,8 +12,8 @@ from scex_sumo.converters.lanelet.file import write_map_file
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from tests.converters.maps import ROAD, straight, write_map
-from tests.converters.mutated.mutations import example, renamed
 from tests.converters.sumo_roads import NetFile
+from tests.lanelet2sumo.mutated.mutations import example, renamed
 
 
 @pytest.fixture

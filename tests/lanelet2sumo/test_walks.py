@@ -17,8 +17,8 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reader import read_net
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Regulation, Road
-from tests.converters.net.walkers import ROUNDABOUT_ARMS, contacts, crosswalk, with_lanes
 from tests.converters.sumo_roads import SUMO, NetFile, lane, load, road
+from tests.lanelet2sumo.walkers import ROUNDABOUT_ARMS, contacts, crosswalk, with_lanes
 
 EAST, WEST = lane(1, [(-100, -1.75), (100, -1.75)]), lane(2, [(100, 1.75), (-100, 1.75)])
 CROSSWALK = (7, [(0, -5), (0, 5)])

@@ -13,9 +13,9 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reader import read_net
 from scex_sumo.lanelet2sumo.judge.driving import border_routes
 from scex_sumo.lanelet2sumo.judge.report import check_net
-from tests.converters.mutated.mutations import EXAMPLES
-from tests.converters.mutated.windows import WAYS, judge
 from tests.converters.sumo_roads import NetFile, lane, road
+from tests.lanelet2sumo.mutated.mutations import EXAMPLES
+from tests.lanelet2sumo.mutated.windows import WAYS, judge
 
 # Each once lost a conflict to a stub, put a car in others' way, or came to a standstill.
 CUTS = [

@@ -12,9 +12,9 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.generators.demand import Network
 from scex_sumo.lanelet2sumo.judge.report import FidelityReport, check_net, drive_net
 from scex_sumo.road import Lane, Road
-from tests.converters.mutated.cut_roads import cut_road
-from tests.converters.mutated.mutations import example, lit, read, renamed, torn, without
 from tests.converters.sumo_roads import NetFile, lane, road
+from tests.lanelet2sumo.mutated.cut_roads import cut_road
+from tests.lanelet2sumo.mutated.mutations import example, lit, read, renamed, torn, without
 
 CROSSING = "urban_intersection"
 APPROACHES = ((30000, 30001), (30008,), (30012, 30013), (30020, 30021))

@@ -1,6 +1,6 @@
 """Maps cut as people cut them: by a window, by losing lanelets, with roads that end in the middle.
 
-python -m tests.converters.mutated.windows MAP... [--cuts 18] [--first 0]    # every cut judged and driven
+python -m tests.lanelet2sumo.mutated.windows MAP... [--cuts 18] [--first 0]    # every cut judged and driven
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.geometry.polylines import cut, length_of, nearest, samples
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Road
-from tests.converters.mutated.cut_roads import cut_road, overlap
+from tests.lanelet2sumo.mutated.cut_roads import cut_road, overlap
 
 SHORTEST_M = 1.0  # of what a window leaves of a lane
 STEP_M = 0.25
