@@ -22,10 +22,6 @@ import numpy as np
 import scex_sumo
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.certainty.tables import InfluenceTable
-from scex_sumo.extrapolation.engine import add_reference
-from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.page.report import write_report
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
@@ -96,13 +92,13 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float,
         spent = {}
         for exact in (False, True):
             begin = time.process_time()
-            run = scex_sumo.extrapolate(scene, out=Path(folder) / f"exact_{exact}", exact=exact)
+            run = scex_sumo.extrapolate(
+                scene, out=Path(folder) / f"exact_{exact}", exact=exact, reference=None, report=False
+            )
             spent[exact] = time.process_time() - begin
         begin = time.process_time()
-        with Workers(1) as pool:
-            add_reference(run, scene, "likely", RunSettings(), workers=pool)
-        write_report(run, scene)
-        rest = time.process_time() - begin
+        scex_sumo.extrapolate(scene, out=Path(folder) / "whole", exact=False)
+        rest = time.process_time() - begin - spent[False]
         fresh = scex_sumo.extrapolate(
             scene,
             children=count,
@@ -111,9 +107,11 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float,
             world="plain",
             metrics=["gap"],
             exact=False,
+            reference=None,
+            report=False,
             out=Path(folder) / "fresh",
         )
-        found = run.exact
+        found = scex_sumo.exact_of(run)
         assert found is not None
         tables = {key: table for key, table in found.tables.items() if key[2] == "collision"}
         sampled = [key for key in found.sampled if key[2] == "collision"]
@@ -123,7 +121,7 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float,
         ]
         sizes = np.bincount([len(table.track_ids) for table in tables.values()], minlength=9)[1:]
         limit = max((table.remainder for table in tables.values()), default=3 / found.checked)
-        any_exact = found.p_collision()
+        any_exact = found.probability()
         extra, whole = spent[True] - spent[False], spent[False] + rest
         cells = (
             name,
@@ -132,9 +130,9 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float,
             len(tables),
             " ".join(f"{k}:{n}" for k, n in enumerate(sizes.tolist(), 1) if n) or "–",
             found.extra,
-            (run.p_collision.value and f"{run.p_collision.value:.2%}") or "0 %",
+            f"{run.collision.sampled.value:.2%}",
             "sampled" if any_exact is None else f"{any_exact:.2%}",
-            f"{fresh.p_collision.value:.2%}",
+            f"{fresh.collision.sampled.value:.2%}",
             f"{sum(share > 0 for share in shares)}, {max(shares, default=0):.2%}",
             f"{limit:.2%}",
             f"{extra / whole:.2f}",

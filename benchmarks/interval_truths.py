@@ -132,7 +132,13 @@ def _run(scene: SeedScene, file: Path) -> None:
         try:
             # The plain world gives what SUMO gives, faster.
             run = scex_sumo.extrapolate(
-                scene, models=DEFAULT_MODELS, children="all", world="plain", out=Path(folder) / "out"
+                scene,
+                models=DEFAULT_MODELS,
+                children="all",
+                world="plain",
+                reference=None,
+                report=False,
+                out=Path(folder) / "out",
             )
         except ScexError as error:
             print(f"{file.stem}: left out: {error}", flush=True)

@@ -72,6 +72,8 @@ def whole_run(map_path: Path, tracks: Path, out: Path, options: argparse.Namespa
     return scex_sumo.extrapolate(
         scene,
         models=options.models,
+        reference=None,
+        report=False,
         children=options.children,
         steps=options.steps,
         replan=options.replan,

@@ -133,7 +133,15 @@ def ours() -> None:
 
         def run() -> None:
             out = Path(folder) / "out"
-            scex_sumo.extrapolate(seed, models=["standard_driver"], children=64, out=out, overwrite=True)
+            scex_sumo.extrapolate(
+                seed,
+                models=["standard_driver"],
+                children=64,
+                reference=None,
+                report=False,
+                out=out,
+                overwrite=True,
+            )
 
         run()  # imports
         spent = rooms(run)

@@ -115,11 +115,13 @@ def measure(map_path: Path, vehicles: int, children: int, steps: int, copies: in
     small = synthetic_seed(map_path, vehicles=PER_COPY)
     assert small.road is not None
     scene = copied_scene(small, copied_road(small.road, copies), vehicles)
-    scex_sumo.extrapolate(small, children=2, steps=5)  # imports
+    scex_sumo.extrapolate(small, children=2, steps=5, reference=None, report=False)  # imports
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     begin = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
-        scex_sumo.extrapolate(scene, children=children, steps=steps, out=Path(folder) / "out")
+        scex_sumo.extrapolate(
+            scene, children=children, steps=steps, reference=None, report=False, out=Path(folder) / "out"
+        )
         spent = time.process_time() - begin
         size = sum(f.stat().st_size for f in (Path(folder) / "out").rglob("*") if f.is_file())
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

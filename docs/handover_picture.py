@@ -43,7 +43,9 @@ MIDDLE, AROUND_M = np.array([1005.0, 1012.0]), 48.0
 
 def main() -> None:
     """Run, show, export, read, draw."""
-    run = scex.extrapolate(scex.read_seed(scex.example_path("urban_intersection")), children=40)
+    run = scex.extrapolate(
+        scex.read_seed(scex.example_path("urban_intersection")), children=40, reference=None
+    )
     child = 3
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

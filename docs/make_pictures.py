@@ -31,7 +31,6 @@ from scex_sumo.exporters.request import Request
 from scex_sumo.exporters.video import Film
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate_pairs
-from scex_sumo.page.report import write_report
 from scex_sumo.reports.drawing import STYLE
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
@@ -53,7 +52,7 @@ def report() -> None:
     seek = "(slider, step) => { slider.value = step; slider.dispatchEvent(new Event('input')) }"
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as browsers:
         run = scex.extrapolate(scex.read_seed(scex.example_path("roundabout")), out=Path(folder, "out"))
-        page_path = write_report(run, scex.read_seed(scex.example_path("roundabout")))
+        page_path = run.written["report"]
         browser = browsers.chromium.launch(
             executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu", "--disable-quic"]
         )
@@ -291,7 +290,13 @@ def going_first() -> None:
     scene = scex.read_seed(scex.example_path("roundabout"), time=CROSSING_S)
     with tempfile.TemporaryDirectory() as folder, mpl.rc_context(STYLE):
         run = scex.extrapolate(
-            scene, models="joint_predictor", children=24, steps=70, exact=False, out=Path(folder, "out")
+            scene,
+            models="joint_predictor",
+            children=24,
+            steps=70,
+            exact=False,
+            reference=None,
+            out=Path(folder, "out"),
         )
         pair = [scene.track_ids.tolist().index(track) for track in CROSSING]
         ways = np.array([[(v.x, v.y) for v in (run.states(c)[k] for k in pair)] for c in range(run.children)])

@@ -14,9 +14,14 @@ from scex_sumo.base.version import __version__
 if TYPE_CHECKING:
     from scex_sumo.base.errors import ScexError as ScexError
     from scex_sumo.base.errors import ScexWarning as ScexWarning
+    from scex_sumo.base.options import option as option
     from scex_sumo.behaviors.base import Behavior as Behavior
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
+    from scex_sumo.behaviors.registry import predictor as predictor
+    from scex_sumo.certainty.results import Exact as Exact
+    from scex_sumo.certainty.results import exact_of as exact_of
+    from scex_sumo.certainty.results import weighted_probability as weighted_probability
     from scex_sumo.converters.datasets.find import find_recordings as find_recordings
     from scex_sumo.converters.datasets.recordings import LoadedRecording as LoadedRecording
     from scex_sumo.converters.datasets.recordings import load_recording as load_recording
@@ -33,6 +38,9 @@ if TYPE_CHECKING:
     from scex_sumo.exporters.scene_graph import to_hetero_data as to_hetero_data
     from scex_sumo.exporters.scene_graph import to_networkx as to_networkx
     from scex_sumo.extrapolation.extrapolate import extrapolate as extrapolate
+    from scex_sumo.extrapolation.extras import Extra as Extra
+    from scex_sumo.extrapolation.extras import Work as Work
+    from scex_sumo.extrapolation.settings import RunSettings as RunSettings
     from scex_sumo.formats.sumo.watch import Watch as Watch
     from scex_sumo.formats.sumo.watch import watch as watch
     from scex_sumo.learned.scene_graph.graph import SceneGraph as SceneGraph
@@ -44,6 +52,9 @@ if TYPE_CHECKING:
     from scex_sumo.plug_in.inputs import Surroundings as Surroundings
     from scex_sumo.plug_in.predictor import Predictor as Predictor
     from scex_sumo.plug_in.user_model import predictor as predictor
+    from scex_sumo.results.extras import ExactProbability as ExactProbability
+    from scex_sumo.results.extras import Row as Row
+    from scex_sumo.results.probability import Probability as Probability
     from scex_sumo.results.region import Region as Region
     from scex_sumo.results.run import Run as Run
     from scex_sumo.results.run import open_run as open_run
@@ -66,15 +77,21 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Behavior": "scex_sumo.behaviors.base",
+    "Exact": "scex_sumo.certainty.results",
+    "ExactProbability": "scex_sumo.results.extras",
+    "Extra": "scex_sumo.extrapolation.extras",
     "Lane": "scex_sumo.road",
     "LoadedRecording": "scex_sumo.converters.datasets.recordings",
     "Plan": "scex_sumo.scene",
     "Predictor": "scex_sumo.plug_in.predictor",
+    "Probability": "scex_sumo.results.probability",
     "Ranking": "scex_sumo.studies.rank.rank",
     "Recording": "scex_sumo.converters.registries",
     "Region": "scex_sumo.results.region",
     "Road": "scex_sumo.road",
+    "Row": "scex_sumo.results.extras",
     "Run": "scex_sumo.results.run",
+    "RunSettings": "scex_sumo.extrapolation.settings",
     "Samples": "scex_sumo.metrics.pairs.scenes",
     "SceneGraph": "scex_sumo.learned.scene_graph.graph",
     "SceneHistory": "scex_sumo.scene",
@@ -89,16 +106,19 @@ _HOMES = {
     "UnderTest": "scex_sumo.studies.under_test.results",
     "Validation": "scex_sumo.studies.validate.validate",
     "VehicleIndex": "scex_sumo.scene",
+    "Work": "scex_sumo.extrapolation.extras",
     "Watch": "scex_sumo.formats.sumo.watch",
     "behavior": "scex_sumo.behaviors.registry",
     "convert": "scex_sumo.converters.net.convert",
     "dataset_report": "scex_sumo.studies.dataset_report",
+    "exact_of": "scex_sumo.certainty.results",
     "example_path": "scex_sumo.scenarios",
     "extrapolate": "scex_sumo.extrapolation.extrapolate",
     "find_recordings": "scex_sumo.converters.datasets.find",
     "load_recording": "scex_sumo.converters.datasets.recordings",
     "metric": "scex_sumo.metrics.registry",
     "open_run": "scex_sumo.results.run",
+    "option": "scex_sumo.base.options",
     "parse_models": "scex_sumo.behaviors.registry",
     "plot_attention": "scex_sumo.learned.training.attention",
     "plot_scene_graph": "scex_sumo.exporters.scene_graph",
@@ -115,6 +135,7 @@ _HOMES = {
     "to_networkx": "scex_sumo.exporters.scene_graph",
     "track_rows": "scex_sumo.converters.tracks.rows",
     "validate": "scex_sumo.studies.validate.validate",
+    "weighted_probability": "scex_sumo.certainty.results",
     "watch": "scex_sumo.formats.sumo.watch",
 }
 

@@ -13,6 +13,7 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.behaviors import registry as models
 from scex_sumo.metrics import registry as metrics
+from tests.runs import extrapolate
 
 NEEDS = {"to_hetero_data": "torch_geometric", "to_networkx": "networkx"}
 
@@ -21,7 +22,7 @@ NEEDS = {"to_hetero_data": "torch_geometric", "to_networkx": "networkx"}
 def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the examples use: the package, NumPy, a seed scene, a run of it."""
     scene = scex.read_seed(scex.example_path("roundabout"))
-    run = scex.extrapolate(scene, children=4, seed=1, out=tmp_path_factory.mktemp("run") / "out")
+    run = extrapolate(scene, children=4, seed=1, out=tmp_path_factory.mktemp("run") / "out")
     return {"scex": scex, "np": np, "Path": Path, "scene": scene, "run": run}
 
 

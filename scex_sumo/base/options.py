@@ -26,7 +26,7 @@ class Option:
         help: one line.
         metavar: placeholder of the value.
         names: on the command line; empty for that of the field. ``--on/--off`` for a flag with two names.
-        text: the command line takes text, None if it is not given.
+        takes: type that the command line takes, None if the option is not given; None for the field's type.
         several: the option is repeatable; the command line takes a list of texts.
         read: turns the text or texts into the value; None keeps it.
         complete: completes a value in a shell.
@@ -35,7 +35,7 @@ class Option:
     help: str
     metavar: str | None = None
     names: tuple[str, ...] = ()
-    text: bool = False
+    takes: type | None = None
     several: bool = False
     read: Callable[[Any], Any] | None = None
     complete: Callable[[str], list[str]] | None = None
@@ -59,7 +59,7 @@ def from_command_line(kind: type, given: Mapping[str, Any]) -> dict[str, Any]:
     values = {}
     for name, one in options_of(kind).items():
         value = given.get(name)
-        if name in given and not ((one.text or one.several) and value in (None, [])):
+        if name in given and not ((one.takes or one.several) and value in (None, [])):
             values[name] = value if one.read is None else one.read(value)
     return values
 

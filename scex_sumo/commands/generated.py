@@ -44,8 +44,8 @@ def parameters_of(kind: type) -> list[inspect.Parameter]:
 def _parameter(one: Field[Any], about: Option, hint: Any) -> inspect.Parameter:
     if about.several:
         hint, default = list[str] | None, None
-    elif about.text:
-        hint, default = str | None, None
+    elif about.takes is not None:
+        hint, default = about.takes | None, None
     else:
         default = None if one.default is MISSING else one.default
     names = about.names or ((f"--{one.name.replace('_', '-')}",) if hint is not bool else ())

@@ -15,7 +15,7 @@ from scex_sumo.commands.generated import with_options
 from scex_sumo.commands.options import MapPath
 from scex_sumo.commands.seed import seed_scene
 from scex_sumo.commands.shared import COMMANDS, Answer
-from scex_sumo.extrapolation.engine import run_scene
+from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.extrapolate import run_options
 from scex_sumo.extrapolation.extras import extra_named, extras_of
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
@@ -40,12 +40,13 @@ def run_command(map_path: MapPath, **given: Any) -> Answer:
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
     extras = [*extras_of({name: value for own in values[3:] for name, value in own.items()})]
     extras += [extra_named(one) for one in options.extra]
+    models = checked_models(settings, options, extras)
     with Workers(1 if options.gui else min(options.workers, settings.count or options.workers)) as pool:
         scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)  # while workers start
         folder = Path(options.out) if options.out is not None else Path("out") / scene.name
         options = replace(options, out=folder)
         with resumable("futures", folder):
-            run = run_scene(scene, settings, workers=pool, options=options, extras=extras)
+            run = run_scene(scene, settings, workers=pool, options=options, extras=extras, models=models)
     _tell(run, given["preset"])
     shown, option = _worst_option(run)
     words = " ".join(f"--{name} {value}" for name, value in option.items())

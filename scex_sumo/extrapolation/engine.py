@@ -44,13 +44,21 @@ def run_scene(
     workers: Workers,
     options: RunOptions = DEFAULT_OPTIONS,
     extras: Sequence[Extra] = (),
+    models: ModelSet | None = None,
 ) -> Run:
     """Simulate and measure the futures of a seed scene that has a road, then let the extras work.
+
+    Args:
+        models: what `checked_models` returned for these settings; None builds them.
 
     Raises:
         ScexError: as of `extrapolate`.
     """
-    watch, models = _Stopwatch(), _checked_models(scene, settings, options, extras)
+    watch, models = _Stopwatch(), models or checked_models(settings, options, extras)
+    if scene.road is None:
+        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
+    settings.check_size(settings.count or 1, scene.vehicles)
+    settings.counted.vehicles(scene)  # an error now
     assignment = _assignment(scene, settings, models, keep=options.cache)
     models.try_on(scene, seed=settings.seed)
     temporary = TemporaryFolder() if options.out is None else None
@@ -95,17 +103,12 @@ def run_scene(
     return run
 
 
-def _checked_models(
-    scene: SeedScene, settings: RunSettings, options: RunOptions, extras: Sequence[Extra]
-) -> ModelSet:
-    if scene.road is None:
-        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
-    settings.check_size(settings.count or 1, scene.vehicles)
-    settings.counted.vehicles(scene)  # an error now
+def checked_models(settings: RunSettings, options: RunOptions, extras: Sequence[Extra]) -> ModelSet:
+    """Build the models of a run; raise a `UsageError` for what can be known without the seed scene."""
     models = ModelSet.of(settings)
     check_world(settings, models, gui=options.gui)
     for extra in extras:
-        extra.check(settings, models, scene)
+        extra.check(settings, models)
     return models
 
 

@@ -18,7 +18,6 @@ from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.extras import EXTRAS, ExtraResults, Row, extra_types
 from scex_sumo.results.parts import Part
 from scex_sumo.results.run import Run
-from scex_sumo.scene import SeedScene
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +54,7 @@ class Extra(ExtraResults):
     nested: ClassVar[bool] = True
     """Whether it works for a run inside of another run's folder, too."""
 
-    def check(self, settings: RunSettings, models: ModelSet, scene: SeedScene) -> None:
+    def check(self, settings: RunSettings, models: ModelSet) -> None:
         """Raise a `UsageError` for options that make no sense, before a future is simulated."""
 
     def repeats(self, settings: RunSettings) -> int:

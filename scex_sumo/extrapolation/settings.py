@@ -101,7 +101,7 @@ class RunSettings:
     """
 
     children: int | str | None = option(
-        "Number of futures: 385; at most 10000 with --until-band.", None, metavar="N|all", text=True
+        "Number of futures: 385; at most 10000 with --until-band.", None, metavar="N|all", takes=str
     )
     steps: int = option("Steps of 0.1 s per future.", 30)
     replan: int = option("Steps between two plans.", 5)
@@ -109,7 +109,7 @@ class RunSettings:
         "Models to draw from; see 'scex-sumo models'.",
         DEFAULT_MODELS,
         metavar="MODEL[@WEIGHT],...",
-        text=True,
+        takes=str,
         complete=complete_models,
     )
     assign: Mapping[int, Driver] = option(
@@ -127,23 +127,23 @@ class RunSettings:
         read=read_under_test,
     )
     design: str = option(
-        "How assignments are drawn: balanced (default) or random.", DEFAULT_DESIGN, metavar="NAME", text=True
+        "How assignments are drawn: balanced (default) or random.", DEFAULT_DESIGN, metavar="NAME", takes=str
     )
     until_band: float | None = option(
         "Go on until all 95 % bands, or an exact P, are within +-W.", None, metavar="W"
     )
     region: Region | str | None = option(
-        "Only pairs with a vehicle in this circle, m.", None, metavar="X,Y,R", text=True
+        "Only pairs with a vehicle in this circle, m.", None, metavar="X,Y,R", takes=str
     )
     around: int | None = option("Only pairs with a vehicle within 30 m of this one.", None, metavar="TRACK")
     preset: str = option(
         "Metrics: the paper's, those along paths, or both (default: main ones are shown).",
         "both",
         metavar="|".join(RUN_PRESETS),
-        text=True,
+        takes=str,
     )
     metrics: str | Sequence[str | Metric] | None = option(
-        "Metrics, built-in or your own; default: the preset's.", None, metavar="NAME,...", text=True
+        "Metrics, built-in or your own; default: the preset's.", None, metavar="NAME,...", takes=str
     )
     thresholds: Mapping[str, float] = option(
         "Where a metric becomes critical; repeatable.",
@@ -328,7 +328,7 @@ class RunOptions:
         "An extra of your own; repeatable.", (), metavar="MODULE:CLASS[:OPTION=V]", several=True
     )
     overwrite: bool = option("Replace another run's result.", False, names=("--overwrite",))
-    out: str | Path | None = option("Result folder.", None, metavar="OUT", names=("-o", "--out"), text=True)
+    out: str | Path | None = option("Result folder.", None, metavar="OUT", names=("-o", "--out"), takes=Path)
     bar: Callable[[str], AbstractContextManager[Progress | None]] = lambda label: nullcontext()
     command: Sequence[str] | None = None
     compared: bool = True

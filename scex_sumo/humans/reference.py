@@ -16,7 +16,6 @@ from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.run import REFERENCE, Run
-from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import WORLDS
 
 NONE: Final = "none"
@@ -34,10 +33,10 @@ class HumanReference(Extra):
     files: ClassVar[tuple[str, ...]] = (REFERENCE,)
 
     reference: str | None = option(
-        "Human-like reference, run after the stress test.", "likely", metavar="MIX|none", text=True
+        "Human-like reference, run after the stress test.", "likely", metavar="MIX|none", takes=str
     )
 
-    def check(self, settings: RunSettings, models: ModelSet, scene: SeedScene) -> None:
+    def check(self, settings: RunSettings, models: ModelSet) -> None:
         """Raise a `UsageError` for unknown models."""
         if self.reference not in (None, NONE):
             parse_models(str(self.reference))

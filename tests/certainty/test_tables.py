@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.certainty.results import Exact
 from scex_sumo.certainty.tables import InfluenceTable, reduced, union_probability
-from scex_sumo.results.exact import Exact
 
 MODELS = ("calm", "hasty", "emergency_brake")
 

@@ -15,6 +15,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.commands.console import PrintableStream, output_console, printable
+from tests.runs import extrapolate
 
 TITLE = "\x1b]0;evil\x1b\\"  # changes the title of a terminal's window
 ESCAPED = "\\x1b]0;evil\\x1b\\"
@@ -62,7 +63,7 @@ def test_tables_keep_their_own_colours_alone(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_names_in_results_and_of_files_do_not_reach_a_terminal_unescaped(tmp_path: Path) -> None:
     out = tmp_path / f"o{TITLE}"
-    scex_sumo.extrapolate(scex_sumo.read_seed(ROUNDABOUT), children=2, out=out)
+    extrapolate(scex_sumo.read_seed(ROUNDABOUT), children=2, out=out)
     info = json.loads((out / "run.json").read_text())
     info["seed_scene"]["name"] += TITLE
     (out / "run.json").write_text(json.dumps(info))

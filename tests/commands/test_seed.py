@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from scex_sumo.base.errors import TrackError
 from scex_sumo.commands.seed import seed_scene
+from scex_sumo.scenarios.options import SeedOptions
 from tests.converters import track_files
 from tests.converters.maps import straight, write_map
 
@@ -27,10 +29,10 @@ def test_vehicles_beside_the_lanes_are_counted_and_many_of_them_are_a_warning(
     for k in range(3):
         rows += track_files.straight(k + 1, start=30.0 * k, y=1.75 + 20.0 * (k >= 3 - beside))
     csv = track_files.write_rows(tmp_path / "road.csv", rows)
-    options = {"case": None, "time": 1.0, "synthetic": None, "origin": None, "seed": 0, "cache": False}
+    options = SeedOptions(tracks=csv, time=1.0)
     if beside == 2:
         with pytest.raises(TrackError, match=r"2 of 3 vehicles are on no mapped lane.*--force"):
-            seed_scene(map_path, tracks=csv, **options)  # type: ignore[arg-type]
-    scene = seed_scene(map_path, tracks=csv, force=True, **options)  # type: ignore[arg-type]
+            seed_scene(map_path, options, seed=0, cache=False)
+    scene = seed_scene(map_path, replace(options, force=True), seed=0, cache=False)
     assert capsys.readouterr().err.endswith(said)
     assert scene.notes[-1] == said.strip()  # for run.json and the report

@@ -13,6 +13,7 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.base.errors import UsageError
 from scex_sumo.scene import States
+from tests.runs import extrapolate
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -50,7 +51,7 @@ def test_a_flat_observation_is_the_flattened_one(scene: scex.SeedScene) -> None:
 def test_the_others_drive_as_in_a_run(scene: scex.SeedScene, tmp_path: Path) -> None:
     """An agent that repeats a run's driver: the others end where they end in that run's children."""
     count, agent = 24, 6
-    run = scex.extrapolate(
+    run = extrapolate(
         scene,
         children=count,
         design="random",

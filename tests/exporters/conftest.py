@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
+from tests.runs import extrapolate
 
 
 @pytest.fixture(scope="session")

@@ -13,13 +13,13 @@ from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.commonroad import lanelet_numbers, point_by_point, road_elements
 from scex_sumo.exporters.request import EXPORTERS, Request
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.results.run import Run
 from scex_sumo.road import Regulation
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import synthetic_seed
+from tests.runs import extrapolate
 
 reader = pytest.importorskip("commonroad.common.file_reader")
 

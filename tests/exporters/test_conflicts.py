@@ -13,12 +13,12 @@ import sumolib
 
 from scex_sumo.base.programs import environment, program, sumo_home
 from scex_sumo.exporters.request import EXPORTERS, Request
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import States
 from scex_sumo.views.children import write_child
+from tests.runs import extrapolate
 from tests.seeds import straight_seed
 
 

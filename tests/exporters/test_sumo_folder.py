@@ -8,10 +8,10 @@ import numpy as np
 
 from scex_sumo.base.programs import environment, program
 from scex_sumo.exporters.request import EXPORTERS, Request
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
+from tests.runs import extrapolate
 
 
 def test_sumo_goes_on_from_the_child_s_last_step(run: Run, tmp_path: Path) -> None:

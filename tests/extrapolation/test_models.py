@@ -18,6 +18,7 @@ from scex_sumo.plug_in.fallback import Fallible
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 from scex_sumo.statistics.designs import DESIGNS
+from scex_sumo.studies.under_test.extra import Baseline
 from tests.behaviors import roads
 
 TRACKS = np.array([17, 23, 42])
@@ -69,9 +70,8 @@ def test_a_model_of_ones_own_that_is_assigned_is_under_test() -> None:
     assign = {17: "parked", 23: "standard_driver"}
     compared = RunSettings(assign=assign)
     assert (compared.assign, compared.under_test) == ({23: "standard_driver"}, {17: "parked"})
-    alone = RunSettings(assign=assign, under_test={42: None}, baseline=False)
-    assert (alone.assign, alone.under_test) == (assign, {42: None})
-    assert compared.compared and not alone.compared
+    assert (Baseline().repeats(compared), Baseline(baseline=False).repeats(compared)) == (1, 0)
+    assert Baseline().repeats(RunSettings(under_test={42: None})) == 0
 
 
 def test_vehicles_that_are_named_twice_or_are_not_there_are_refused() -> None:

@@ -5,15 +5,19 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import pickle
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from scex_sumo import extrapolate
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.options import options_of
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.commands.run import run_command
+from scex_sumo.extrapolation.extrapolate import run_options
 from scex_sumo.extrapolation.settings import RunSettings
+from tests.seeds import straight_seed
 
 
 @pytest.mark.parametrize(
@@ -50,13 +54,26 @@ def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> Non
         settings.check_size(100_000, 3)
 
 
-def test_extrapolate_takes_all_settings_with_their_defaults() -> None:
-    taken = inspect.signature(extrapolate).parameters
-    for field in dataclasses.fields(RunSettings):
-        if field.default is dataclasses.MISSING:  # a mapping, which is empty
-            assert taken[field.name].default is None
-        else:
-            assert taken[field.name].default == field.default, field.name
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"children": 0}, "children: got 0, needs at least 1"),
+        ({"under_test": {7: "parked"}, "assign": {7: "replay"}}, "under_test 7: assign names this vehicle"),
+        ({"thresholds": {"nope": 1.0}}, "thresholds: unknown metric 'nope'"),
+        ({"until_band": 2.0}, "until_band: got 2.0, needs to be between 0 and 1"),
+        ({"worker": 2}, "unknown option 'worker'; nearest: workers"),
+        ({"reference": "nope"}, "unknown behavior 'nope'"),
+        ({"out": Path(__file__)}, r"out .*test_settings.py: is a file"),
+    ],
+)
+def test_errors_name_the_arguments_of_python(options: dict[str, Any], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        extrapolate(straight_seed(), **options)
+
+
+def test_what_is_no_seed_scene_is_refused_in_one_line() -> None:
+    with pytest.raises(UsageError, match="got str, needs a seed scene; make one with"):
+        extrapolate("roundabout")  # type: ignore[arg-type]
 
 
 def test_a_number_of_children_may_be_given_as_text() -> None:
@@ -75,10 +92,11 @@ def test_settings_go_to_other_processes_and_into_other_settings() -> None:
         assert (same.assign, same.under_test) == (settings.assign, settings.under_test)
 
 
-def test_the_command_line_has_the_same_defaults() -> None:
+def test_the_command_line_has_the_options_of_python_and_their_defaults() -> None:
     shown = {name: p.default for name, p in inspect.signature(run_command).parameters.items()}
-    settings = {field.name: field.default for field in dataclasses.fields(RunSettings)}
-    same = [name for name, default in shown.items() if default is not None and name in settings]
-    kept = ["baseline", "keep_plans", "reflect", "replan", "seed", "steps", "world"]
-    assert sorted(same) == kept
-    assert all(shown[name] == settings[name] for name in same)
+    options = {name: one for kind in run_options() for name, one in options_of(kind).items()}
+    assert set(options) <= set(shown)
+    assert {"models", "out", "exact", "reference", "report", "baseline"} <= set(options)
+    defaults = {field.name: field.default for kind in run_options() for field in dataclasses.fields(kind)}
+    given = [name for name, one in options.items() if not (one.takes or one.several)]
+    assert all(shown[name] == defaults[name] for name in given)

@@ -11,11 +11,12 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.extrapolation.engine import add_reference, run_scene
+from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import Job, batch_size
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers, succeeded
+from scex_sumo.humans.reference import HumanReference
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 
@@ -58,8 +59,9 @@ def test_run_and_reference_of_two_processes_have_the_same_bytes(tmp_path: Path) 
     settings = RunSettings(models="rules", children=117, steps=3)
     for processes in (1, 2):
         with Workers(processes) as workers:
-            run = run_scene(scene, settings, out=tmp_path / str(processes), workers=workers)
-            assert add_reference(run, scene, "likely", settings, workers=workers).children == 117
+            options = RunOptions(out=tmp_path / str(processes))
+            run = run_scene(scene, settings, workers=workers, options=options, extras=[HumanReference()])
+            assert run.reference is not None and run.reference.children == 117
     files = [file.relative_to(tmp_path / "1") for file in (tmp_path / "1").rglob("*.parquet")]
     assert len(files) > 15
     for file in files:

@@ -19,6 +19,7 @@ from scex_sumo.generators.critical_scenes import encounter_scores
 from scex_sumo.generators.generate import generated_scene
 from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.options import SeedOptions
 from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 from scex_sumo.statistics.sampling import sample_by_score
 from tests.command import scex
@@ -109,24 +110,22 @@ def test_a_copy_knows_the_origin_of_its_map(tmp_path: Path) -> None:
     [("videos", 4, "--as videos: unknown; known: sumo, recorded"), ("recorded", None, "needs --synthetic N")],
 )
 def test_as_needs_a_known_word_and_a_number(like: str, synthetic: int | None, said: str) -> None:
-    options = {"tracks": None, "case": None, "time": None, "origin": None, "seed": 0}
     with pytest.raises(UsageError, match=said):
-        seed_scene(MAP, synthetic=synthetic, like=like, **options)  # type: ignore[arg-type]
+        seed_scene(MAP, SeedOptions(synthetic=synthetic, like=like), seed=0)
     if synthetic is not None:
         with pytest.raises(UsageError, match=said):
             synthetic_seed(MAP, vehicles=synthetic, like=like)
-    scene = seed_scene(MAP, synthetic=3, like="recorded", **options)  # type: ignore[arg-type]
+    scene = seed_scene(MAP, SeedOptions(synthetic=3, like="recorded"), seed=0)
     assert scene.vehicles == 3 and scene.future is None
 
 
 def test_the_speed_of_a_scene_as_recorded_is_given_to_run(tmp_path: Path) -> None:
-    options = {"tracks": None, "case": None, "time": None, "origin": None, "seed": 0}
-    scene = seed_scene(MAP, synthetic=5, like="recorded", speed=3.0, **options)  # type: ignore[arg-type]
+    scene = seed_scene(MAP, SeedOptions(synthetic=5, like="recorded", speed=3.0), seed=0)
     same = generated_scene(read_road(MAP), load_scenes(), vehicles=5, speed=3.0)
     assert np.array_equal(scene.now.speed, same.now.speed)
     with pytest.raises(UsageError, match="--speed: needs --synthetic N --as recorded"):
-        seed_scene(MAP, synthetic=None, speed=3.0, **options)  # type: ignore[arg-type]
+        SeedOptions(speed=3.0)
     with pytest.raises(UsageError, match="--speed: SUMO draws its own; give --as recorded"):
-        seed_scene(MAP, synthetic=5, speed=3.0, **options)  # type: ignore[arg-type]
+        seed_scene(MAP, SeedOptions(synthetic=5, speed=3.0), seed=0)
     refused = scex("run", MAP, "--speed", "3", "-o", tmp_path / "out")
     assert refused.returncode == 2 and "--speed: needs --synthetic N --as recorded" in refused.stderr

@@ -10,17 +10,20 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.certainty.results import exact_of, weighted_probability
+from scex_sumo.certainty.weights import weighted
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
 from tests.certainty.queues import queues
 from tests.integration.test_cli import refused, scex
+from tests.runs import extrapolate
 
 RULES = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 
 
 def run_of(scene: SeedScene, out: Path, children: int | str = 385, **options: Any) -> Run:
-    return scex_sumo.extrapolate(scene, children=children, world="plain", metrics=["gap"], out=out, **options)
+    return extrapolate(scene, children=children, world="plain", metrics=["gap"], out=out, **options)
 
 
 @pytest.fixture(scope="module")
@@ -38,15 +41,15 @@ def test_the_example_has_the_probabilities_worked_out_by_hand(roundabout: Run) -
     assert roundabout.encounter(7, 11).probability() == 9 / 64
     assert roundabout.encounter(4, 6).probability() == 1 / 16
     # No pair shares a vehicle with another one.
-    assert roundabout.p_collision() == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2, abs=1e-15)
-    assert roundabout.exact is not None and roundabout.exact.extra <= 385
-    assert not roundabout.exact.sampled
+    assert roundabout.collision.estimate.value == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2, abs=1e-15)
+    assert exact_of(roundabout) is not None and exact_of(roundabout).extra <= 385
+    assert not exact_of(roundabout).sampled
 
 
 def test_other_weights_follow_from_the_tables(roundabout: Run) -> None:
-    assert roundabout.p_collision(weights={"standard_driver": 1.0}) == 0.0
-    quarter = roundabout.p_collision(weights=dict.fromkeys(RULES.split(","), 1.0))
-    assert quarter == roundabout.p_collision()
+    assert weighted_probability(roundabout, {"standard_driver": 1.0}) == 0.0
+    quarter = weighted_probability(roundabout, dict.fromkeys(RULES.split(","), 1.0))
+    assert quarter == roundabout.collision.estimate.value
     alone = roundabout.encounter(16, 15).probability(weights={15: {"emergency_brake": 1.0}})
     assert alone == 1 / 4
     with pytest.raises(UsageError, match="unknown event"):
@@ -79,20 +82,22 @@ def test_other_weights_without_tables_weight_the_drawn_futures(tmp_path: Path) -
     weights = {"emergency_brake": 0.5, "constant_velocity": 0.3}
     for row in every.encounters.to_pylist():
         pair = row["track_id"], row["other_id"]
-        for event, value in every.encounter(*pair).weighted(weights).items():
-            exact = drawn.encounter(*pair).probability(event, weights=weights)
+        for event, value in weighted(every, pair, weights).items():
+            exact = weighted_probability(drawn, weights, event, pair)
             assert value == pytest.approx(exact, abs=1e-12), (pair, event)
-    assert every.p_collision(weights) == pytest.approx(drawn.p_collision(weights), abs=1e-12)
+    assert weighted_probability(every, weights) == pytest.approx(
+        weighted_probability(drawn, weights), abs=1e-12
+    )
     # Two vehicles of one model are in 4 of the 64 assignments.
-    few = every.encounter(1, 2)
     with pytest.raises(UsageError, match="hardly any drawn future"):
-        few.probability("ttc", weights={v: {"emergency_brake": 1.0} for v in (1, 2, 3)})
-    assert few.weighted({"emergency_brake": 1.0}) == dict.fromkeys(("collision", "ttc", "pet", "drac"))
+        weighted_probability(every, {v: {"emergency_brake": 1.0} for v in (1, 2, 3)}, "ttc", (1, 2))
+    nothing = dict.fromkeys(("collision", "ttc", "pet", "drac"))
+    assert weighted(every, (1, 2), {"emergency_brake": 1.0}) == nothing
 
 
 def test_the_terminal_says_the_same(roundabout: Run) -> None:
     weights = scex("encounters", roundabout.folder, "--weights", "standard_driver=0.9").stdout
-    assert f"{100 * roundabout.p_collision(weights={'standard_driver': 0.9}):.2f}%" in weights
+    assert f"{100 * weighted_probability(roundabout, {'standard_driver': 0.9}):.2f}%" in weights
     pair = scex("encounters", roundabout.folder, "--pair", "15,16").stdout
     told = scex("explain", roundabout.folder, "--encounter", "15,16", "--no-report").stdout
     words = "15 brakes hard (emergency_brake) and 16 keeps its speed (constant_velocity)"
@@ -112,7 +117,7 @@ def test_two_pairs_apart_do_not_count_for_each_other(tmp_path: Path) -> None:
     run = run_of(queues(2, 2), tmp_path / "out", 100)
     tables = [run.encounter(a, b).table for a, b in ((1, 2), (3, 4))]
     assert [t.track_ids for t in tables if t is not None] == [(1, 2), (3, 4)]
-    assert run.p_collision() == 1 - (15 / 16) ** 2
+    assert run.collision.estimate.value == 1 - (15 / 16) ** 2
 
 
 @pytest.mark.parametrize(("name", "count"), [("roundabout", 5), ("urban_intersection", 5), ("roundabout", 6)])
@@ -120,15 +125,15 @@ def test_few_vehicles_equal_the_enumeration_of_all_assignments(name: str, count:
     whole = scex_sumo.synthetic_seed(scex_sumo.example_path(name), vehicles=12, seed=3)
     scene = reduced(whole, choose_vehicles(whole, count))
     every, drawn = run_of(scene, tmp_path / "all", "all"), run_of(scene, tmp_path / "drawn", 200)
-    assert every.exact is None and drawn.exact is not None
+    assert exact_of(every) is None and exact_of(drawn) is not None
     assert drawn.encounters.num_rows > 0
     for row in every.encounters.to_pylist():
         for event in ("collision", "ttc", "pet", "drac"):
-            table = drawn.exact.table(row["track_id"], row["other_id"], event)
+            table = exact_of(drawn).table(row["track_id"], row["other_id"], event)
             if table is not None:
                 assert table.probability() == row[event], (row["track_id"], row["other_id"], event)
-    assert drawn.p_collision() == every.p_collision.value
-    assert not drawn.exact.sampled
+    assert drawn.collision.estimate.value == every.collision.sampled.value
+    assert not exact_of(drawn).sampled
 
 
 def test_the_drawn_futures_stay_the_same_and_do_not_depend_on_the_workers(tmp_path: Path) -> None:
@@ -137,7 +142,7 @@ def test_the_drawn_futures_stay_the_same_and_do_not_depend_on_the_workers(tmp_pa
         run_of(scene, tmp_path / name, 100, exact=exact, workers=workers)
         for name, exact, workers in (("with", True, 1), ("two", True, 2), ("without", False, 1))
     ]
-    assert runs[2].exact is None and runs[0].exact is not None
+    assert exact_of(runs[2]) is None and exact_of(runs[0]) is not None
     for table in ("tracks", "metrics", "assignments", "encounters", "collisions"):
         one, *others = (run.folder / f"{table}.parquet" for run in runs)
         assert all(other.read_bytes() == one.read_bytes() for other in others), table
@@ -145,7 +150,7 @@ def test_the_drawn_futures_stay_the_same_and_do_not_depend_on_the_workers(tmp_pa
         runs[1].folder.joinpath("exact.json").read_bytes()
     )
     extra = runs[0].table("exact/assignments.parquet")
-    assert np.asarray(extra["child"]).min() == 100 and extra.num_rows == 4 * runs[0].exact.extra
+    assert np.asarray(extra["child"]).min() == 100 and extra.num_rows == 4 * exact_of(runs[0]).extra
 
 
 @pytest.mark.parametrize(
@@ -155,17 +160,17 @@ def test_a_damaged_table_is_one_error(tmp_path: Path, content: str) -> None:
     run = run_of(queues(2), tmp_path / "out", 4)
     (run.folder / "exact.json").write_text(content)
     with pytest.raises(ResultError, match=r"exact\.json: cannot be read"):
-        _ = scex_sumo.open_run(run.folder).exact
+        _ = exact_of(scex_sumo.open_run(run.folder))
 
 
 def test_random_models_sumos_and_few_futures_keep_sampled_values(tmp_path: Path) -> None:
     scene = queues(2)
-    assert run_of(scene, tmp_path / "likely", 100, models="likely").exact is None
-    by_sumo = scex_sumo.extrapolate(
+    assert exact_of(run_of(scene, tmp_path / "likely", 100, models="likely")) is None
+    by_sumo = extrapolate(
         scene, children=60, models="standard_driver,sumo:IDM", metrics=["gap"], out=tmp_path / "sumo"
     )
-    assert by_sumo.exact is None
+    assert exact_of(by_sumo) is None
     few = run_of(scene, tmp_path / "few", 20)
-    assert few.exact is None and few.p_collision() == few.p_collision.value
+    assert exact_of(few) is None and few.collision.estimate.value == few.collision.sampled.value
     with pytest.raises(UsageError, match=r"1\.\d effective futures"):
-        few.p_collision(weights={"risky_driver": 1.0})
+        weighted_probability(few, {"risky_driver": 1.0})

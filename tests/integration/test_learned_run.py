@@ -12,6 +12,7 @@ from scex_sumo.base.files import sha256_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from tests.learned import nets
+from tests.runs import extrapolate
 
 CHILDREN = 9
 
@@ -38,7 +39,7 @@ def models(tmp_path_factory: pytest.TempPathFactory, scene: SeedScene) -> list[s
 
 
 def ran(scene: SeedScene, models: list[str], out: Path, *, batch: int, workers: int) -> Run:
-    return scex.extrapolate(
+    return extrapolate(
         scene, models=models, children=CHILDREN, steps=10, batch=batch, workers=workers, seed=3, out=out
     )
 

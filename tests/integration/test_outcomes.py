@@ -10,6 +10,7 @@ import pytest
 import scex_sumo
 from scex_sumo.results.run import Run
 from tests.integration.test_cli import ALONE, ROUNDABOUT, refused, scex
+from tests.runs import extrapolate
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,7 @@ def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
 def test_children_of_replay_are_the_recorded_row(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(ROUNDABOUT)
     assert scene.future_valid is not None and scene.future_valid[:, :30].all()  # all recorded to the end
-    run = scex_sumo.extrapolate(scene, models="replay", children=2, out=tmp_path / "out")
+    run = extrapolate(scene, models="replay", children=2, out=tmp_path / "out")
     assert run.recorded is not None and run.info["recorded"] == {"left": {}, "overlaps": []}
     for column in run.columns:
         recorded = run.recorded_value(column)
@@ -66,12 +67,12 @@ def test_children_of_replay_are_the_recorded_row(tmp_path: Path) -> None:
 
 def test_presets_choose_the_columns_and_the_kernel_may_be_plain(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(ROUNDABOUT)
-    path = scex_sumo.extrapolate(scene, preset="path", children=3, reflect=False, out=tmp_path / "path")
+    path = extrapolate(scene, preset="path", children=3, reflect=False, out=tmp_path / "path")
     assert path.columns[:2] == ["gap", "gap_mean"] and len(path.columns) == 14
     wide = [path.density("gap", bandwidth=2.0, reflect=reflect).x[0] for reflect in (None, True)]
     assert wide[0] < 0 <= wide[1]
     assert path.density("gap").atoms == ()
-    paper = scex_sumo.extrapolate(scene, preset="paper", children=3, out=tmp_path / "paper")
+    paper = extrapolate(scene, preset="paper", children=3, out=tmp_path / "paper")
     assert len(paper.columns) == 12
     assert "unknown 'lane'" in refused("run", ROUNDABOUT, "--preset", "lane", status=2)
 

@@ -12,13 +12,14 @@ from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import EXAMPLES
 from scex_sumo.scene import SeedScene
+from tests.runs import extrapolate
 
 MODELS = "rules,calibrated_driver,replay,risky_driver:path=random,constant_velocity:guard=true"
 
 
 def in_both(scene: SeedScene, out: Path, **settings: object) -> list[Run]:
     worlds = ("sumo", "plain")
-    return [scex_sumo.extrapolate(scene, out=out / world, world=world, **settings) for world in worlds]
+    return [extrapolate(scene, out=out / world, world=world, **settings) for world in worlds]
 
 
 def assert_equal(runs: list[Run]) -> None:
@@ -53,7 +54,7 @@ def test_both_worlds_hold_the_same_on_all_real_maps(data: Path, tmp_path: Path) 
 
 def test_a_checked_run_gives_the_same_and_has_seen_that_sumo_does(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    runs = [scex_sumo.extrapolate(scene, out=tmp_path / w, world=w, children=9) for w in ("sumo", "checked")]
+    runs = [extrapolate(scene, out=tmp_path / w, world=w, children=9) for w in ("sumo", "checked")]
     assert_equal(runs)
 
 
@@ -63,18 +64,18 @@ def test_a_plain_world_that_holds_something_else_than_sumo_ends_the_run(
     monkeypatch.setattr("scex_sumo.world.plain.angle_read_back", lambda angle: angle + 1e-9)
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     with pytest.raises(SimulationError, match=r"^the plain world and SUMO differ in x by .*use --world sumo"):
-        scex_sumo.extrapolate(scene, out=tmp_path / "out", world="checked", children=9)
+        extrapolate(scene, out=tmp_path / "out", world="checked", children=9)
 
 
 def test_a_checked_run_is_sumos_where_sumo_drives(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    run = scex_sumo.extrapolate(scene, out=tmp_path / "o", models="sumo:EIDM", world="checked", children=2)
+    run = extrapolate(scene, out=tmp_path / "o", models="sumo:EIDM", world="checked", children=2)
     assert run.children == 2
 
 
 def test_sumo_drives_nobody_in_the_plain_world() -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     with pytest.raises(UsageError, match=r"^--world plain: sumo:EIDM is driven by SUMO"):
-        scex_sumo.extrapolate(scene, models="sumo:EIDM", world="plain", children=2)
+        extrapolate(scene, models="sumo:EIDM", world="plain", children=2)
     with pytest.raises(UsageError, match=r"^--world: got 'moon', needs sumo, plain, checked$"):
-        scex_sumo.extrapolate(scene, world="moon", children=2)
+        extrapolate(scene, world="moon", children=2)

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
+from scex_sumo.studies.under_test.results import UnderTest
 from tests import command
 
 ROUNDABOUT = scex_sumo.example_path("roundabout")
@@ -94,7 +95,7 @@ def test_values_under_test_are_those_of_the_vehicles_own_pairs(folder: Path) -> 
     involved = pc.or_(pc.equal(pairs["track_id"], 3), pc.equal(pairs["other_id"], 3))
     own = pairs.filter(pc.and_(pc.equal(pairs["metric"], "wttc"), involved))
     smallest = own.group_by("case_id").aggregate([("value", "min")]).sort_by("case_id")
-    tested = scex_sumo.open_run(folder / "out").under_test.metrics
+    tested = UnderTest.of(scex_sumo.open_run(folder / "out")).metrics
     assert tested["wttc"].to_pylist() == smallest["value_min"].to_pylist()
 
 

@@ -19,8 +19,10 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.errors import UsageError
+from scex_sumo.certainty.results import exact_of
 from scex_sumo.studies.rank.rank import rank as rank_dataset
 from tests.command import scex, started
+from tests.runs import extrapolate
 
 MODELS = "standard_driver,constant_velocity,emergency_brake"
 OPTIONS = ("--every", "4", "--first", "3", "--children", "6", "--top", "2", "--models", MODELS)
@@ -86,9 +88,7 @@ def test_the_table_has_a_row_for_every_seed_and_for_what_failed(result: Path) ->
 def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
     row = pq.read_table(result / "ranking.parquet").to_pylist()[0]
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
-    run = scex_sumo.extrapolate(
-        seed, models=MODELS.split(","), children=row["children"], out=tmp_path / "out"
-    )
+    run = extrapolate(seed, models=MODELS.split(","), children=row["children"], out=tmp_path / "out")
     for column in run.columns:
         samples = run.samples(column)
         assert row[f"median_{column}"] == (np.median(samples) if len(samples) else None)
@@ -281,8 +281,8 @@ def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
     assert (row["children"], row["remainder"]) == (64, 3 / 64)
     assert 0 < row["extra"] <= 128
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
-    run = scex_sumo.extrapolate(seed, children=150, out=tmp_path / "run")
-    assert run.p_collision.exact == pytest.approx(row["p_collision"])
-    collisions = [table for key, table in run.exact.tables.items() if key[2] == "collision"]
+    run = extrapolate(seed, children=150, out=tmp_path / "run")
+    assert run.collision.exact == pytest.approx(row["p_collision"])
+    collisions = [table for key, table in exact_of(run).tables.items() if key[2] == "collision"]
     assert row["score"] == row["collisions"]
     assert row["score"] == pytest.approx(sum(table.probability() for table in collisions))

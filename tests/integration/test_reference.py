@@ -10,27 +10,20 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from scex_sumo.extrapolation.engine import (
-    REFERENCE_CHILDREN,
-    add_reference,
-    drop_reference,
-    reference_children,
-)
-from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.humans.reference import REFERENCE_CHILDREN, reference_children
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
+from tests.runs import extrapolate
 
 
 def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Path) -> None:
     scene = read_seed(example_path("motorway_merge"))
-    run = extrapolate(scene, out=tmp_path, models="rules", children=4, steps=5)
+    options = {"out": tmp_path, "models": "rules", "children": 4, "steps": 5}
+    run = extrapolate(scene, **options)
     before = (tmp_path / "tracks.parquet").read_bytes()
-    with Workers(1) as workers:
-        settings = RunSettings(models="rules", children=4, steps=5)
-        likely = add_reference(run, scene, "likely", settings, workers=workers)
+    likely = extrapolate(scene, reference="likely", **options).reference
+    assert likely is not None
     assert (tmp_path / "tracks.parquet").read_bytes() == before
     assert likely.children == REFERENCE_CHILDREN
     assert json.loads((tmp_path / "reference" / "run.json").read_text())["models"]
@@ -44,13 +37,12 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
     assert isinstance(terminal.file, io.StringIO)
     lines = terminal.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
-    shares = (again.p_collision.percent, likely.p_collision.percent)
+    shares = (again.collision.percent, likely.collision.percent)
     told = " ".join(" ".join(lines).split())
     assert f"stress test: a collision in {shares[0]} of futures, driven as any of the models" in told
     human = f"human-like: a collision in {shares[1]} of futures, driven as people were recorded"
     assert human in told
-    drop_reference(again)
-    assert type(run)(tmp_path).reference is None
+    assert extrapolate(scene, **options).reference is None
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,13 @@ import pytest
 from rich.console import Console
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.reports.encounter_table import print_encounters
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.region import AROUND_M, Region, parse_region
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
+from tests.runs import extrapolate
 
 
 def rows_of(run: Run, name: str, vehicles: set[int]) -> list[dict[str, Any]]:
@@ -47,7 +47,7 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
         assert 0 < len(rows) < getattr(whole, name).num_rows
         assert rows_of(part, name, set(ids.tolist())) == rows
     assert (part.values("gap") >= whole.values("gap")).all()
-    assert 0 < part.p_collision.value < whole.p_collision.value
+    assert 0 < part.collision.sampled.value < whole.collision.sampled.value
     assert all({row["track_id"], row["other_id"]} & inside for row in part.worst.to_pylist())
     title = str(summary_table(part).title)
     assert f"only pairs with one of {len(inside)} vehicles within 30 m of 16" in title
@@ -55,7 +55,7 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
     print_encounters(whole, console, most=3, region=Region(around=16))
     assert isinstance(console.file, io.StringIO)
     said = console.file.getvalue()
-    assert f"one of them collides in {part.p_collision.percent} of the futures" in said
+    assert f"one of them collides in {part.collision.percent} of the futures" in said
     assert f"{part.encounters.num_rows} pairs of vehicles meet" in said
 
 

@@ -52,7 +52,7 @@ class Straight:
 if __name__ == "__main__":
     seed = scex_sumo.read_seed({seed!r})
     out = Path(sys.argv[1]) / sys.argv[2]
-    scex_sumo.extrapolate(
+    extrapolate(
         seed,
         models=["straight"],
         children=6,
@@ -91,15 +91,15 @@ def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_noth
 ) -> None:
     code = (
         "import scex_sumo\n"
-        "from scex_sumo.extrapolation.engine import RunOptions, run_scene\n"
-        "from scex_sumo.extrapolation.settings import RunSettings\n"
+        "from scex_sumo.extrapolation.engine import run_scene\n"
+        "from scex_sumo.extrapolation.settings import RunOptions, RunSettings\n"
         "from scex_sumo.extrapolation.workers import Workers\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
         "with Workers(2) as workers:\n"
         "    for number in range(2):\n"
         "        settings = RunSettings(children=2, steps=1, seed=number)\n"
         "        options = RunOptions(batch=1)\n"
-        "        run = run_scene(seed, settings, out=None, workers=workers, options=options)\n"
+        "        run = run_scene(seed, settings, workers=workers, options=options)\n"
         "        assert run.children == 2\n"
         "        assert run.info['run_notes'] == [], run.info['run_notes']\n"
         "assert workers.deaths == []\n"

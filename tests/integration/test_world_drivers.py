@@ -16,12 +16,12 @@ import pytest
 
 from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.base.programs import SUMO_MODELS
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import Obstacles, SeedScene, States
 from scex_sumo.world.batch import RunningBatch
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
+from tests.runs import extrapolate
 
 STRAIGHT = ("w_in", "e_out")
 

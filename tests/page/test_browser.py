@@ -11,13 +11,16 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo import example_path
+from scex_sumo.certainty.results import exact_of, weighted_probability
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page import contents
-from scex_sumo.page.report import under_test_curves, write_report
+from scex_sumo.page.report import write_report
+from scex_sumo.studies.under_test.page import under_test_curves
 from scex_sumo.page.scene import packed_tracks
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.studies.under_test.results import UnderTest
 from scex_sumo.studies.under_test.table import under_test_rows
 from tests.command import scex
 from tests.page.test_numbers import body
@@ -178,7 +181,7 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     assert 0 <= page.locator(".chip").bounding_box()["y"] < 60
     page.keyboard.press("Escape")
     page.wait_for_selector(".chip", state="detached")
-    assert text(page, "#p-collision") == whole == f"{100 * run.p_collision():.4g} %"
+    assert text(page, "#p-collision") == whole == f"{100 * run.collision.estimate.value:.4g} %"
     assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
 
 
@@ -361,14 +364,14 @@ def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -
 
 
 def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
-    assert run.exact is not None and run.exact.p_collision() is not None
+    assert exact_of(run) is not None and exact_of(run).collision.estimate.value is not None
     shown = text(page, "#any-collision")
-    assert shown == f"{100 * run.p_collision():.2f} %"
+    assert shown == f"{100 * run.collision.estimate.value:.2f} %"
     first = "#exact-table tbody tr:first-child td:nth-child(2)"
     own = text(page, first)
     page.locator("#weights input").nth(2).fill("0.7")  # constant_velocity; the others share the rest
-    rest = {name: 0.1 for name in run.exact.models} | {"constant_velocity": 0.7}
-    assert text(page, "#any-collision") == f"{100 * run.p_collision(rest):.2f} %"
+    rest = {name: 0.1 for name in exact_of(run).models} | {"constant_velocity": 0.7}
+    assert text(page, "#any-collision") == f"{100 * weighted_probability(run, rest):.2f} %"
     one, other = text(page, "#exact-table tbody tr:first-child td").split(" → ")
     pair = run.encounter(int(one), int(other)).probability(weights=rest)
     assert text(page, first) == f"{100 * pair:.2f} %" != own
@@ -512,10 +515,10 @@ def test_the_driver_under_test_has_its_table_and_curves(browser: Any, tmp_path: 
     run, page = open_run(tmp_path / "out"), browser.new_page(viewport={"width": 1400, "height": 900})
     page.goto((run.folder / "report.html").resolve().as_uri())
     page.wait_for_selector("#under-test td")
-    rows = under_test_rows(run.under_test)
+    rows = under_test_rows(UnderTest.of(run))
     assert page.locator("#under-test td:first-child").all_inner_texts() == [row[0] for row in rows]
     canvases = page.locator("#tested-curves canvas")
-    assert canvases.count() == len(under_test_curves(run))
+    assert canvases.count() == len(under_test_curves(run, UnderTest.of(run)))
     drawn = """canvas => {
         const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
         return new Set(new Uint32Array(data.buffer)).size;

@@ -12,13 +12,13 @@ import pytest
 
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.plug_in.files import ProcessDriver, split_command
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SceneHistory
 from tests.converters.sumo_roads import lane
+from tests.runs import extrapolate
 from tests.seeds import straight_seed
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"

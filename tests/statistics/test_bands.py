@@ -86,7 +86,7 @@ def test_a_run_until_a_band_ends_at_exact_tables_and_keeps_them(tmp_path: Path) 
     assert "P(collision) is exact after 100 futures, remainder 0.030" in done.stdout
     run = scex_sumo.open_run(tmp_path / "exact")
     assert (run.children, run.info["band"]["remainder"]) == (100, 0.03)
-    assert run.p_collision() == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2)
+    assert run.collision.estimate.value == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2)
     sampled = scex(*words, "--no-exact", *ALONE, "-o", tmp_path / "sampled")
     assert sampled.returncode == 0, sampled.stderr
     info = json.loads((tmp_path / "sampled" / "run.json").read_text())

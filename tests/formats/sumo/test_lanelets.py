@@ -10,7 +10,6 @@ import pytest
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.formats.sumo.net import CHANGED
 from scex_sumo.geometry.polylines import distances, length_of, samples
 from scex_sumo.results.run import Run
@@ -18,6 +17,7 @@ from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
 from scex_sumo.scene import SeedScene
+from tests.runs import extrapolate
 
 EXAMPLES = ["motorway_merge", "roundabout", "urban_intersection"]
 TAF_BW = "taf_bw/recorded_trackfiles"

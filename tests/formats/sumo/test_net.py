@@ -14,12 +14,12 @@ from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.sumo_net import open_net
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.formats.sumo.net import beside
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import synthetic_seed
+from tests.runs import extrapolate
 
 NODES = """<nodes>
  <node id="c" x="0" y="0" type="priority"/><node id="e" x="100" y="0"/><node id="w" x="-100" y="0"/>

@@ -17,7 +17,6 @@ from scex_sumo.converters.datasets.recordings import (
     recording_moments,
     seed_at,
 )
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Light, Programme, Recorded, with_lights
 from scex_sumo.formats.sumo.scenario import PrivateRun
@@ -26,6 +25,7 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.world.batch import RunningBatch
 from scex_sumo.world.sumo import SumoWorld
 from tests.formats.sumo.simulations import OUTPUTS, Simulation, in_sumo, run, write_grid
+from tests.runs import extrapolate
 
 TIME_S = 40.0
 

@@ -20,6 +20,7 @@ from scex_sumo.studies.moments.run import pack_road
 from scex_sumo.studies.moments.workers import LocalWorkers
 from scex_sumo.studies.rank.children import MomentPart, RankTask, run_moment
 from scex_sumo.studies.rank.scores import RankSettings
+from tests.runs import extrapolate
 
 SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", children=96))
 
@@ -77,7 +78,7 @@ def failure_of(found: MomentPart | Failure) -> Failure:
 
 def test_a_seed_gives_what_extrapolate_gives(workers: LocalWorkers, scene: SeedScene, tmp_path: Path) -> None:
     part = part_of(workers, task(scene, "s", keep="all"))
-    run = scex_sumo.extrapolate(scene, models=list(SETTINGS.models), children=4, out=tmp_path / "out")
+    run = extrapolate(scene, models=list(SETTINGS.models), children=4, out=tmp_path / "out")
     for column in SETTINGS.run.columns:
         expected = run.metrics[column].to_numpy(zero_copy_only=False)
         values = part.children[column].to_numpy(zero_copy_only=False)

@@ -11,18 +11,19 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.commands.run import parse_under_test
+from scex_sumo.extrapolation.settings import read_under_test
 from scex_sumo.metrics.evaluate import evaluate, evaluate_pairs
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.page.report import under_test_card, under_test_curves
 from scex_sumo.results.encounters import QUESTIONS, SCHEMA
 from scex_sumo.results.run import Run
+from scex_sumo.studies.under_test.page import under_test_part
+from scex_sumo.studies.under_test.results import UnderTest
 from scex_sumo.studies.under_test.table import own_encounters, under_test_rows, under_test_table, verdict
 from tests.metrics.scenes import random_run
 
 
 def test_vehicles_under_test_are_read_with_and_without_a_model() -> None:
-    assert parse_under_test(("17=acc:Acc:time_gap=2", "23")) == {17: "acc:Acc:time_gap=2", 23: None}
+    assert read_under_test(("17=acc:Acc:time_gap=2", "23")) == {17: "acc:Acc:time_gap=2", 23: None}
     for entries, words in (
         (("x=acc:Acc",), "--under-test x=acc:Acc: needs TRACK=MODEL, e.g. --under-test 17=emergency_brake"),
         (("17=",), "needs TRACK=MODEL"),
@@ -30,7 +31,7 @@ def test_vehicles_under_test_are_read_with_and_without_a_model() -> None:
         (("17=replay", "17=replay"), "vehicle 17 is given twice; give it one model"),
     ):
         with pytest.raises(UsageError, match=words):
-            parse_under_test(entries)
+            read_under_test(entries)
 
 
 def test_metrics_of_one_vehicle_are_the_extrema_of_its_own_pairs() -> None:
@@ -96,7 +97,7 @@ def run(tmp_path: Path) -> Run:
 
 
 def test_children_are_compared_one_by_one(run: Run) -> None:
-    found = run.under_test.difference("distance")
+    found = UnderTest.of(run).difference("distance")
     assert (found.under_test, found.baseline) == (5.0, 6.0)
     assert (found.children, found.worse, found.better) == (4, 2, 1)
     assert (found.newly_critical, found.no_longer_critical) == (2, 1)
@@ -107,27 +108,27 @@ def test_children_are_compared_one_by_one(run: Run) -> None:
 
 def test_collisions_of_the_vehicle_itself_are_compared(run: Run) -> None:
     """It hits 9 in child 0, and never without its model; others collide in both."""
-    found = run.under_test.difference("collision")
+    found = UnderTest.of(run).difference("collision")
     assert (found.children, found.worse, found.better, found.newly_critical) == (5, 1, 0, 1)
     assert found.p_critical is not None and found.baseline_p_critical is not None
     assert (found.p_critical.value, found.baseline_p_critical.value) == (0.2, 0.0)
 
 
 def test_for_metrics_that_are_critical_on_the_right_larger_is_worse(run: Run) -> None:
-    found = run.under_test.difference("ttc")
+    found = UnderTest.of(run).difference("ttc")
     assert (found.worse, found.better, found.newly_critical, found.no_longer_critical) == (2, 0, 2, 0)
 
 
 def test_a_metric_without_values_or_threshold_is_left_open(run: Run) -> None:
-    empty = run.under_test.difference("gap_time")
+    empty = UnderTest.of(run).difference("gap_time")
     assert empty.children == 0 and np.isnan(empty.under_test) and np.isnan(empty.p_value)
     assert empty.p_critical is None and np.isnan(empty.critical_p_value)
     with pytest.raises(UsageError, match="unknown metric 'speed'"):
-        run.under_test.samples("speed")
+        UnderTest.of(run).samples("speed")
 
 
 def test_table_and_report_show_every_metric(run: Run) -> None:
-    table = under_test_table(run.under_test)
+    table = under_test_table(UnderTest.of(run))
     assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 futures"
     assert table.row_count == 2 + 6
     assert list(map(str, table.columns[3].cells)) == ["1 : 0", "1 : 0", "2 : 1", "–", "–", "–", "–", "2 : 0"]
@@ -137,14 +138,14 @@ def test_table_and_report_show_every_metric(run: Run) -> None:
     ]
     # Of five futures one has a collision of vehicle 17, with 0.12 severe injuries; others' do not count.
     assert [str(list(table.columns[k].cells)[1]) for k in (1, 2)] == ["0.00", "24.00"]
-    assert under_test_table(run.under_test, ["ttc"]).row_count == 3
-    text, rows = under_test_card(run), under_test_rows(run.under_test)
-    assert "vehicle 17: mypkg:MyDriver" in text
-    curves = under_test_curves(run)
+    assert under_test_table(UnderTest.of(run), ["ttc"]).row_count == 3
+    part, rows = under_test_part(run), under_test_rows(UnderTest.of(run))
+    assert "vehicle 17: mypkg:MyDriver" in part.cards[0]
+    curves = part.info["tested_curves"]
     assert len(curves) == 6 and sum(not curve["sets"] for curve in curves) == 4
     distance = curves[0]
     assert [(s["kind"], s["values"]) for s in distance["sets"]] == [
-        (kind, run.under_test.samples("distance", driven).tolist())
+        (kind, UnderTest.of(run).samples("distance", driven).tolist())
         for kind, driven in (("picked", "under_test"), ("drawn", "baseline"))
     ]
     assert [row[3] for row in rows] == ["1 : 0", "1 : 0", "2 : 1", None, None, None, None, "2 : 0"]
@@ -166,7 +167,7 @@ def test_the_verdict_says_whether_the_driver_is_better(tmp_path: Path) -> None:
         )
     ):
         run = folder_of(tmp_path / str(number), values, {"distance": far, "ttc": near})
-        said = verdict(run.under_test)
+        said = verdict(UnderTest.of(run))
         assert said.startswith(
             "under test, vehicle 17: mypkg:MyDriver, as drawn → under test: collides in 0 % [0–16]"
         )
@@ -187,13 +188,13 @@ def test_the_vehicles_own_encounters_are_told_before_and_after(run: Run) -> None
 def test_a_run_without_vehicles_under_test_or_baseline_says_so(run: Run) -> None:
     (run.folder / "baseline" / "run.json").unlink()
     with pytest.raises(ResultError, match="its baseline was not run; run again without --no-baseline"):
-        _ = run.under_test
+        _ = UnderTest.of(run)
     (run.folder / "run.json").write_text("{}")
     with pytest.raises(ResultError, match="no vehicle is under test; run with --under-test TRACK=MODEL"):
-        _ = Run(run.folder).under_test
+        _ = UnderTest.of(Run(run.folder))
 
 
 def test_a_baseline_of_other_children_is_refused(tmp_path: Path) -> None:
     run = folder_of(tmp_path / "out", {"distance": [4.0, 6.0]}, {"distance": [4.0]})
     with pytest.raises(ResultError, match="its futures are not those of"):
-        _ = run.under_test
+        _ = UnderTest.of(run)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.certainty.tables import InfluenceTable
-from scex_sumo.page.evidence import avoidable, write_evidence
+from scex_sumo.certainty.evidence import avoidable, write_evidence
 from scex_sumo.results.run import Run
 
 
@@ -24,7 +24,7 @@ def test_it_has_the_fields_of_the_clauses_and_the_figures_of_the_run(run: Run, s
     fields = ("scenario (6.4)", "exposure (6.4)", "severity (6.4)", "controllability (6.4)")
     for field in (*fields, "acceptance criterion (6.5)", "residual risk (6.5)", "no conformity"):
         assert field in text, field
-    assert run.p_collision.percent in text
+    assert run.collision.percent in text
     assert str(run.info["seed_scene"]["fingerprint"]) in text
     assert re.search(r"\d+ of 19 moments of the recording, 1 s apart", text)
     first = run.encounters.to_pylist()[0]
