@@ -34,20 +34,22 @@ class ExactProbabilities(Extra):
 
     def after(self, work: Work) -> Sequence[Row]:
         """Find the influence tables and write them to ``exact.json``."""
-        from scex_sumo.certainty.results import write_exact
-
         file = work.job.folder / EXACT
         file.unlink(missing_ok=True)
         found = work.settled or self._found(work)
         if found is not None:
+            from scex_sumo.certainty.results import write_exact
+
             write_exact(found, file)
         return ()
 
     def _found(self, work: Work) -> Any:
+        if not self.exact:
+            return None
         from scex_sumo.certainty.exact import find_exact, why_not_exact
 
         job = work.job
-        if not self.exact or why_not_exact(job.settings, job.models, len(job.assignment)) is not None:
+        if why_not_exact(job.settings, job.models, len(job.assignment)) is not None:
             return None
         assert work.part.encounters is not None
         return find_exact(job, work.part.encounters, work.workers)

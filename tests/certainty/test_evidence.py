@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.certainty.tables import InfluenceTable
 from scex_sumo.certainty.evidence import avoidable, write_evidence
+from scex_sumo.certainty.tables import InfluenceTable
 from scex_sumo.results.run import Run
 
 

@@ -15,11 +15,11 @@ from scex_sumo.certainty.results import exact_of, weighted_probability
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page import contents
 from scex_sumo.page.report import write_report
-from scex_sumo.studies.under_test.page import under_test_curves
 from scex_sumo.page.scene import packed_tracks
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
+from scex_sumo.studies.under_test.page import under_test_curves
 from scex_sumo.studies.under_test.results import UnderTest
 from scex_sumo.studies.under_test.table import under_test_rows
 from tests.command import scex
