@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.base import Behavior as Behavior
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
-    from scex_sumo.behaviors.registry import predictor as predictor
     from scex_sumo.certainty.results import Exact as Exact
     from scex_sumo.certainty.results import exact_of as exact_of
     from scex_sumo.certainty.results import weighted_probability as weighted_probability

@@ -364,16 +364,17 @@ def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -
 
 
 def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
-    assert exact_of(run) is not None and exact_of(run).collision.estimate.value is not None
+    tables = exact_of(run)
+    assert tables is not None and tables.probability() is not None
     shown = text(page, "#any-collision")
     assert shown == f"{100 * run.collision.estimate.value:.2f} %"
     first = "#exact-table tbody tr:first-child td:nth-child(2)"
     own = text(page, first)
     page.locator("#weights input").nth(2).fill("0.7")  # constant_velocity; the others share the rest
-    rest = {name: 0.1 for name in exact_of(run).models} | {"constant_velocity": 0.7}
+    rest = {name: 0.1 for name in tables.models} | {"constant_velocity": 0.7}
     assert text(page, "#any-collision") == f"{100 * weighted_probability(run, rest):.2f} %"
     one, other = text(page, "#exact-table tbody tr:first-child td").split(" → ")
-    pair = run.encounter(int(one), int(other)).probability(weights=rest)
+    pair = weighted_probability(run, rest, pair=(int(one), int(other)))
     assert text(page, first) == f"{100 * pair:.2f} %" != own
     assert "keeps its speed (constant_velocity)" in text(page, "#exact-table")
     page.click("#own-weights")
