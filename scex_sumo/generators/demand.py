@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -120,7 +120,6 @@ def random_trips(
     every_s: tuple[float, float],
     rng: np.random.Generator,
     most_origins: int = 1_000,
-    check: Callable[[], None] = lambda: None,
 ) -> list[Trip]:
     """Return random vehicles by time of departure.
 
@@ -128,14 +127,12 @@ def random_trips(
         every_s: mean time between vehicles on an entry lane at the beginning and at the end; it changes
             geometrically and differs between lanes.
         most_origins: number of entry lanes, drawn at random if the net has more.
-        check: called often; may raise.
     """
     trips: list[Trip] = []
     origins = network.origins
     if len(origins) > most_origins:
         origins = [origins[k] for k in np.sort(rng.choice(len(origins), most_origins, replace=False))]
     for origin in origins:
-        check()
         share, clock = rng.uniform(0.6, 1.6), 0.0
         while True:
             mean = every_s[0] * (every_s[1] / every_s[0]) ** (clock / until_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -110,18 +110,18 @@ def record(
     every_s: tuple[float, float],
     rng: np.random.Generator,
     also: Sequence[Trip] = (),
-    check: Callable[[], None] = lambda: None,
+    told: Callable[[float, int], None] = lambda time_s, vehicle_steps: None,
 ) -> Drive:
     """Record random traffic that SUMO drives over a net.
 
     Args:
         at_most: vehicles on the map at any time; others wait outside.
         every_s: mean time between vehicles on an entry lane, at the beginning and at the end.
-        check: called often; may raise.
+        told: called often with the simulated time in s and the vehicles of all steps together; may raise.
     """
     origins = max(MIN_ORIGINS, at_most // 2)
     trips = random_trips(
-        Network(net_path), until_s=duration_s, every_s=every_s, rng=rng, most_origins=origins, check=check
+        Network(net_path), until_s=duration_s, every_s=every_s, rng=rng, most_origins=origins
     )
     trips = sorted([*trips, *also], key=lambda trip: trip.depart_s)
     with TemporaryFolder() as folder:
@@ -129,11 +129,11 @@ def record(
         write_curve_limits(net_path, net)
         write_trips(routes, trips)
         options = {"end": duration_s, "seed": int(rng.integers(2**31)), "max-num-vehicles": at_most}
-        _simulate(Path(folder), {"net-file": net, "route-files": routes, "fcd-output": fcd} | options, check)
+        _simulate(Path(folder), {"net-file": net, "route-files": routes, "fcd-output": fcd} | options, told)
         return _read(fcd, trips, round(duration_s / STEP_S) + 1)
 
 
-def _simulate(folder: Path, options: dict[str, Any], check: Callable[[], None]) -> None:
+def _simulate(folder: Path, options: dict[str, Any], told: Callable[[float, int], None]) -> None:
     options |= {
         "fcd-output.attributes": "x,y,angle,speed",
         "precision": 6,
@@ -157,10 +157,8 @@ def _simulate(folder: Path, options: dict[str, Any], check: Callable[[], None]) 
         subprocess.Popen(command, stdout=said, stderr=said, env=environment()) as sumo,
     ):
         try:
-            while sumo.poll() is None:
-                check()
-                with suppress(subprocess.TimeoutExpired):
-                    sumo.wait(0.2)
+            for time_s, rows in _written(options["fcd-output"], sumo):
+                told(time_s, rows)
         except BaseException:
             sumo.kill()
             raise
@@ -169,6 +167,22 @@ def _simulate(folder: Path, options: dict[str, Any], check: Callable[[], None]) 
     if sumo.returncode:
         reason = errors[0] if errors else f"exit status {sumo.returncode}"
         raise SimulationError(f"{options['net-file'].name}: SUMO cannot populate it: {reason}")
+
+
+def _written(fcd: Path, sumo: subprocess.Popen[bytes]) -> Iterator[tuple[float, int]]:
+    """Yield the time in s and the number of lines with vehicles that SUMO has written, until it has ended."""
+    fcd.touch()
+    time_s, rows, rest, ended = 0.0, 0, b"", False
+    with fcd.open("rb") as file:
+        while not ended:
+            with suppress(subprocess.TimeoutExpired):
+                sumo.wait(0.2)
+            ended = sumo.poll() is not None
+            *lines, rest = (rest + file.read()).split(b"\n")
+            rows += sum(b";;" not in line for line in lines)
+            with suppress(ValueError, IndexError):  # no line yet, or the names of the columns
+                time_s = float(lines[-1].split(b";")[0])
+            yield time_s, rows
 
 
 def _read(fcd: Path, trips: list[Trip], steps: int) -> Drive:

@@ -19,7 +19,7 @@ from scex_sumo.generators.scene_context import (
     place_features,
     states_of,
 )
-from scex_sumo.generators.scene_model import KINDS, SceneModel
+from scex_sumo.generators.scene_model import KINDS, SceneModel, load_scenes
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
@@ -32,6 +32,13 @@ SWEEPS = 1  # in which each vehicle is drawn anew, given all others
 CLEAR_M = 0.1
 FASTER = 1.1  # than it shall be, a scene may be
 CHECKED_S = np.array([-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0])
+
+
+def recorded_population(
+    road: Road, *, vehicles: int, speed: float | None = None, seed: int = 0, **_: object
+) -> SeedScene:
+    """Populate a road as the shipped scene model of recordings does."""
+    return generated_scene(road, load_scenes(), vehicles=vehicles, speed=speed, seed=seed)
 
 
 def generated_scene(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import pickle
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -11,11 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.progress import Progress, progress_of
+from scex_sumo.base.version import version_of
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.generators.drive import Drive, record
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
 
 WARM_UP_S = 30.0
 FUTURE_STEPS = 100
@@ -26,9 +31,35 @@ CHECKED_STEPS, CHECKED_STRIDE = 30, 2
 MAX_CURVATURE = 0.25  # 1/m; a car's turning radius is 5 m
 SLOW_M = 0.1  # per step: 1 m/s
 MAX_VEHICLES = 5_000
-LIMIT_S = 10
+MAX_VEHICLE_STEPS = 1_000_000  # that SUMO simulates for one scene
+MAX_PAIRS = 10**9  # of vehicles, at all moments of an attempt together
 DENSE, DENSE_EVERY_S = 40, (5.0, 2.0)  # vehicles on the map, and s between two on an entry lane, at most
 FILLED_STEPS = 150  # in which the first vehicles reach crossings
+
+
+def sumo_population(
+    road: Road,
+    *,
+    vehicles: int,
+    speed: float | None = None,
+    seed: int = 0,
+    cache: bool = True,
+    progress: Progress | bool | None = None,
+) -> SeedScene:
+    """Populate a road by SUMO's demand and car-following; ``cache`` keeps net and scene on the disk."""
+    if speed is not None:
+        raise UsageError("--speed: SUMO draws its own; give --as recorded")
+    name = f"{road.name}_synthetic{vehicles}_s{seed}"
+
+    def populated() -> SeedScene:
+        with TemporaryFolder() as folder, progress_of(progress, name) as tick:
+            net = converted(road, Path(folder) / f"{road.name}.net.xml", keep=cache)
+            return synthetic_scene(road, net.path, vehicles=vehicles, seed=seed, name=name, progress=tick)
+
+    if not cache:
+        return populated()
+    made_of = pickle.dumps((version_of("eclipse-sumo"), vehicles, seed, road))
+    return cached_object("populated", made_of, populated, (SeedScene, States, Obstacles))
 
 
 def synthetic_scene(
@@ -46,7 +77,11 @@ def synthetic_scene(
     drawn among the faster half of those with just enough vehicles; if all have more, vehicles are drawn.
 
     Args:
-        progress: called with the seconds spent and their limit.
+        progress: called with the simulated steps, and with those of all attempts.
+
+    Raises:
+        UsageError: a number of vehicles or a seed out of range.
+        SimulationError: the map cannot hold so many vehicles, or more than `MAX_VEHICLE_STEPS` are simulated.
     """
     if vehicles < 1:
         raise UsageError(f"--synthetic: got {vehicles}, needs at least 1 vehicle")
@@ -55,27 +90,28 @@ def synthetic_scene(
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
     rng = np.random.default_rng([seed, vehicles])
-    most, tried, spare, begun = 0, 0, None, time.monotonic()
+    most, tried, spare, simulated = 0, 0, None, 0
+    begun_s, total_s = 0.0, sum(duration_s for duration_s, _ in _ATTEMPTS)
 
-    def check() -> None:
-        spent = time.monotonic() - begun
+    def told(time_s: float, vehicle_steps: int) -> None:
         if progress is not None:
-            progress(min(int(spent), LIMIT_S), LIMIT_S)
-        if spent > LIMIT_S:
+            progress(round((begun_s + time_s) / STEP_S) + 1, round(total_s / STEP_S))
+        if simulated + vehicle_steps > MAX_VEHICLE_STEPS:
             raise SimulationError(
-                f"{road.name}: no moment with {vehicles} vehicles within {LIMIT_S} s ({tried} tried); "
-                "ask for fewer, or give a smaller map"
+                f"{road.name}: no moment with {vehicles} vehicles in {MAX_VEHICLE_STEPS:,} simulated vehicle "
+                f"steps ({tried} tried); ask for fewer, or give a smaller map"
             )
 
     for duration_s, every_s in _ATTEMPTS:
         at_most = vehicles + max(3, vehicles // 2)
-        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng, check=check)
+        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng, told=told)
+        simulated += int(recording.present.sum())
+        begun_s += duration_s
         ready = recording.steady()
         usable = ready[int(WARM_UP_S / STEP_S) : len(ready) - FUTURE_STEPS]
         most = max(most, int(usable.sum(axis=1).max(initial=0)))
         for step, chosen in _moments(recording, ready, vehicles, rng):
             tried += 1
-            check()
             scene = _scene(recording, step, chosen, name=name, location=road.name)
             sharp = _sharpest(scene) > MAX_CURVATURE
             if (sharp and spare is not None) or _overlap(scene):
@@ -157,7 +193,7 @@ def _moments(
         return
     surplus = recording.present[steps].sum(axis=1) - vehicles
     speed = np.nanmean(recording.speed[steps], axis=1)
-    left = MAX_MOMENTS
+    left = max(min(MAX_MOMENTS, MAX_PAIRS // vehicles**2), 1)
     for extra in np.unique(surplus):
         of_these = steps[surplus == extra]
         fast = of_these[speed[surplus == extra] >= np.median(speed[surplus == extra])]

@@ -102,27 +102,29 @@ def _no_formula(scenes: Scenes) -> Samples | Entries:
 
 F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
 
+_PTTC = Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, harmonic=True, label="PTTC")
+_TTC = Metric(
+    name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True, threshold=1 / 1.5, label="1/TTC"
+)
 _BY_HEADING = (
     Metric(name="distance", unit="m", critical="min", evaluate=distance, threshold=5.0),
     Metric(name="tq", critical="max", evaluate=tq, threshold=1.2, label="traffic quality"),
     Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time, label="gap time"),
-    Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, harmonic=True, label="PTTC"),
+    _PTTC,
     Metric(name="wttc", unit="s", critical="min", evaluate=wttc, threshold=0.26, label="WTTC"),
-    Metric(
-        name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True, threshold=1 / 1.5, label="1/TTC"
-    ),
+    _TTC,
 )
 _LIMITS = {name: event.threshold for name, event in EVENTS.items()}
 _ON_PATHS = (
     Metric(name="gap", unit="m", critical="min", evaluate=gap, quick=least_gap, label="body gap"),
     replace(
-        _BY_HEADING[5],
+        _TTC,
         name="ttc_path",
         preset="path",
         threshold=1 / _LIMITS["ttc"],
         label="1/TTC on path",
     ),
-    replace(_BY_HEADING[3], name="pttc_path", preset="path", label="PTTC on path"),
+    replace(_PTTC, name="pttc_path", preset="path", label="PTTC on path"),
     Metric(
         name="wttc_path",
         unit="s",

@@ -27,7 +27,7 @@ class SeedOptions:
     time: float | None = option("Moment in seconds; default: the busiest.", None, metavar="S")
     synthetic: int | None = option("Populate the map with N vehicles by SUMO instead.", None, metavar="N")
     like: str | None = option(
-        "Of --synthetic: what its scenes look like.", None, metavar="sumo|recorded", names=("--as",)
+        "Of --synthetic: what its scenes look like.", None, metavar="sumo|recorded|NAME", names=("--as",)
     )
     speed: float | None = option(
         "Of scenes as recorded: mean speed of the traffic, m/s; default: drawn for road and density.",

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import pickle
 from pathlib import Path
 
-from scex_sumo.base.cache import cached_object
-from scex_sumo.base.errors import TrackError, UsageError, warn_notes
-from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.errors import TrackError, warn_notes
+from scex_sumo.base.importing import Registry
 from scex_sumo.base.progress import Progress, progress_of
-from scex_sumo.base.version import version_of
-from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.scene import SeedScene
+
+POPULATIONS = Registry(group="scex_sumo.populations", kind="population")
+"""Functions ``populate(road, vehicles=..., speed=..., seed=..., cache=..., progress=...)``: a seed scene."""
 
 
 def read_seed(
@@ -86,22 +86,22 @@ def synthetic_seed(
     cache: bool = True,
     progress: Progress | bool | None = None,
 ) -> SeedScene:
-    """Populate a map and return one moment: by SUMO with history and future, or as recorded ones look.
+    """Populate a map and return one moment.
 
     Args:
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
-        like: ``sumo`` places vehicles by random demand and car-following, ``recorded`` by the shipped scene
-            model; such a scene has no future.
+        like: ``sumo`` places vehicles by random demand and car-following, with history and future;
+            ``recorded`` by the shipped scene model, without a future; or a name in `POPULATIONS`.
         speed: mean speed of a scene as recorded, m/s; None draws it for road and density.
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
         cache: keep road, net and scene in ``~/.cache/scex-sumo``.
-        progress: True for a bar; or called with the seconds spent and their limit.
+        progress: True for a bar; or called with (done, total) while SUMO simulates.
 
     Raises:
         MapError: the map cannot be read.
-        SimulationError: the map cannot hold so many vehicles, or is not populated within 10 s.
+        SimulationError: the map cannot hold so many vehicles, or SUMO would simulate too long.
         UsageError: ``like`` is unknown, or a speed is given to SUMO.
 
     Example:
@@ -109,32 +109,11 @@ def synthetic_seed(
         3
     """
     from scex_sumo.converters.maps import read_map
-    from scex_sumo.converters.net.convert import converted
-    from scex_sumo.generators.synthetic import synthetic_scene
 
-    if like not in ("sumo", "recorded"):
-        raise UsageError(f"--as {like}: unknown; known: sumo, recorded")
-    if speed is not None and like == "sumo":
-        raise UsageError("--speed: SUMO draws its own; give --as recorded")
-    map_path = Path(map_path)
+    populate = POPULATIONS.load(like)
     road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
-    if like == "recorded":
-        from scex_sumo.generators.generate import generated_scene
-        from scex_sumo.generators.scene_model import load_scenes
-
-        warn_notes(road.notes)
-        return generated_scene(road, load_scenes(), vehicles=vehicles, speed=speed, seed=seed)
-    name = f"{road.name}_synthetic{vehicles}_s{seed}"
-
-    def populated() -> SeedScene:
-        with TemporaryFolder() as folder, progress_of(progress, name) as tick:
-            net = converted(road, Path(folder) / f"{road.name}.net.xml", keep=cache)
-            return synthetic_scene(road, net.path, vehicles=vehicles, seed=seed, name=name, progress=tick)
-
-    if cache:
-        made_of = pickle.dumps((version_of("eclipse-sumo"), vehicles, seed, road))
-        scene = cached_object("populated", made_of, populated, (SeedScene, States, Obstacles))
-    else:
-        scene = populated()
+    scene: SeedScene = populate(
+        road, vehicles=vehicles, speed=speed, seed=seed, cache=cache, progress=progress
+    )
     warn_notes(road.notes)
     return dataclasses.replace(scene, road=road)

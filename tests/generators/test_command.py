@@ -107,7 +107,10 @@ def test_a_copy_knows_the_origin_of_its_map(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("like", "synthetic", "said"),
-    [("videos", 4, "--as videos: unknown; known: sumo, recorded"), ("recorded", None, "needs --synthetic N")],
+    [
+        ("videos", 4, "unknown population 'videos'; known: recorded, sumo"),
+        ("recorded", None, "needs --synthetic N"),
+    ],
 )
 def test_as_needs_a_known_word_and_a_number(like: str, synthetic: int | None, said: str) -> None:
     with pytest.raises(UsageError, match=said):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import time
 from dataclasses import replace
@@ -18,9 +19,11 @@ from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.generators.synthetic import LIMIT_S, synthetic_scene
+from scex_sumo.generators import synthetic
+from scex_sumo.generators.drive import Drive
+from scex_sumo.generators.synthetic import synthetic_scene
 from scex_sumo.road import Road
-from scex_sumo.scenarios import EXAMPLES, example_path, synthetic
+from scex_sumo.scenarios import EXAMPLES, example_path
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads as roads_of_tests
 from tests.converters.maps import DASHED, Lanelet, straight, write_map
@@ -181,8 +184,9 @@ def test_a_map_of_kinks_is_populated_soon_and_says_how_far_it_is(tmp_path: Path)
     )
     assert time.process_time() - begin < 10.0  # without SUMO itself; all moments are tried
     assert scene.vehicles == 10
-    assert len(told) > 100
-    assert sorted(told) == told and {total for _, total in told} == {LIMIT_S}
+    assert len(told) > 2
+    assert sorted(told) == told and {total for _, total in told} == {3900}
+    assert told[-1] == (3900, 3900)
 
 
 def test_where_vehicles_always_overlap_that_is_the_reason(tmp_path: Path):
@@ -209,10 +213,30 @@ def test_less_than_one_vehicle_is_refused(vehicles: int, folder: Path):
         populate("roundabout", folder, vehicles)
 
 
-def test_time_that_is_up_is_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_simulated_steps_are_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     road, net = converted(write_map(tmp_path / "road.osm", [straight(1, 0, 300)]), tmp_path)
-    monkeypatch.setattr(synthetic, "LIMIT_S", 0)
+    monkeypatch.setattr(synthetic, "MAX_VEHICLE_STEPS", 100)
     with pytest.raises(
-        SimulationError, match=r"no moment with 2 vehicles within 0 s \(0 tried\); ask for fewer"
+        SimulationError,
+        match=r"no moment with 2 vehicles in 100 simulated vehicle steps \(0 tried\); ask for",
     ):
         synthetic_scene(road, net.path, vehicles=2, name="test")
+
+
+def test_a_slow_machine_populates_the_same_maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    road, net = converted(write_map(tmp_path / "road.osm", [straight(1, 0, 300)]), tmp_path)
+    hours = itertools.count(0.0, 3600.0)
+    monkeypatch.setattr(time, "monotonic", lambda: next(hours))
+    assert synthetic_scene(road, net.path, vehicles=2, name="test").vehicles == 2
+
+
+def test_of_thousands_of_vehicles_few_moments_are_tried() -> None:
+    steps = 500
+    alone = Drive(
+        number=np.arange(2), trips=[], present=np.ones((steps, 2), bool), front=np.zeros((steps, 2, 2)),
+        angle=np.zeros((steps, 2)), speed=np.ones((steps, 2)),
+    )  # fmt: skip
+    ready, rng = np.ones((steps, 5000), bool), np.random.default_rng(0)
+    crowd = replace(alone, present=ready, speed=ready.astype(float))
+    assert len(list(synthetic._moments(alone, ready[:, :2], 2, rng))) == 100
+    assert len(list(synthetic._moments(crowd, ready, 5000, rng))) == 40
