@@ -69,35 +69,29 @@ def run_body(info: Mapping[str, Any], *cards: Html) -> str:
     )
 
 
-def percent(share: float) -> str:
-    """Return a share in percent, small ones with one decimal."""
-    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
-
-
 def _collision_card(info: Mapping[str, Any]) -> Html:
     share, likely = info["collision"], info["likely_collisions"]
     if share is None:
         words = element("p.soft", "not in this result; run it again")
         return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
-    parts = [_big(share, "stress test", "driven as any of the models", "p-collision", "drawn")]
+    parts = [_big(share, "stress test", "p-collision", "drawn")]
     if likely is not None:
-        parts.append(
-            _big(likely, "human-like", "driven as people were recorded", "likely-collision", "likely")
-        )
+        parts.append(_big(likely, "human-like", "likely-collision", "likely"))
     return element("div.card", element("h2", "P(collision)"), element("div.sets", *parts))
 
 
-def _big(share: Mapping[str, Any], what: str, how: str, name: str, kind: str) -> Html:
-    exact, interval = share["exact"], f"{percent(share['low'])} – {percent(share['high'])}"
-    value = percent(share["value"]) if exact is None else f"{100 * exact:.4g} %"
+def _big(share: Mapping[str, Any], what: str, name: str, kind: str) -> Html:
+    value, interval = share["percent"], share["range"]
     seen = f"{share['count']} of {counted(share['children'], 'future')}"
-    words = f"{seen}; 95 %: {interval}" if exact is None else f"exact; sampled: {seen}, {interval}"
+    words = f"exact; sampled: {seen}, {interval}" if share["is_exact"] else f"{seen}; 95 %: {interval}"
     number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
     hurt = share["injuries"]
     severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
     counts = element("span", words, id=f"{name}-words", title=words)
     return element(
-        "div", number, element("p.soft", element(f"b.{kind}", what), f", {how}: ", counts, *severe)
+        "div",
+        number,
+        element("p.soft", element(f"b.{kind}", what), f", {share['driven']}: ", counts, *severe),
     )
 
 

@@ -12,12 +12,19 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.page.study import table
-from scex_sumo.reports.encounter_rows import HUMAN_LIKE, Meeting, meetings, worst_of
+from scex_sumo.reports.encounter_rows import (
+    HUMAN_LIKE,
+    Meeting,
+    driven_as,
+    meetings,
+    probability_in,
+    worst_of,
+)
 from scex_sumo.reports.encounter_table import HEADS, encounter_cells
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.encounters import event_of
 from scex_sumo.results.outcomes import COLLISIONS
-from scex_sumo.results.probability import critical_outcomes
+from scex_sumo.results.probability import Probability, critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -125,14 +132,19 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
 
 
 def collision_share(run: Run) -> dict[str, Any] | None:
-    """Return number, share and 95 % interval of children with a collision; None if unknown."""
+    """Return how many futures collide, P, its 95 % interval and how they are driven, in words; or None."""
     if COLLISION_COLUMN not in run.metrics.column_names:
         return None
     share, count = run.collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
-    drawn = share.sampled
-    interval = {"value": drawn.value, "low": drawn.low, "high": drawn.high, "exact": share.exact}
-    known = {"count": count, "children": run.children, "injuries": expected_injuries(run)}
-    return {**known, **interval}
+    return {
+        "count": count,
+        "children": run.children,
+        "injuries": expected_injuries(run),
+        "driven": f"driven as {driven_as(run)}",
+        "percent": share.percent if share.known else share.sampled.share,
+        "range": f"{share.sampled.range} %",
+        "is_exact": share.known is not None,
+    }
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
@@ -144,6 +156,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     """
     found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
     both = any(one.futures == HUMAN_LIKE for one in found)
+    sets = [run] if run.reference is None else [run, run.reference]
     wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
     places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
     cells = [[encounter_cells(one)[place] for place in places] for one in found]
@@ -168,17 +181,20 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 "child": row["child"] + (run.children if is_human else 0),
                 "step": round(row["time_s"] / STEP_S),
                 "worst": one in worst,
-                **(_story(one) if one in worst else {}),
+                **(_story(one, sets) if one in worst else {}),
             }
         )
     known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
     return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
 
 
-def _story(one: Meeting) -> dict[str, Any]:
-    """Return what happens in a worst encounter: question, words, kind and place, drivers, exact share."""
+def _story(one: Meeting, both: Sequence[Run]) -> dict[str, Any]:
+    """Return what happens in a worst encounter: question, words, kind and place, drivers.
+
+    ``told`` are P and its interval, or ``exact``, in words: of the stress test, then of human-like futures.
+    """
     question, happens = event_of(one.row)
-    exact = one.encounter.collision.known if question == "collision" else None
+    exact = one.encounter.probability(question).known
     tracks = [one.row["track_id"], one.row["other_id"]]
     drivers = [
         f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
@@ -189,8 +205,12 @@ def _story(one: Meeting) -> dict[str, Any]:
         "happens": happens,
         "about": ", ".join(part for part in (one.row["kind"], one.row["place"]) if part),
         "why": f"exactly if {ways}" if ways else f"typically {', '.join(drivers)}",
-        "exact": "" if exact is None else f"{100 * exact.value:.4g} %",
+        "told": [_told(probability_in(run, one.pair, question)) for run in both],
     }
+
+
+def _told(share: Probability) -> tuple[str, str]:
+    return (share.percent, "exact") if share.known else (share.sampled.share, f"{share.sampled.range} %")
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:

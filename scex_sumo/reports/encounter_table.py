@@ -15,6 +15,7 @@ from scex_sumo.reports.run_table import Head, console_table, counted, print_line
 from scex_sumo.results.encounters import QUESTIONS
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.outcomes import collided
+from scex_sumo.results.probability import Probability
 from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
 
@@ -22,7 +23,7 @@ _SHARE = "Share of the futures; a click on a row shows the typical one"
 HEADS: Final[tuple[Head, ...]] = (
     ("pair", "names", "A vehicle hits or follows → another"),
     ("place", "names", ""),
-    ("futures", "names", "Stress test: driven as any of the models; human-like: as people were recorded"),
+    ("futures", "names", "Stress test: driven as the models of the run; human-like: as people were recorded"),
     (EVENTS["collision"].title, "percent", _SHARE),
     ("95 %", "text", "Interval of P(collision)"),
     *((event.title, "percent", f"{event.question}. {_SHARE}") for event in MEASURED),
@@ -60,18 +61,21 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region = 
 def encounter_cells(one: Meeting) -> list[Any]:
     """Return the cells of an encounter under `HEADS`; probabilities are exact where there is a table."""
     row, found = one.row, one.encounter
-    interval = f"{100 * row['collision_low']:.0f}–{100 * row['collision_high']:.0f} %"
     return [
         f"{row['track_id']} → {row['other_id']}",
         row["place"],
         one.futures,
         found.collision.estimate.value,
-        interval if found.collision.exact is None else "exact",
+        _sure(found.collision),
         *(found.probability(name).estimate.value for name in (*(e.name for e in MEASURED), "critical")),
         row["gap"],
         round(row["time_s"], 1),
         f"{row['model']}, {row['other_model']}",
     ]
+
+
+def _sure(share: Probability) -> str:
+    return "exact" if share.exact is not None else f"{share.sampled.range} %"
 
 
 def _share(run: Run, vehicles: Sequence[int]) -> str:
@@ -88,8 +92,7 @@ def print_pair(one: Meeting, console: Console) -> None:
     found, rows = one.encounter, []
     for name in QUESTIONS:
         share, words = found.probability(name), EVENTS[name].question if name in EVENTS else "any of these"
-        sure = "exact" if share.exact is not None else f"{share.sampled.low:.1%} – {share.sampled.high:.1%}"
-        rows.append((words, share.estimate.value, sure))
+        rows.append((words, share.estimate.value, _sure(share)))
     heads = [("question", "names", ""), ("share", "percent", ""), ("interval", "text", "")]
     title = f"share of {run.children} {one.futures} futures, 95 % interval"
     print_table(console_table(title, heads, rows), console)

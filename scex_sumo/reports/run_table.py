@@ -14,7 +14,14 @@ from rich.text import Text
 
 from scex_sumo.extrapolation.rollout import fallback_lines
 from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of
-from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
+from scex_sumo.reports.encounter_rows import (
+    HUMAN_LIKE,
+    STRESS_TEST,
+    driven_as,
+    meetings,
+    surely_above,
+    worst_of,
+)
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.encounters import ENCOUNTERS
 from scex_sumo.results.extras import extras_results
@@ -51,10 +58,9 @@ def print_summary(run: Run, console: Console, *, preset: str | None = None) -> N
 
 def answer_lines(run: Run) -> list[str]:
     """Return collision shares, contradictions, always critical metrics and the worst encounters in words."""
-    both = (("stress test", run, "any of the models"), ("human-like", run.reference, "people were recorded"))
     lines = [
-        f"{name}: a collision in {one.collision.percent} of futures, driven as {how}{_sure(one)}"
-        for name, one, how in both
+        f"{name}: a collision in {one.collision.percent} of futures, driven as {driven_as(one)}{_sure(one)}"
+        for name, one in ((STRESS_TEST, run), (HUMAN_LIKE, run.reference))
         if one is not None and one.outcomes
     ]
     if above := human_above(run):
@@ -203,12 +209,12 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     for part in shown_columns(run, preset):
         rows.append(None)
         for column in part:
-            recorded, samples = run.recorded_value(column), run.samples(column)
+            recorded = run.recorded_value(column)
             rows.append(
                 (
                     metric_of(column).titled(),
                     _number(recorded if recorded is None or np.isfinite(recorded) else None),
-                    _number(float(np.median(samples)) if len(samples) else None),
+                    _median(run, column),
                     *_critical(run, column, likely),
                     _defined(run, column, likely),
                 )
@@ -255,6 +261,14 @@ def _critical(run: Run, column: str, likely: Run | None) -> tuple[str, ...]:
     )
     shares = _shares(run.p_critical(column)) if len(run.samples(column)) else ("–", "–")
     return f"{metric_of(column).sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
+
+
+def _median(run: Run, column: str) -> str:
+    """Return the median; ``collides`` where it is 0 or infinite because most futures collide."""
+    samples = run.samples(column)
+    median = float(np.median(samples)) if len(samples) else None
+    extreme = median is not None and (median == 0 or np.isinf(median))
+    return "collides" if extreme and run.outcomes and run.collision.sampled.value >= 0.5 else _number(median)
 
 
 def _defined(run: Run, column: str, likely: Run | None) -> str:

@@ -244,16 +244,16 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
 def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> str:
     """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
 
-    With the ``exact`` probability of its collision it says exactly when the two collide.
+    With the ``exact`` probability of that event it says exactly when it happens.
     """
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
-    if row["collision"] > 0 and exact is not None:
-        return f"{head}collides in {100 * exact.value:.4g} %, exactly if {exact.told(_WAYS)}"
     gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
     name, event = event_of(row)
     if not name:
         return f"{head}{event}, typically {gap} m apart"
+    if exact is not None:
+        return f"{head}{event} in {100 * exact.value:.4g} %, exactly if {exact.told(_WAYS)}"
     drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
     apart = "" if name == "collision" else f"{gap} m apart, "
     return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"

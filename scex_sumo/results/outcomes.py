@@ -51,9 +51,12 @@ FAULTS: Final = (
     "other leaves lane",
     "against priority",
     "other against priority",
+    "hits the side",
+    "other hits the side",
 )
 """Classes of the first vehicle's part in a collision; the first one that holds. It has the fault in
-``hits standing``, ``hits from behind``, ``leaves lane`` and ``against priority``, else the other one."""
+``hits standing``, ``hits from behind``, ``leaves lane``, ``against priority`` and ``hits the side``, else the
+other one."""
 
 UNDECIDED: Final = -1
 _NO_MASS = ((0.0, np.nan),)
@@ -106,7 +109,7 @@ def severity_of(
     Args:
         tracks: the tracks that ``hits`` were found in, with lengths (V,).
         types: (V,) of the vehicles.
-        road: lanes and right of way; without it only standing and rear-end collisions have a fault.
+        road: lanes and right of way; without it the impact alone decides.
     """
     mass = masses(types, tracks.length)
     one, two = mass[hits.first], mass[hits.second]
@@ -131,6 +134,7 @@ def _faults(tracks: SceneTracks, hits: Collisions, road: Road | None) -> IntArra
     share = np.clip(hits.time_s / tracks.step_s - (moves.step - start), 0.0, 1.0)
     speeds = [moves.speed(vehicle, share) for vehicle in (hits.first, hits.second)]
     stands = [np.abs(speed) <= _STANDING_MPS for speed in speeds]
+    fronts = [side == SIDES.index("front") for side in (hits.first_side, hits.second_side)]
     none = np.zeros(len(hits), dtype=np.bool_)
     leaves, against = [none, none], [none, none]
     if road is not None and len(hits):
@@ -143,6 +147,8 @@ def _faults(tracks: SceneTracks, hits: Collisions, road: Road | None) -> IntArra
         leaves[1] & ~leaves[0],
         against[0],
         against[1],
+        fronts[0] & ~fronts[1],
+        fronts[1] & ~fronts[0],
     ]
     return np.select(holds, range(len(FAULTS)), default=UNDECIDED).astype(np.int64)
 

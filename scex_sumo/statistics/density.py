@@ -83,10 +83,22 @@ class Interval:
 
     @property
     def percent(self) -> str:
-        """In words, e.g. ``12 % [9–16]``; one decimal below 1 % or if the interval is below 2 %."""
-        digits = 1 if self.high - self.low < 0.02 or 0 < self.value < 0.01 else 0
-        value, low, high = (f"{100 * x:.{digits}f}" for x in (self.value, self.low, self.high))
-        return f"{value} %" if self.low == self.high else f"{value} % [{low}–{high}]"
+        """In words, e.g. ``12 % [9–16]``, with the digits of `range`."""
+        return self.share if self.low == self.high else f"{self.share} [{self.range}]"
+
+    @property
+    def share(self) -> str:
+        """Its value in percent, with the digits of `range`."""
+        return f"{100 * self.value:.{self._digits}f} %"
+
+    @property
+    def range(self) -> str:
+        """Its limits in percent, e.g. ``9–16``; one decimal below 10 % and if they are within 2 %."""
+        return f"{100 * self.low:.{self._digits}f}–{100 * self.high:.{self._digits}f}"
+
+    @property
+    def _digits(self) -> int:
+        return 1 if self.high - self.low < 0.02 or self.high < 0.1 else 0
 
 
 def density(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,7 +62,20 @@ def test_a_truck_changes_less_than_the_car_that_it_hits() -> None:
 def test_a_crossing_impact_has_the_speed_of_both_directions() -> None:
     _, found = severity({"x": -30, "speed": 10}, {"y": -28, "heading": NORTH, "speed": 10})
     assert found.delta_v == pytest.approx([math.sqrt(2) * 10 / 2])
-    assert found.faults() == [None]  # without a road nobody knows
+    assert found.faults() == ["hits the side"]  # without a road the impact alone decides
+
+
+def test_a_front_that_hits_a_side_has_the_fault_where_no_rule_decides() -> None:
+    """The one from the south is 4 m short of the crossing when the other one's front is there."""
+    east, north = {"x": -30.0, "speed": 10.0}, {"y": -34.0, "heading": NORTH, "speed": 10.0}
+    for road in (None, replace(crossroads(), regulations=())):
+        assert severity(east, north, road=road)[1].faults() == ["other hits the side"]
+        assert severity(north, east, road=road)[1].faults() == ["hits the side"]
+
+
+def test_fronts_that_meet_have_no_fault_without_a_rule() -> None:
+    one, other = {"speed": 10.0}, {"x": 40.0, "heading": math.pi, "speed": 10.0}
+    assert severity(one, other)[1].faults() == [None]
 
 
 def test_the_one_that_stands_is_struck() -> None:

@@ -416,7 +416,7 @@ def test_a_threshold_that_is_dragged_back_has_the_share_of_the_table_again(page:
     found = run.p_critical("distance")
     assert float(page.input_value(LIMIT)) == limit
     assert page.get_attribute(share, "title") == before
-    assert f"95 %: {100 * found.low:.0f} % – {100 * found.high:.0f} %" in before
+    assert f"95 %: {found.range} %" in before
 
 
 LIMIT = "#charts .chart:first-child input"

@@ -172,7 +172,7 @@ def test_a_collision_of_human_like_drivers_alone_is_told_with_its_reason(
         "2 → 1 collides in 2.6%, 0.0% (no model of the mix drives like this)"
     )
     assert lines[-1] == (
-        "  2 → 1 (1.0 s): collides in 3 % [1–7], typically 2 m, 1 o; human-like, of 117 futures; "
+        "  2 → 1 (1.0 s): collides in 2.6 % [0.9–7.3], typically 2 m, 1 o; human-like, of 117 futures; "
         "in the stress test never"
     )
     found = meetings(run)
@@ -185,6 +185,59 @@ def test_a_collision_of_human_like_drivers_alone_is_told_with_its_reason(
         ("human-like", 385),
         ("stress test", 0),
     ]
+
+
+def test_both_lines_of_a_pair_have_one_name(tmp_path: Path) -> None:
+    """That of the stress test where the pair is critical there; places are of the pair, models follow."""
+    result(tmp_path, {"collision": [1.0] + [0.0] * 9})
+    by = {"model": "m", "other_model": "o", "children": 1, "critical": 1, "share": 1.0}
+    encounters(tmp_path, {"track_id": 489, "other_id": 717, "place": "crossing", "critical": 0.1, "ttc": 0.1})
+    human = result(tmp_path / "reference", {"collision": [0.0] * 10})
+    reverse = {"track_id": 717, "other_id": 489, "place": "merge", "model": "p", "models": [by]}
+    encounters(human, reverse | {"critical": 0.2, "ttc": 0.2})
+    found = meetings(open_run(tmp_path))
+    assert {one.futures for one in found} == {"human-like", "stress test"}
+    assert {(r["track_id"], r["other_id"], r["place"]) for r in (one.row for one in found)} == {
+        (489, 717, "crossing")
+    }
+    row = next(one.row for one in found if one.futures == "human-like")
+    assert (row["model"], row["other_model"]) == ("o", "p")
+    assert (row["models"][0]["model"], row["models"][0]["other_model"]) == ("o", "m")
+
+
+def test_the_event_that_is_surely_above_is_told_though_the_first_one_may_be_chance(tmp_path: Path) -> None:
+    """1 of 117 collides, which may be chance; 20 of 117 come below 1.5 s, and none of 385 does."""
+    result(tmp_path, {"collision": [0.0] * 385})
+    encounters(tmp_path, {"track_id": 1, "other_id": 2})
+    human = result(tmp_path / "reference", {"collision": [1.0] + [0.0] * 116})
+    shares = {
+        f"{name}{end}": getattr(wilson(count, 117), part)
+        for name, count in (("collision", 1), ("ttc", 20), ("critical", 20))
+        for end, part in (("", "value"), ("_low", "low"), ("_high", "high"))
+    }
+    encounters(human, {"track_id": 1, "other_id": 2} | shares)
+    told = [one.above() for one in meetings(open_run(tmp_path))]
+    assert told == ["1 → 2 TTC < 1.5 s in 17.1%, 0.0%", ""]
+
+
+def test_medians_say_that_most_futures_collide(tmp_path: Path) -> None:
+    values = {"drac": [np.inf, np.inf, 1.0], "gap": [0.0, 0.0, 3.0], "thw": [1.0, 2.0, 3.0]}
+    run = open_run(result(tmp_path, values | {"collision": [1.0, 1.0, 0.0]}))
+    assert [cells(run, name)[1] for name in ("DRAC", "body gap", "THW")] == ["collides", "collides", "2.00"]
+
+
+@pytest.mark.parametrize(
+    ("models", "words"),
+    [
+        (["likely_driver"], "driven as people were recorded"),
+        (["risky_driver"], "driven as risky_driver"),
+        (["risky_driver", "standard_driver"], "driven as any of the models"),
+    ],
+)
+def test_a_run_says_how_its_vehicles_are_driven(tmp_path: Path, models: list[str], words: str) -> None:
+    drawn = [{"model": model, "weight": 1.0} for model in models] + [{"model": "replay", "weight": 0.0}]
+    run = open_run(result(tmp_path, {"collision": [0.0] * 4}, models=drawn))
+    assert answer_lines(run)[0].endswith(words)
 
 
 def test_one_future_more_may_be_chance() -> None:

@@ -17,6 +17,7 @@ from scex_sumo.results.encounters import (
     in_words,
     outcomes_table,
 )
+from scex_sumo.results.extras import ExactProbability
 from scex_sumo.scene import States
 from scex_sumo.statistics.density import wilson
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -103,6 +104,8 @@ def test_in_words() -> None:
     )
     calm = row | {"collision": 0.0, "ttc": 0.5, "ttc_low": 0.4, "ttc_high": 0.6, "kind": None}
     assert "TTC < 1.5 s in 50 % [40–60]" in in_words(calm)
+    exact = ExactProbability(value=0.5, checked="exact", ways=("17 brakes",))
+    assert in_words(calm, exact).endswith("TTC < 1.5 s in 50 %, exactly if 17 brakes")
     never = calm | {"critical": 0.0}
     assert in_words(never | {"gap": 2.04}).endswith("never critical, typically 2.0 m apart")
     assert in_words(never | {"gap": None}).endswith("never critical, typically more than 10 m apart")

@@ -82,6 +82,9 @@ const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 const sum = (values) => values.reduce((total, value) => total + value, 0);
 const isMissing = (value) => value === null || value === undefined || Number.isNaN(value);
 const percent = (share) => isMissing(share) ? "–" : `${(100 * share).toFixed(share > 0 && share < 0.0995 ? 1 : 0)} %`;
-const range = ({ low, high }) => `${percent(low)} – ${percent(high)}`;
+const range = ({ low, high }) => { // as Interval.range of density.py
+  const digits = high - low < 0.02 || high < 0.1 ? 1 : 0;
+  return `${(100 * low).toFixed(digits)}–${(100 * high).toFixed(digits)} %`;
+};
 const short = (value, digits = 2) => isMissing(value) ? "–" : Number.isFinite(value) ? value.toFixed(digits) : "∞";
 const seconds = (step) => `${(step / 10).toFixed(1)} s`;

@@ -39,10 +39,11 @@ function runReport(run) {
   function drawWorstEncounters() {
     const rows = info.encounters.rows.filter((row) => row.worst && select.isEvent(row)), isWhole = !state.filters.size;
     byId("worst-encounters").replaceChildren(...rows.map((row) => {
-      const { question, happens, about, why, exact } = row, [stress, human] = [false, true].map((isHuman) => select.share({ ...row, human: isHuman }, info.bits[question]));
+      const { question, happens, about, why } = row, shareIn = (isHuman) => select.share({ ...row, human: isHuman }, info.bits[question]);
+      const told = isWhole ? row.told : [false, true].map(shareIn).map((share) => [percent(share.value), range(share)]);
       const { step } = isWhole ? row : select.typicalOf(row), place = [about, seconds(step)].filter(Boolean).join(", ");
-      const shares = [make("b.drawn", isWhole && exact ? exact : percent(stress.value)), ` stress test${isWhole && exact ? ", exact" : ` (${range(stress)})`}`];
-      if (info.human) shares.push(" · ", make("b.likely", percent(human.value)), ` human-like (${range(human)})`);
+      const shares = [make("b.drawn", told[0][0]), ` stress test (${told[0][1]})`];
+      if (info.human) shares.push(" · ", make("b.likely", told[1][0]), ` human-like (${told[1][1]})`);
       const button = make("button", { title: row.words, onclick: () => jump(row) }, make("b", row.pair.map(id).join(" → ")), ` ${happens} · ${place}`, make("span", {}, ...shares), make("span.soft", why));
       return make("li", {}, button);
     }));

@@ -23,10 +23,11 @@ from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.page.charts import Plane
 from scex_sumo.page.contents import report_contents
 from scex_sumo.page.html import Html, element
-from scex_sumo.page.report import filled_report, percent
+from scex_sumo.page.report import filled_report
 from scex_sumo.page.scene import scene_svg
 from scex_sumo.page.study import card, failure_card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
+from scex_sumo.statistics.density import Interval
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.moments.run import MomentTask, unpack_road, written
 from scex_sumo.studies.rank.children import REPORTS
@@ -149,7 +150,8 @@ def _moment(
 
 def _share(words: str, row: Mapping[str, Any], name: str) -> Html:
     value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
-    shown, sure = percent(value), f"95 %: {percent(low)} – {percent(high)}"
+    interval = Interval(value=value, low=low, high=high, count=row["children"])
+    shown, sure = interval.share, f"95 %: {interval.range} %"
     if name == f"p_{COLLISION}" and row["remainder"] is not None:
         sure = f"exactly {100 * value:.4g} %, remainder {row['remainder']:.1%}"
     plane = Plane(x=(0.0, 1.0), width=200, height=10)
@@ -166,8 +168,12 @@ def _worst(row: Mapping[str, Any]) -> str:
         return "No encounter is critical."
     pair = f"{row['worst_track_id']} and {row['worst_other_id']}"
     if row["worst_p_collision"] > 0:
-        return f"{pair} collide in {percent(row['worst_p_collision'])} of the futures."
-    return f"{pair} meet critically in {percent(row['worst_p_critical'])} of the futures."
+        return f"{pair} collide in {_percent(row['worst_p_collision'])} of the futures."
+    return f"{pair} meet critically in {_percent(row['worst_p_critical'])} of the futures."
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
 
 
 def _more(seeds: int) -> str:
