@@ -148,9 +148,13 @@ def own_injuries(collisions: pa.Table, vehicles: Iterable[str], children: int) -
 
 def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
     """Read the seed scene from ``seed.csv``, with vehicles in the order of ``run.json``."""
-    from scex_sumo.converters.datasets.recordings import recorded_scene
+    from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
+    from scex_sumo.converters.registries import place_name
+    from scex_sumo.converters.tracks.reader import read_tracks
 
-    scene = recorded_scene(folder / known["name"], tracks=folder / "seed.csv", case="1.0", repair=False)
+    table = read_tracks(folder / "seed.csv", vehicles={str(track) for track in known["track_ids"]})
+    clean = CleanRecording(table=table, findings=(), repair=False)
+    scene = take_scene(clean, name=known["name"], location=place_name(folder / known["name"]), case="1.0")
     where = {int(track): index for index, track in enumerate(scene.track_ids)}
     if sorted(where) != sorted(known["track_ids"]):
         raise ResultError(f"{folder}: seed.csv is not that of run.json; run again")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
 from scex_sumo.converters.datasets.repairs import repair_tracks
 from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
+from scex_sumo.converters.tracks.check import MISSING
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
 
@@ -156,28 +158,50 @@ def _build(
         location=location,
         time_s=moment_ms / 1000.0,
         track_ids=np.array(ids, np.int64),
-        types=tuple(rows.types[k] for k in cars.track[keep]),
+        types=tuple(_plain_word(rows.types[k].lower()) for k in cars.track[keep]),
         length=cars.length[keep],
         width=cars.width[keep],
         history=states[:, : HISTORY_STEPS + 1],
         recorded_steps=steps[keep],
         future=states[:, HISTORY_STEPS + 1 :] if valid.any() else None,
         future_valid=valid if valid.any() else None,
-        obstacles=_obstacles(table.others, moment_ms, grid_ms),
+        obstacles=_obstacles(table.others, moment_ms, grid_ms, vehicles=ids),
         notes=tuple(notes),
         source=_source(table, case_id, moment_ms),
     )
 
 
-def _obstacles(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Obstacles | None:
+def _plain_word(text: str) -> str:
+    """Return an id or type as it is read back from a file of tracks."""
+    word = re.sub(r"[^A-Za-z0-9_.+/: -]", "_", text).strip()
+    return f"{word}_" if word in MISSING else word
+
+
+def _names(labels: Sequence[str], vehicles: Sequence[int]) -> tuple[str, ...]:
+    """Return plain ids of obstacles, none like another or like that of a vehicle."""
+    names: list[str] = []
+    used = {str(number) for number in vehicles}
+    for label in map(_plain_word, labels):
+        name, count = label, 1
+        while name in used:
+            count += 1
+            name = f"{label}-{count}"
+        used.add(name)
+        names.append(name)
+    return tuple(names)
+
+
+def _obstacles(
+    rows: TrackRows, moment_ms: float, grid_ms: FloatArray, *, vehicles: Sequence[int]
+) -> Obstacles | None:
     sampled = sample_tracks(rows, moment_ms, grid_ms)
     if not len(sampled.track):
         return None
     present = sampled.recorded.copy()
     present[:, HISTORY_STEPS:] = True  # after the recording's end they go on at constant velocity
     return Obstacles(
-        ids=tuple(rows.labels[k] for k in sampled.track),
-        types=tuple(rows.types[k] for k in sampled.track),
+        ids=_names([rows.labels[k] for k in sampled.track], vehicles),
+        types=tuple(_plain_word(rows.types[k].lower()) for k in sampled.track),
         length=sampled.length,
         width=sampled.width,
         states=sampled.states,

@@ -6,6 +6,7 @@ import gzip
 import math
 import re
 import zlib
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -45,11 +46,16 @@ MIN_STEP_S, MAX_STEP_S = 0.001, 0.5
 """Limits of the time between two samples of a track; they decide between milliseconds and seconds."""
 
 
-def read_tracks(path: str | Path, *, walkers: tuple[str, str] = WALKERS) -> TrackTable:
+def read_tracks(
+    path: str | Path, *, walkers: tuple[str, str] = WALKERS, vehicles: Collection[str] | None = None
+) -> TrackTable:
     """Read a recording in INTERACTION format, plain or packed; nothing is repaired.
 
-    Rows may have any order. Unknown columns and single rows without a value are left out. ``walkers``: part
-    of the file's name, and that of the file beside it with pedestrians and cyclists.
+    Rows may have any order. Unknown columns and single rows without a value are left out.
+
+    Args:
+        walkers: part of the file's name, and that of the file beside it with pedestrians and cyclists.
+        vehicles: ids of the tracks that are vehicles; None tells them by their types.
     """
     path = Path(path)
     files = [path]
@@ -59,25 +65,30 @@ def read_tracks(path: str | Path, *, walkers: tuple[str, str] = WALKERS) -> Trac
     read = [read_columns(file, shapes=not file.name.startswith(walkers[1])) for file in files]
     columns, cases, labels, types = _merge([part for part, _ in read])
     of_track = _majority_type(columns["track"], columns["agent_type"], len(labels))
-    of_track, unknown = with_unknown_vehicles(
-        types,
-        of_track,
-        columns["track"],
-        columns["length"],
-        columns["width"],
-        np.hypot(columns["vx"], columns["vy"]),
+    unknown: tuple[str, ...] = ()
+    if vehicles is None:
+        of_track, unknown = with_unknown_vehicles(
+            types,
+            of_track,
+            columns["track"],
+            columns["length"],
+            columns["width"],
+            np.hypot(columns["vx"], columns["vy"]),
+        )
+        motor = np.array([name in MOTOR_TYPES for name in types], bool)[of_track]
+    else:
+        motor = np.array([label in vehicles for label in labels], bool)
+    again = _number(path, columns, labels, [types[k] for k in of_track], motor)
+    is_vehicle = motor[columns["track"]]
+    rows, others = (
+        _rows(columns, keep, cases, labels, types, of_track) for keep in (is_vehicle, ~is_vehicle)
     )
-    motor = np.array([name in MOTOR_TYPES for name in types], bool)
-    is_vehicle = motor[of_track[columns["track"]]]
-    again = _number(path, columns, labels, [types[k] for k in of_track], motor[of_track])
-    vehicles = _rows(columns, is_vehicle, cases, labels, types, of_track)
-    others = _rows(columns, ~is_vehicle, cases, labels, types, of_track)
     return TrackTable(
         path=path,
         cases=tuple(sorted(cases, key=_sort_key)),
-        vehicles=vehicles,
+        vehicles=rows,
         others=others,
-        step_s=_usual_step(vehicles if len(vehicles) else others),
+        step_s=_usual_step(rows if len(rows) else others),
         notes=(*(phrase for _, notes in read for phrase in notes), *unknown, *again),
     )
 

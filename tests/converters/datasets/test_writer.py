@@ -22,7 +22,7 @@ def _same_states(a: States, b: States) -> None:
     np.testing.assert_allclose(a.speed, b.speed, rtol=1e-12, atol=1e-12)
 
 
-def _same(a: SeedScene, b: SeedScene) -> None:
+def same(a: SeedScene, b: SeedScene) -> None:
     np.testing.assert_array_equal(a.track_ids, b.track_ids)
     assert a.types == b.types
     np.testing.assert_array_equal(a.length, b.length)
@@ -57,13 +57,13 @@ def test_reading_what_was_written_gives_the_seed_back(tmp_path: Path) -> None:
     scene = recorded_scene(tmp_path / "town.osm", tracks=tracks, time_s=2.0)
     written = write_tracks(tmp_path / "seed.csv", scene)
     again = recorded_scene(tmp_path / "town.osm", tracks=written)
-    _same(scene, again)
+    same(scene, again)
     assert again.time_s == 1.0  # the clock of a case
 
 
 def test_a_seed_without_future_or_obstacles_comes_back_too(tmp_path: Path) -> None:
     scene = straight_seed(3)
-    _same(scene, recorded_scene(tmp_path / "town.osm", tracks=write_tracks(tmp_path / "s.csv", scene)))
+    same(scene, recorded_scene(tmp_path / "town.osm", tracks=write_tracks(tmp_path / "s.csv", scene)))
 
 
 def test_the_file_is_an_interaction_case(tmp_path: Path) -> None:
@@ -85,11 +85,11 @@ def test_an_unwritable_place_is_an_error_and_leaves_nothing(tmp_path: Path) -> N
 def test_scenes_of_k733_come_back(data: Path, tmp_path: Path, time_s: float) -> None:
     the_map = data / "taf_bw/maps/k733_2020-09-15.osm"
     scene = recorded_scene(the_map, time_s=time_s)
-    _same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
+    same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
 
 
 def test_scenes_of_k729_come_back(data: Path, tmp_path: Path) -> None:
     the_map = data / "taf_bw/maps/k729_2022-03-16.osm"
     for path in sorted((data / "taf_bw/recorded_trackfiles/k729_2022-03-16").glob("vehicle_tracks_*.csv")):
         scene = recorded_scene(the_map, tracks=path)
-        _same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
+        same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
