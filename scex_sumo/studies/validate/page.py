@@ -138,6 +138,7 @@ def write_validation_page(
 
 def _summary(info: Mapping[str, Any]) -> Html:
     lines = (
+        *(note.removeprefix("warning: ") for note in info["notes"]),
         f"Mean Brier score over the paper's thresholds {info['mean_brier']:.3f}; constant velocity has "
         f"{info['mean_brier_constant_velocity']:.3f}, the base rate {info['mean_brier_base_rate']:.3f}.",
         f"P(collision) {collisions_in(info)}.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import COLLISION, THRESHOLDS, metric_of
+from scex_sumo.reports.run_table import counted
 from scex_sumo.results.design import is_critical
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.validate.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
@@ -68,6 +69,10 @@ EVENTS: Final = (
 """All events, those of the paper first."""
 
 
+MIN_SEEDS = 20
+"""Number of seed scenes below which a validation compares nothing."""
+MIN_EVENTS = 5
+"""Number of events, and of their absences, below which areas under curves are left out."""
 MIN_DEFINED = 0.5  # share of the children in which a metric must be defined to forecast its value
 SCORED_UP_TO: Final = {"s": 10.0, "1/s": 10.0, "m/s²": 20.0}
 """Value of a metric column in each unit from which on all values, inf too, are scored as equal.
@@ -208,6 +213,7 @@ def pair_scores(found: Forecasts) -> list[dict[str, Any]]:
 def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -> dict[str, Any]:
     """Return the scores of forecasts (N,) of an event, with those of constant velocity."""
     parts, diagram = brier_parts(p, o), reliability(p, o)
+    ranked = min(int(o.sum()), int((~o).sum())) >= MIN_EVENTS
     plain = brier(straight.astype(np.float64), o)
     low, high = group_bootstrap(lambda index: brier(p[index], o[index]), group)
     return {
@@ -224,8 +230,8 @@ def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -
         "skill_base_rate": skill(parts.score, parts.uncertainty),
         "skill_constant_velocity": skill(parts.score, plain),
         "calibration_error": calibration_error(p, o),
-        "roc_area": roc_area(p, o),
-        "precision_area": precision_area(p, o),
+        "roc_area": roc_area(p, o) if ranked else float("nan"),
+        "precision_area": precision_area(p, o) if ranked else float("nan"),
         "diagram_forecast": diagram.forecast.tolist(),
         "diagram_observed": diagram.observed.tolist(),
         "diagram_count": diagram.count.tolist(),
@@ -335,3 +341,14 @@ def summary(found: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any
         "recorded_overlaps": float(overlap.mean()),
         "realism": float(realism.mean()) if len(realism) else None,
     }
+
+
+def verdicts(figures: Mapping[str, Any]) -> list[str]:
+    """Return warnings on a `summary`: too few seed scenes, or worse than constant velocity."""
+    seeds, score, plain = (figures[name] for name in ("seeds", "mean_brier", "mean_brier_constant_velocity"))
+    words = []
+    if seeds < MIN_SEEDS:
+        words.append(f"{counted(seeds, 'seed scene')}: too few to compare; validate on {MIN_SEEDS} or more")
+    if score > plain:
+        words.append(f"worse than constant velocity: mean Brier score {score:.3f}, not {plain:.3f}")
+    return [f"warning: {word}" for word in words]

@@ -43,6 +43,7 @@ from scex_sumo.studies.validate.scoring import (
     position_scores,
     summary,
     value_scores,
+    verdicts,
 )
 
 _AHEAD = 4  # seed scenes built before a worker asks for them
@@ -140,13 +141,14 @@ def validate(
         for name, table in tables.items():
             with replacing(folder.path / f"{name}.parquet") as file:
                 pq.write_table(table, file)
+        figures = summary(forecasts, rows["events"])
         info = {
             "scex_sumo": __version__,
             "command": list(command) if command else None,
             **identity,
-            **summary(forecasts, rows["events"]),
+            **figures,
             "failed": {name: failure.reason for name, failure in failures.items()},
-            "notes": [*left_out(places), *pool.notes()],
+            "notes": [*left_out(places), *pool.notes(), *verdicts(figures)],
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }

@@ -36,6 +36,7 @@ from scex_sumo.studies.validate.scoring import (
     probability,
     summary,
     value_scores,
+    verdicts,
 )
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS
 from tests.behaviors import roads
@@ -155,16 +156,44 @@ def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore
     found = gathered(FOUND)
     scored = {"events": event_scores, "pairs": pair_scores, "values": value_scores}
     rows = {name: score(found) for name, score in scored.items()} | {"positions": position_scores(found)}
-    info = {"models": ["likely"], "children": 4, "part": "all", "failed": {"m9": "no <vehicle>"}}
+    info = {
+        "models": ["likely"],
+        "children": 4,
+        "part": "all",
+        "failed": {"m9": "no <vehicle>"},
+        "notes": ["warning: 2 seed scenes: too few"],
+    }
     write_validation_page(tmp_path, {**info, **summary(found, rows["events"])}, rows)
     page = (tmp_path / "validation.html").read_text()
     assert (
         "distance" in page
         and "Pairs of vehicles" in page
         and "no &lt;vehicle&gt;" in page
+        and "<p>2 seed scenes: too few</p>" in page
         and "://" not in page
     )
     assert not encounter_scores(found)
+
+
+def test_few_seed_scenes_and_forecasts_worse_than_constant_velocity_are_told() -> None:
+    figures = {"seeds": 20, "mean_brier": 0.1, "mean_brier_constant_velocity": 0.1}
+    assert verdicts(figures) == []
+    assert verdicts({**figures, "seeds": 3}) == [
+        "warning: 3 seed scenes: too few to compare; validate on 20 or more"
+    ]
+    assert verdicts({**figures, "mean_brier": 0.2}) == [
+        "warning: worse than constant velocity: mean Brier score 0.200, not 0.100"
+    ]
+
+
+def test_areas_under_curves_need_five_events_and_five_absences() -> None:
+    def areas(events: int, absences: int) -> list[float]:
+        met = [forecast([4.0, 4.0], 4.5)] * events + [forecast([9.0, 9.0], 9.5)] * absences
+        row = event_scores(gathered([(ref(k), one) for k, one in enumerate(met)]))[0]
+        return [row["roc_area"], row["precision_area"]]
+
+    assert areas(5, 5) == [1.0, 1.0]
+    assert np.isnan(areas(1, 9)).all() and np.isnan(areas(9, 4)).all()
 
 
 def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_path) -> None:  # type: ignore[no-untyped-def]
