@@ -126,10 +126,14 @@ class Request:
         return f"{self.name}_child{child:04d}"
 
     def file(self, stem: str, ending: str) -> Path:
-        """Return the file ``out``, else one named by a stem; its folder is made if missing."""
-        path = self.out or Path(f"{stem}{ending}")
-        if path.is_dir():
-            raise UsageError(f"-o {path}: is a folder; give a file{ending}")
+        """Return the file ``out``, else one named by a stem; its folder is made if missing.
+
+        An ``out`` without an ending is a folder.
+        """
+        name = f"{stem}{ending}"
+        path = self.out or Path(name)
+        if self.out is not None and (path.is_dir() or not path.suffix):
+            path /= name
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 

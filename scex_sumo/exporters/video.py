@@ -57,16 +57,10 @@ def write_gif(request: Request) -> list[Path]:
 
 
 def _write(request: Request, ending: str, encode: Callable[[Path, Request, int], None]) -> list[Path]:
-    files = []
-    for child in request.children:
-        name = f"{request.file_stem(child)}.{ending}"
-        path = (request.out or Path(name)) if len(request.children) == 1 else request.folder / name
-        if path.is_dir():
-            path /= name
-        path.parent.mkdir(parents=True, exist_ok=True)
+    files = request.files(f".{ending}")
+    for child, path in zip(request.children, files, strict=True):
         with replacing(path) as unfinished, mpl.rc_context(STYLE):
             encode(unfinished, request, child)
-        files.append(path)
     return files
 
 

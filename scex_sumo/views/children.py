@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.colors import Rgb, model_colors
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import writing
-from scex_sumo.metrics.registry import metric_of, side_of
+from scex_sumo.metrics.registry import COLLISION, metric_of, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.drawings import ChildView
@@ -64,9 +64,7 @@ def write_worst(run: Run, column: str) -> Path:
     row = _worst_row(run, number, column)
     if not row:
         return _write(run, [_child_view(run, number, title=_value(run, number, column))])
-    tracks = _tracks(row)
-    step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-    return _write(run, [_event_view(run, number, tracks, step, _value_text(column, row["value"]))])
+    return _write(run, [_event_view(run, number, _tracks(row), _step(row), _value(run, number, column))])
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
@@ -121,12 +119,29 @@ def most_critical(run: Run, count: int, column: str) -> IntArray:
 
 
 def _value(run: Run, number: int, column: str | None) -> str:
-    return "" if column is None else _value_text(column, float(run.values(column)[number]))
-
-
-def _value_text(column: str, value: float) -> str:
+    """Return the extremum of a child in words: ``collision`` where its vehicles overlap."""
+    if column is None:
+        return ""
+    row = _worst_row(run, number, column)
+    if row and _overlap(run, row):
+        return COLLISION
     metric, mean = metric_of(column), " mean" if column.endswith("_mean") else ""
+    value = float(run.values(column)[number])
     return f"{metric.words}{mean} {value:.3g} {metric.column_unit or ''}".rstrip()
+
+
+def _step(row: dict[str, Any]) -> int:
+    return int(row["timestamp_ms"] // 100 - LOGGED_HISTORY)
+
+
+def _overlap(run: Run, row: dict[str, Any]) -> bool:
+    """Whether the two vehicles of an extremum have collided by then."""
+    return any(
+        hit["child"] == row["child"]
+        and {hit["track_id"], hit["other_id"]} == {*_tracks(row)}
+        and hit["step"] <= _step(row)
+        for hit in run.collisions.to_pylist()
+    )
 
 
 def _child_view(

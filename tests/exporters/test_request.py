@@ -119,3 +119,14 @@ def test_a_submission_has_the_marked_vehicles_of_all_cases(
         write(Request(run=of_case(run, "3.0", tracks), children=(0, 1)))
     with pytest.raises(UsageError, match="which vehicles to predict"):
         write(Request(run=of_case(run, "3.0", tmp_path / "gone.csv"), children=(0,)))
+
+
+@pytest.mark.parametrize(
+    ("out", "file"), [("mp4", "mp4/{}_child0007.mp4"), ("a.mp4", "a.mp4"), ("b.c", "b.c/{}_child0007.mp4")]
+)
+def test_an_out_without_an_ending_is_a_folder(run: Run, tmp_path: Path, out: str, file: str) -> None:
+    (tmp_path / "b.c").mkdir()
+    request = Request(run=run, children=(7,), out=tmp_path / out)
+    path = tmp_path / file.format(request.name)
+    assert request.files(".mp4") == [path]
+    assert path.parent.is_dir()

@@ -61,6 +61,14 @@ def test_no_two_ids_overprint_and_a_pair_has_both_of_its_own(run: Run) -> None:
     assert len(shown) >= 10
 
 
+def test_vehicles_that_overlap_collide_in_the_title_and_have_no_value(run: Run) -> None:
+    number = run.most_critical("ttc")
+    assert number in run.collisions["child"].to_pylist()
+    for file in (write_worst(run, "ttc"), write_grid(run, 2, "ttc")):
+        assert f"future {number} · collision" in texts(file)
+        assert f"future {number} · 1/TTC" not in texts(file)
+
+
 def test_an_encounter_stops_where_the_two_meet(run: Run) -> None:
     row = run.encounters.to_pylist()[0]
     file = write_encounter(run, row["other_id"], row["track_id"])
