@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Final
 
@@ -37,20 +38,20 @@ SCENE_COLUMNS: Final = (
     *("gap", "leader_speed", "leader_standing", "leader_acceleration", "back_gap", "back_speed"),
     *("left_offset", "left_speed", "right_offset", "right_speed"),
     *("own_way", "other_way", "other_speed", "near_15", "near_40", "near_speed", "near_standing"),
-    *(
-        "lane_ahead",
-        "lane_speed",
-        "all_speed",
-        "all_standing",
-        "placed",
-        "density",
-        "mean_length",
-        "length_spread",
-        "pace",
-    ),
+    *("lane_ahead", "lane_speed", "all_speed", "all_standing"),
+    *("placed", "density", "mean_length", "length_spread", "pace"),
     *("front_gap", "front_speed"),
 )
 COLUMNS: Final = (*ROAD_COLUMNS, *SCENE_COLUMNS)
+NOBODY: Final[Mapping[str, float]] = {
+    **dict.fromkeys(("gap", "back_gap", "own_way", "other_way"), float(np.log1p(FAR_M))),
+    **dict.fromkeys(("left_offset", "right_offset"), float(np.log(41.0))),
+    "front_gap": float(np.log(61.0)),
+    **dict.fromkeys((c for c in SCENE_COLUMNS if c.endswith("_speed")), 1.0),
+    **dict.fromkeys(("leader_standing", "leader_acceleration", "near_15", "near_40", "near_standing"), 0.0),
+    **dict.fromkeys(("lane_ahead", "all_standing"), 0.0),
+}
+"""Features of a place on an empty road."""
 
 
 Paths = tuple[tuple[FloatArray, FloatArray], ...]
@@ -205,25 +206,28 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
     def back(to: IntArray, at: FloatArray) -> FloatArray:
         return _log_least(_ways(relations, to, at, lane, s).T)
 
-    columns = [
-        _free_speed(paths, lane, s, index.speed_limit[lane]) / 10.0,
-        np.array([other.width_m for other in lanes])[lane],
-        10.0 * np.abs(wrap(turned[4] - turned[3])),
-        *(wrap(t - heading) for t in turned[:3]),
-        (left + right + 1)[lane],
-        right[lane],
-        left[lane],
-        back(entries, np.zeros(len(entries))),
-        onward(exits, length[exits]),
-        onward(meet_lane, meet_s),
-        back(meet_lane, meet_s),
-        *(onward(to, length[to]) for to in ends),
-        back(np.concatenate(ends), length[np.concatenate(ends)]),
-        np.log(_flow(before, after))[lane],
-        np.log(_flow(after, before))[lane],
-        np.array([min(len(other.conflicts), 8) for other in lanes])[lane],
-    ]
-    return np.column_stack(columns).astype(np.float64)
+    columns = {
+        "free": _free_speed(paths, lane, s, index.speed_limit[lane]) / 10.0,
+        "width": np.array([other.width_m for other in lanes])[lane],
+        "bend": 10.0 * np.abs(wrap(turned[4] - turned[3])),
+        "turn_20": wrap(turned[0] - heading),
+        "turn_60": wrap(turned[1] - heading),
+        "turned_20": wrap(turned[2] - heading),
+        "lanes": (left + right + 1)[lane],
+        "from_right": right[lane],
+        "from_left": left[lane],
+        "entry": back(entries, np.zeros(len(entries))),
+        "exit": onward(exits, length[exits]),
+        "meeting_ahead": onward(meet_lane, meet_s),
+        "meeting_behind": back(meet_lane, meet_s),
+        "stop_ahead": onward(ends[0], length[ends[0]]),
+        "light_ahead": onward(ends[1], length[ends[1]]),
+        "stop_behind": back(np.concatenate(ends), length[np.concatenate(ends)]),
+        "flow_in": np.log(_flow(before, after))[lane],
+        "flow_out": np.log(_flow(after, before))[lane],
+        "conflicts": np.array([min(len(other.conflicts), 8) for other in lanes])[lane],
+    }
+    return np.column_stack([columns[name] for name in ROAD_COLUMNS]).astype(np.float64)
 
 
 def _free_speed(paths: Paths, lane: IntArray, s: FloatArray, limit: FloatArray) -> FloatArray:
@@ -294,82 +298,113 @@ def place_features(
         vehicles: number that the scene shall have on ``total_m`` of lanes.
         pace: mean speed that the scene shall have, m/s; other speeds are relative to it.
     """
-    fixed = table.fixed[table.cells_at(lane, s)]
-    n, count = len(lane), len(others.lane)
-    lengths = others.length if count else np.array([USUAL_LENGTH_M])
-    r = table.relations
-    whole = [
-        count / max(vehicles, 1),
-        np.log(1000.0 * vehicles / total_m),
-        lengths.mean(),
-        lengths.std(),
-        np.log(pace),
-    ]
-    if not count:
-        far = np.log1p(FAR_M)
-        empty = [far, 1.0, 0, 0, far, 1.0, *(np.log(41.0), 1.0) * 2]
-        empty += [far, far, 1.0, 0, 0, 1.0, 0, 0, 1.0, 1.0, 0]
-        return np.hstack([fixed, np.tile([*empty, *whole, np.log(61.0), 1.0], (n, 1))])
-    ratio = others.speed / pace
-    standing = (others.speed < STANDING_MPS).astype(np.float64)
+    lengths = others.length if len(others.lane) else np.array([USUAL_LENGTH_M])
+    columns: dict[str, FloatArray | float] = {
+        "placed": len(others.lane) / max(vehicles, 1),
+        "density": np.log(1000.0 * vehicles / total_m),
+        "mean_length": lengths.mean(),
+        "length_spread": lengths.std(),
+        "pace": np.log(pace),
+    }
+    if len(others.lane):
+        ratio, standing = others.speed / pace, (others.speed < STANDING_MPS).astype(np.float64)
+        columns |= {"all_speed": ratio.mean(), "all_standing": standing.mean()}
+        columns |= _along(table.relations, lane, s, others, ratio, standing)
+        columns |= _on_sides(table.relations, lane, s, others, ratio)
+        columns |= _meeting(table.relations, lane, s, others, ratio)
+        columns |= _around(table, lane, s, others, ratio, standing)
+    else:
+        columns |= NOBODY
+    whole = [np.broadcast_to(columns[name], len(lane)) for name in SCENE_COLUMNS]
+    return np.column_stack([table.fixed[table.cells_at(lane, s)], *whole])
+
+
+def _nearest(way: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
+    """Return number and way of the nearest of (n, m), and whether it is nearer than `FAR_M`."""
+    best = way.argmin(axis=1)
+    least = way[np.arange(len(way)), best]
+    return best, least, np.isfinite(least) & (least < FAR_M)
+
+
+def _along(
+    r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray, standing: FloatArray
+) -> dict[str, FloatArray | float]:
+    """Features of leader, follower and vehicles ahead in the lanes of places."""
     half = (others.length + USUAL_LENGTH_M) / 2
-    rows = np.arange(n)
-
-    def nearest(way: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
-        best = way.argmin(axis=1)
-        least = way[rows, best]
-        return best, least, np.isfinite(least) & (least < FAR_M)
-
     ahead, back = _ways(r, lane, s, others.lane, others.s), _ways(r, others.lane, others.s, lane, s).T
     ahead, back = np.where(ahead >= 0, ahead, np.inf), np.where(back > 0, back, np.inf)
-    leader, way, leads = nearest(ahead)
-    gap = np.where(leads, np.maximum(way - half[leader], 0.0), FAR_M)
-    follower, way, follows = nearest(back)
-    back_gap = np.where(follows, np.maximum(way - half[follower], 0.0), FAR_M)
-    columns = [
-        np.log1p(gap),
-        np.where(leads, ratio[leader], 1.0),
-        np.where(leads, standing[leader], 0.0),
-        np.where(leads, np.nan_to_num(others.acceleration)[leader], 0.0),
-        np.log1p(back_gap),
-        np.where(follows, ratio[follower], 1.0),
-    ]
-    side, lead = r.side[lane[:, None], others.lane], r.lead[lane[:, None], others.lane]
+    leader, way, leads = _nearest(ahead)
+    follower, back_way, follows = _nearest(back)
+    soon = ahead < 60.0
+    count = np.maximum(soon.sum(axis=1), 1)
+    return {
+        "gap": np.log1p(np.where(leads, np.maximum(way - half[leader], 0.0), FAR_M)),
+        "leader_speed": np.where(leads, ratio[leader], 1.0),
+        "leader_standing": np.where(leads, standing[leader], 0.0),
+        "leader_acceleration": np.where(leads, np.nan_to_num(others.acceleration)[leader], 0.0),
+        "back_gap": np.log1p(np.where(follows, np.maximum(back_way - half[follower], 0.0), FAR_M)),
+        "back_speed": np.where(follows, ratio[follower], 1.0),
+        "lane_ahead": soon.sum(axis=1),
+        "lane_speed": np.where(soon.any(axis=1), (soon * ratio).sum(axis=1) / count, 1.0),
+    }
+
+
+def _on_sides(
+    r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray
+) -> dict[str, FloatArray | float]:
+    """Features of the nearest vehicle in the lanes to the left and to the right of places."""
     pair = lane[:, None], others.lane
-    beside = lead + r.stretch_b[pair] * others.s - r.stretch_a[pair] * s[:, None]
-    for sign in (1, -1):
-        best, way, there = nearest(np.where(side == sign, np.abs(beside), np.inf))
+    beside = r.lead[pair] + r.stretch_b[pair] * others.s - r.stretch_a[pair] * s[:, None]
+    columns: dict[str, FloatArray | float] = {}
+    for name, sign in (("left", 1), ("right", -1)):
+        best, way, there = _nearest(np.where(r.side[pair] == sign, np.abs(beside), np.inf))
         there &= way < 40.0
-        lead_m = np.where(there, beside[rows, best], 40.0)
-        columns += [np.sign(lead_m) * np.log1p(np.abs(lead_m)), np.where(there, ratio[best], 1.0)]
+        lead_m = np.where(there, beside[np.arange(len(lane)), best], 40.0)
+        columns[f"{name}_offset"] = np.sign(lead_m) * np.log1p(np.abs(lead_m))
+        columns[f"{name}_speed"] = np.where(there, ratio[best], 1.0)
+    return columns
+
+
+def _meeting(
+    r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray
+) -> dict[str, FloatArray | float]:
+    """Features of the vehicle whose lane meets that of a place after the shortest ways of both."""
+    n, pair = len(lane), (lane[:, None], others.lane)
     own = r.meeting[pair][..., 0] - s[:, None, None]
     other = r.meeting[pair][..., 1] - others.s[:, None]
     soon = np.where((own > -5) & (other > -5), np.maximum(own, 0) + np.maximum(other, 0), np.inf)
-    best, way, there = nearest(soon.reshape(n, -1))
-    columns += [
-        _log(np.where(there, np.maximum(own.reshape(n, -1)[rows, best], 0), FAR_M)),
-        _log(np.where(there, np.maximum(other.reshape(n, -1)[rows, best], 0), FAR_M)),
-        np.where(there, ratio[best // own.shape[2]], 1.0),
-    ]
+    best, _, there = _nearest(soon.reshape(n, -1))
+    ways = (np.maximum(way.reshape(n, -1)[np.arange(n), best], 0) for way in (own, other))
+    own_m, other_m = (np.where(there, way, FAR_M) for way in ways)
+    return {
+        "own_way": _log(own_m),
+        "other_way": _log(other_m),
+        "other_speed": np.where(there, ratio[best // own.shape[2]], 1.0),
+    }
+
+
+def _around(
+    table: LaneCells, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray, standing: FloatArray
+) -> dict[str, FloatArray | float]:
+    """Features of the vehicles near places, in whatever lanes, and straight ahead of them."""
     x, y, heading = table.quick_poses(lane, s)
     ox, oy, _ = table.quick_poses(others.lane, others.s)
     dx, dy = ox - x[:, None], oy - y[:, None]
     apart = np.hypot(dx, dy)
     near = apart < NEAR_M[1]
-    some = np.maximum(near.sum(axis=1), 1)
-    columns += [(apart < NEAR_M[0]).sum(axis=1), near.sum(axis=1)]
-    columns += [np.where(near.any(axis=1), (near * ratio).sum(axis=1) / some, 1.0)]
-    columns += [(near * standing).sum(axis=1) / some]
-    along = ahead < 60.0
-    some = np.maximum(along.sum(axis=1), 1)
-    columns += [along.sum(axis=1), np.where(along.any(axis=1), (along * ratio).sum(axis=1) / some, 1.0)]
-    columns += [np.full(n, value) for value in (ratio.mean(), standing.mean(), *whole)]
+    count = np.maximum(near.sum(axis=1), 1)
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
     front, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
-    best, way, there = nearest(np.where((front > 0) & (aside < 1.5), front, np.inf))
+    best, way, there = _nearest(np.where((front > 0) & (aside < 1.5), front, np.inf))
     there &= way < 60.0
-    columns += [np.log1p(np.where(there, way, 60.0)), np.where(there, ratio[best], 1.0)]
-    return np.hstack([fixed, np.column_stack(columns)])
+    return {
+        "near_15": (apart < NEAR_M[0]).sum(axis=1),
+        "near_40": near.sum(axis=1),
+        "near_speed": np.where(near.any(axis=1), (near * ratio).sum(axis=1) / count, 1.0),
+        "near_standing": (near * standing).sum(axis=1) / count,
+        "front_gap": np.log1p(np.where(there, way, 60.0)),
+        "front_speed": np.where(there, ratio[best], 1.0),
+    }
 
 
 def needed_deceleration(table: LaneCells, one: Placed, two: Placed) -> FloatArray:
