@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from scex_sumo.behaviors.base import Behavior as Behavior
     from scex_sumo.behaviors.registry import behavior as behavior
     from scex_sumo.behaviors.registry import parse_models as parse_models
+    from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
     from scex_sumo.certainty.results import Exact as Exact
     from scex_sumo.certainty.results import exact_of as exact_of
     from scex_sumo.certainty.results import weighted_probability as weighted_probability
@@ -81,6 +82,7 @@ _HOMES = {
     "Extra": "scex_sumo.extrapolation.extras",
     "Lane": "scex_sumo.road",
     "LoadedRecording": "scex_sumo.converters.datasets.recordings",
+    "ModelSpec": "scex_sumo.behaviors.spec",
     "Plan": "scex_sumo.scene",
     "Predictor": "scex_sumo.plug_in.predictor",
     "Probability": "scex_sumo.results.probability",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import reprlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, TypeVar
@@ -21,7 +22,7 @@ from scex_sumo.behaviors.models.simple import (
     ReplayProfile,
 )
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.spec import ModelEntry, maker_of, parameter_texts, parameter_value
+from scex_sumo.behaviors.spec import ModelEntry, label_of, maker_of, parameter_texts, parameter_value
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
@@ -137,7 +138,7 @@ def behavior(name: str) -> Callable[[T], T]:
 
 def is_own(spec: ModelSpec) -> bool:
     """Return whether a model is the user's."""
-    return entry_of(spec.name).is_own
+    return _entry_for(spec).is_own
 
 
 def mixes() -> dict[str, str]:
@@ -204,6 +205,10 @@ def entry_of(name: str) -> ModelEntry:
         raise UsageError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from error
 
 
+def _entry_for(spec: ModelSpec) -> ModelEntry:
+    return entry_of(spec.name) if spec.model is None else _entry(spec.model, spec.name)
+
+
 def _entry(given: Any, name: str) -> ModelEntry:
     if isinstance(given, ModelEntry):
         return given
@@ -230,21 +235,60 @@ def parse_models(text: str) -> list[ModelSpec]:
         >>> [str(spec) for spec in scex.parse_models("standard_driver@2,risky_driver:minimum_gap=3")]
         ['standard_driver', 'risky_driver:minimum_gap=3']
     """
-    if not isinstance(text, str):
-        raise UsageError(f"got {text!r} as a model; give its name, e.g. standard_driver")
     given = [part.strip() for part in (text.split(",") if _split(text) is None else [text])]
     mixed = [(part, _mix(part)) for part in given]
     parts = [name for part, mix in mixed for name in (mix.split(",") if mix else [part])]
     specs = [_parse_one(part) for part in parts if part]
     if not specs:
         raise UsageError(f"no model in {text!r}; give e.g. standard_driver; 'scex-sumo models' lists all")
-    labels = [str(spec) for spec in specs]
-    twice = next((label for i, label in enumerate(labels) if label in labels[:i]), None)
-    if twice is not None:
-        raise UsageError(f"model {twice} is given twice; give it once with a weight, e.g. {twice}@2")
+    _refuse_twice(specs)
     if not any(spec.weight > 0 for spec in specs):
         raise UsageError(f"all weights in {text!r} are 0; give at least one model a positive weight")
     return specs
+
+
+def model_specs(given: Any) -> tuple[ModelSpec, ...]:
+    """Return the specs of a model in any form, or of a sequence of them.
+
+    Args:
+        given: text as for `parse_models`, a `ModelSpec`, or a driver: a class, a function or an object with
+            ``plan`` or ``plan_one``, or a function that predicts. It stays in the spec; `label_of` names it.
+
+    Raises:
+        UsageError: it is none of these, or a model is given twice.
+    """
+    if isinstance(given, str):
+        return tuple(parse_models(given))
+    if isinstance(given, Sequence):
+        specs = tuple(spec for one in given for spec in model_specs(one))
+        _refuse_twice(specs)
+        return specs
+    if not (isinstance(given, ModelSpec | Behavior | SingleVehicleBehavior) or callable(given)):
+        raise UsageError(
+            f"got {reprlib.repr(given)} as a model; give its name, e.g. standard_driver, a class with plan "
+            "or plan_one, an object of it, or a function of history"
+        )
+    spec = given if isinstance(given, ModelSpec) else ModelSpec(name=label_of(given), model=given)
+    _maker(spec)  # raises for what cannot be made
+    return (spec,)
+
+
+def _refuse_twice(specs: Sequence[ModelSpec]) -> None:
+    first: dict[str, ModelSpec] = {}
+    for spec in specs:
+        name = str(spec)
+        if name in first:
+            refuse_namesake(spec, first[name])
+            raise UsageError(f"model {name} is given twice; give it once with a weight, e.g. {name}@2")
+        first[name] = spec
+
+
+def refuse_namesake(spec: ModelSpec, other: ModelSpec) -> None:
+    """Raise a `UsageError` if two models with one name are different objects."""
+    if spec.model is not other.model and spec.state != other.state:
+        raise UsageError(
+            f"two different models are named {spec}; name one by scex.ModelSpec(name=..., model=...)"
+        )
 
 
 def _split(text: str) -> tuple[str, list[str]] | None:
@@ -301,7 +345,7 @@ def build(spec: ModelSpec, *, fallback: bool = False) -> Behavior:
     Args:
         fallback: put the fallback planner around a model that may fail.
     """
-    entry = entry_of(spec.name)
+    entry = _entry_for(spec)
     make, guard = _maker(spec)
     model = _made(spec.name, entry, make)
     if fallback and (entry.may_fail or entry.is_own):
@@ -311,8 +355,8 @@ def build(spec: ModelSpec, *, fallback: bool = False) -> Behavior:
 
 def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
     """Return the function that makes the model of a spec, and whether the model is guarded."""
-    entry = entry_of(spec.name)
-    if not spec.name.startswith(f"{SUMO}:"):
+    entry = _entry_for(spec)
+    if spec.model is not None or not spec.name.startswith(f"{SUMO}:"):
         return maker_of(spec, entry)
     given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
     model = spec.name.partition(":")[2]

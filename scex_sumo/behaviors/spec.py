@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import inspect
+import pickle
+import secrets
+import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
@@ -58,14 +63,26 @@ class ModelSpec:
     """A requested behaviour model.
 
     Attributes:
+        name: e.g. ``standard_driver``, ``sumo:EIDM``, ``package.module:Driver``; of an object, any name.
         parameters: values other than the defaults; text if they come from the command line.
+        weight: relative share of the vehicles.
+        model: a user's class, function or object; None for a model that is found by its name.
+        state: SHA-256 of the object; results of another one are other results.
+
+    Example:
+        >>> scex.ModelSpec(name="risky_driver", parameters={"time_headway": 0.7}, weight=2).weight
+        2
     """
 
-    name: str  # e.g. ``standard_driver``, ``sumo:EIDM`` or ``package.module:Driver``.
-    parameters: dict[str, Any] = field(default_factory=dict)
-    weight: float = 1.0  # relative share of the vehicles
+    name: str
+    parameters: dict[str, Any] = field(default_factory=dict, hash=False)
+    weight: float = 1.0
+    model: Any = field(default=None, compare=False, repr=False)
+    state: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
+        if self.model is not None and not self.state:
+            object.__setattr__(self, "state", _state_of(self.model))
         if not (self.weight == 0 or MIN_PARAMETER <= self.weight <= MAX_PARAMETER):
             wanted = f"0 or a number from {MIN_PARAMETER:g} to {MAX_PARAMETER:g}"
             raise UsageError(f"{self}: weight {self.weight:g}; give {wanted}")
@@ -73,6 +90,45 @@ class ModelSpec:
     def __str__(self) -> str:
         """Name and parameters as on the command line, without the weight."""
         return ":".join([self.name, *(f"{key}={value}" for key, value in self.parameters.items())])
+
+
+def _state_of(model: Any) -> str:
+    """Return the SHA-256 of an object; by value if its class is not in a file."""
+    with suppress(Exception):  # of the object's own code
+        packed = pickle.dumps(model)
+        if b"__main__" not in packed or hasattr(sys.modules["__main__"], "__file__"):
+            return hashlib.sha256(packed).hexdigest()
+    with suppress(Exception):
+        import cloudpickle
+
+        return hashlib.sha256(cloudpickle.dumps(model)).hexdigest()
+    return secrets.token_hex(32)  # it cannot be compared, so that no result of it is resumed
+
+
+def label_of(model: Any) -> str:
+    """Return a readable name of a class, function or object, with parameters other than the defaults.
+
+    An object shows the parameters of its constructor that it keeps as attributes: numbers, texts, booleans.
+    """
+    values: dict[str, Any] = {}
+    if isinstance(model, partial):
+        name, values = label_of(model.func), model.keywords
+    elif hasattr(model, "__name__"):
+        name = str(model.__name__)
+    else:
+        name, defaults = type(model).__name__, signature_of(type(model))
+        values = {key: getattr(model, key, p.default) for key, p in defaults.items()}
+        values = {key: value for key, value in values.items() if str(value) != str(defaults[key].default)}
+    shown = {key: value for key, value in values.items() if isinstance(value, bool | int | float | str)}
+    return ":".join([name, *parameter_texts(shown)])
+
+
+def signature_of(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
+    """Return the parameters of a function or class; none if Python does not know them."""
+    try:
+        return inspect.signature(function).parameters
+    except (TypeError, ValueError):
+        return {}
 
 
 def maker_of(spec: ModelSpec, entry: ModelEntry) -> tuple[Callable[[], Any], bool]:
@@ -96,11 +152,10 @@ def maker_of(spec: ModelSpec, entry: ModelEntry) -> tuple[Callable[[], Any], boo
             raise UsageError(f"{spec.name}: {error}") from None
     missing = [key for key, default in defaults.items() if default is EMPTY and key not in values]
     if missing:
+        given = f"{missing[0]}=value" if spec.model is None else "an argument of an object"
         is_function = inspect.isfunction(entry.make)
         hint = "; a function that predicts names its inputs, e.g. history" if is_function else ""
-        raise UsageError(
-            f"{spec.name}: parameter {missing[0]} has no default; give it as {missing[0]}=value{hint}"
-        )
+        raise UsageError(f"{spec.name}: parameter {missing[0]} has no default; give it as {given}{hint}")
     return partial(entry.make, **values), guard
 
 

@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.base import Behavior, layer_with
-from scex_sumo.behaviors.registry import ModelSpec, build, is_own, parse_models
+from scex_sumo.behaviors.registry import ModelSpec, build, is_own, model_specs, refuse_namesake
 from scex_sumo.extrapolation.assignments import assignments, child_generator, listing, route_draws
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
@@ -40,21 +40,23 @@ class ModelSet:
     def of(cls, settings: RunSettings) -> ModelSet:
         """Build the models that settings name; raise a `UsageError` for a bad one."""
         tested = settings.under_test
-        specs, names = list(settings.drawn), [str(spec) for spec in settings.drawn]
-        fixed = {}
-        for track, text in [*settings.assign.items(), *tested.items()]:
-            if text is None:
+        specs, fixed = {str(spec): spec for spec in settings.drawn}, {}
+        for track, given in [*settings.assign.items(), *tested.items()]:
+            if given is None:
                 continue
-            wanted = parse_models(text)
+            wanted = model_specs(given)
             if len(wanted) != 1:
                 option = "--under-test" if track in tested else "--assign"
-                raise UsageError(f"{option} {track}={text}: names {len(wanted)} models; give one")
-            if str(wanted[0]) not in names:
-                specs.append(wanted[0])
-                names.append(str(wanted[0]))
-            fixed[int(track)] = names.index(str(wanted[0]))
-        built = tuple(build(spec, fallback=True) for spec in specs)
-        return cls(drawn=settings.drawn, specs=tuple(specs), fixed=fixed, tested=tested, built=built)
+                raise UsageError(f"{option} {track}={given}: names {len(wanted)} models; give one")
+            refuse_namesake(wanted[0], specs.setdefault(str(wanted[0]), wanted[0]))
+            fixed[int(track)] = list(specs).index(str(wanted[0]))
+        return cls(
+            drawn=settings.drawn,
+            specs=tuple(specs.values()),
+            fixed=fixed,
+            tested={t: None if given is None else str(*model_specs(given)) for t, given in tested.items()},
+            built=tuple(build(spec, fallback=True) for spec in specs.values()),
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -129,6 +131,7 @@ class ModelSet:
             "models": [{"model": str(s), "weight": s.weight} for s in self.drawn],
             "weights": self.weights,
             "sources": self.sources,
+            **({"objects": objects} if (objects := {str(s): s.state for s in self.specs if s.state}) else {}),
             "assign": {str(t): self.names[m] for t, m in sorted(self.fixed.items())},
             "under_test": {str(t): model for t, model in sorted(self.tested.items())},
         }

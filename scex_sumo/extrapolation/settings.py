@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list, numbers_by_name, option
 from scex_sumo.base.progress import Progress
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, known_names, mixes, parse_models
+from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, known_names, mixes, model_specs
 from scex_sumo.metrics.evaluate import PAPER_PRESET
 from scex_sumo.metrics.registry import (
     COLUMNS,
@@ -34,8 +34,8 @@ MAX_CHILDREN, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
 """Limits: children, steps of each (ten minutes), states of all vehicles in all steps."""
 
 Driver: TypeAlias = Any
-"""A behaviour model as text, a `ModelSpec`, or a driver's class, function or object."""
-Models: TypeAlias = str | Sequence[str | ModelSpec]
+"""A behaviour model in a form that `model_specs` takes: text, a `ModelSpec`, a class, function or object."""
+Models: TypeAlias = Driver | Sequence[Driver]
 
 FUTURES: Final = 385
 """Futures of a run, as in the paper."""
@@ -222,18 +222,16 @@ class RunSettings:
         twice = sorted(set(under_test) & set(assign))
         if twice:
             raise UsageError(f"--under-test {twice[0]}: --assign names this vehicle too; give one of them")
-        for text in under_test.values():
-            parse_models(text or DEFAULT_MODELS)  # an error now, not after reading the scene
-        own = {t: text for t, text in assign.items() if any(map(is_own, parse_models(text)))}
-        object.__setattr__(self, "assign", {t: text for t, text in assign.items() if t not in own})
+        for given in under_test.values():
+            model_specs(given or DEFAULT_MODELS)  # an error now, not after reading the scene
+        own = {track: given for track, given in assign.items() if any(map(is_own, model_specs(given)))}
+        object.__setattr__(self, "assign", {t: given for t, given in assign.items() if t not in own})
         object.__setattr__(self, "under_test", {**under_test, **own})
 
     @cached_property
     def drawn(self) -> tuple[ModelSpec, ...]:
         """The models to draw from."""
-        several = isinstance(self.models, Sequence) and not isinstance(self.models, str)
-        entries = self.models if several else [self.models]
-        return tuple(s for e in entries for s in ([e] if isinstance(e, ModelSpec) else parse_models(e)))
+        return model_specs(self.models)
 
     @cached_property
     def count(self) -> int | None:

@@ -390,5 +390,8 @@ def _pickled(content: Any) -> bytes:
         return packed
     import cloudpickle
 
-    by_value: bytes = cloudpickle.dumps(content)
+    try:
+        by_value: bytes = cloudpickle.dumps(content)
+    except Exception as error:  # of a user's object
+        raise UsageError(f"a model or metric cannot be sent to workers ({error}); use --workers 1") from None
     return by_value

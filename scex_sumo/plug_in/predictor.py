@@ -59,7 +59,7 @@ class Predictor:
             inputs: names of its arguments; None takes its parameters.
             batched: call it once for all children; its rows must not depend on each other.
         """
-        self.function = function
+        self.function, self.__name__ = function, name_of(function)
         self.inputs = tuple(inputs) if inputs is not None else wanted_inputs(function)
         self.batched = batched
         self.surroundings = Surroundings() if surroundings is None else surroundings

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -12,9 +12,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior
+from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior, is_driven_by_sumo
 from scex_sumo.behaviors.registry import behavior
-from scex_sumo.behaviors.spec import EMPTY, ModelEntry
+from scex_sumo.behaviors.spec import EMPTY, ModelEntry, signature_of
 from scex_sumo.plug_in.inputs import Surroundings
 from scex_sumo.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs
 from scex_sumo.road import Road
@@ -33,7 +33,10 @@ def user_model(given: Any, name: str) -> ModelEntry:
         if hasattr(given, "__scex_predictor__"):
             return given.__scex_predictor__  # type: ignore[no-any-return]
         if hasattr(given, "plan") or hasattr(given, "plan_one"):
-            return ModelEntry(make=lambda: given, parameters={}, summary=_summary(given))
+            own = not is_driven_by_sumo(given)  # SUMO's plans never fail
+            return ModelEntry(
+                make=lambda: given, summary=_summary(given), takes_guard=own, may_fail=own, is_own=own
+            )
         if is_predictor(given):
             return predictor_model(given)
     if not callable(given):
@@ -42,7 +45,7 @@ def user_model(given: Any, name: str) -> ModelEntry:
             f"{name}: is a {kind}; needs a class with plan or plan_one, or a function of history"
         )
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    parameters = {key: p.default for key, p in _parameters(given).items() if p.kind in by_name}
+    parameters = {key: p.default for key, p in signature_of(given).items() if p.kind in by_name}
     return ModelEntry(make=given, parameters=parameters, summary=_summary(given))
 
 
@@ -59,7 +62,7 @@ def predictor_model(
     around = asdict(Surroundings(**surroundings))
     defaults = {
         p.name: p.default
-        for p in _parameters(function).values()
+        for p in signature_of(function).values()
         if p.name not in INPUTS and p.default is not EMPTY
     }
 
@@ -78,15 +81,8 @@ def predictor_model(
 
 def is_predictor(given: Any) -> bool:
     """Return whether an object is a function of a vehicle's inputs."""
-    parameters = {} if inspect.isclass(given) or not callable(given) else _parameters(given)
+    parameters = {} if inspect.isclass(given) or not callable(given) else signature_of(given)
     return any(p.name in INPUTS and p.default is EMPTY for p in parameters.values())
-
-
-def _parameters(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
-    try:
-        return inspect.signature(function).parameters
-    except (TypeError, ValueError):
-        return {}
 
 
 def _summary(given: Any) -> str:

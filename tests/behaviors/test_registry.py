@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import pickle
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import Behavior, is_driven_by_sumo
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.registry import (
@@ -21,10 +23,13 @@ from scex_sumo.behaviors.registry import (
     behavior,
     build,
     entry_of,
+    is_own,
     known_models,
     known_names,
+    model_specs,
     parse_models,
 )
+from scex_sumo.plug_in.predictor import Predictor
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
@@ -298,3 +303,61 @@ def test_a_run_with_rule_based_drivers_loads_no_wing_of_drivers() -> None:
         "sys.exit(', '.join(name for name in sys.modules if name.startswith(wings)) or None)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def straight_on(history: np.ndarray, *, factor: float = 1.0) -> np.ndarray:
+    """Keeps speed and heading."""
+    way = factor * 0.1 * history[:, -1, 4:] * np.arange(1, 31)
+    return np.stack([way, np.zeros_like(way)], axis=-1)
+
+
+def test_classes_functions_and_objects_are_models_with_a_readable_name() -> None:
+    given = [Parked, Parked(steps=40), Predictor(straight_on), partial(straight_on, factor=0.5), "replay@2"]
+    specs = model_specs(given)
+    assert [str(spec) for spec in specs] == [
+        "Parked", "Parked:steps=40", "straight_on", "straight_on:factor=0.5", "replay"
+    ]  # fmt: skip
+    assert [is_own(spec) for spec in specs] == [True, True, True, True, False]
+    parked, kept, *predictors, _ = (build(spec) for spec in specs)
+    assert isinstance(parked, Parked) and kept is given[1]
+    assert all(isinstance(predictor, Predictor) for predictor in predictors)
+    named = ModelSpec(name="slow", model=Drift(), weight=3.0, parameters={"guard": "true"})
+    assert model_specs(named) == (named,) and str(named) == "slow:guard=true"
+
+
+def test_a_name_of_ours_is_free_for_an_object() -> None:
+    def replay(history: np.ndarray) -> np.ndarray:
+        return straight_on(history)
+
+    (spec,) = model_specs(replay)
+    assert isinstance(build(spec), Predictor) and is_own(spec)
+
+
+def test_sumos_driver_as_an_object_is_still_sumos() -> None:
+    (spec,) = model_specs(SumoDriver("EIDM"))
+    assert is_driven_by_sumo(build(spec, fallback=True)) and not is_own(spec)
+
+
+def test_specs_of_equal_objects_are_equal_wherever_they_are_made() -> None:
+    assert model_specs(Parked()) == model_specs(Parked()) == pickle.loads(pickle.dumps(model_specs(Parked())))
+    one, other = Parked(), Parked()
+    other.noise = np.arange(3)  # type: ignore[attr-defined]
+    assert str(model_specs(one)[0]) == str(model_specs(other)[0]) and model_specs(one) != model_specs(other)
+    with pytest.raises(UsageError, match="two different models are named Parked; name one by "):
+        model_specs([one, other])
+    with pytest.raises(UsageError, match="model Parked is given twice"):
+        model_specs([one, one])
+
+
+@pytest.mark.parametrize("given", [7, None, object(), {"name": "replay"}, np.zeros(2), ["replay", 7]])
+def test_what_is_no_model_is_refused_in_one_line(given: object) -> None:
+    with pytest.raises(UsageError, match=r"^got .* as a model; give its name, .* or a function of history$"):
+        model_specs(given)
+
+
+def test_a_class_that_needs_an_argument_is_given_as_an_object() -> None:
+    class Needs(Parked):
+        def __init__(self, speed: float) -> None: ...
+
+    with pytest.raises(UsageError, match="Needs: parameter speed has no default; give it as an argument of"):
+        model_specs(Needs)

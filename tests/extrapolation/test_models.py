@@ -93,6 +93,25 @@ def test_only_models_that_may_fail_are_stood_in_for() -> None:
     assert isinstance(guarded, Guarded) and isinstance(guarded.inner, Fallible)
 
 
+def test_objects_drive_where_a_name_does() -> None:
+    mine, other = Parked(), Parked(not_for=3)
+    assigned = RunSettings(models=[mine, "standard_driver"], assign={23: other}, under_test={17: mine})
+    built = ModelSet.of(assigned)
+    assert built.names == ("Parked", "standard_driver", "Parked:not_for=3")
+    assert built.fixed == {17: 0, 23: 2}
+    assert built.tested == {17: "Parked", 23: "Parked:not_for=3"}  # a user's model is under test
+    described = built.to_json()
+    assert described["models"][0] == {"model": "Parked", "weight": 1.0}
+    assert set(described["objects"]) == set(described["sources"]) == {"Parked", "Parked:not_for=3"}
+
+
+def test_one_name_for_two_objects_is_refused() -> None:
+    mine, other = Parked(), Parked()
+    other.noise = 1.0  # type: ignore[attr-defined]
+    with pytest.raises(UsageError, match="two different models are named Parked"):
+        ModelSet.of(RunSettings(models=[mine, "replay"], assign={23: other}))
+
+
 SCENE = replace(
     roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0), (90.0, 0.0, 0.0, 5.0)),
     track_ids=TRACKS,

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from scex_sumo.base.errors import TrackError, UsageError, reason_of
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.version import __version__
+from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
@@ -74,8 +75,8 @@ class StudySettings:
         return self.run.count
 
     @property
-    def models(self) -> tuple[str, ...]:
-        """Models as on the command line."""
+    def models(self) -> tuple[str | ModelSpec, ...]:
+        """Models as on the command line, and users' objects."""
         models = self.run.models
         assert isinstance(models, tuple)
         return models
@@ -96,7 +97,7 @@ class StudySettings:
             "first": first,
             "children": self.children,
             "top": top,
-            "models": list(self.models),
+            "models": [m if isinstance(m, str) else f"{m}@{m.weight!r} {m.state}" for m in self.models],
             "weights": dict(self.weights),
             "steps": run.steps,
             "replan": run.replan,
@@ -117,14 +118,15 @@ def _described(recording: Recording) -> dict[str, Any]:
     return {"name": recording.name, "site": recording.site, "bytes": sizes} | window
 
 
-def written(models: Models) -> tuple[str, ...]:
-    """Return models to draw from as on the command line."""
+def written(models: Models) -> tuple[str | ModelSpec, ...]:
+    """Return models to draw from as on the command line, and users' objects as they are."""
     drawn = ModelSet.of(RunSettings(models=models)).drawn
-    return tuple(f"{spec}@{spec.weight!r}" if spec.weight != 1 else str(spec) for spec in drawn)
+    texts = [f"{spec}@{spec.weight!r}" if spec.weight != 1 else str(spec) for spec in drawn]
+    return tuple(text if spec.model is None else spec for text, spec in zip(texts, drawn, strict=True))
 
 
 @lru_cache(maxsize=4)
-def built(models: tuple[str, ...]) -> ModelSet:
+def built(models: tuple[str | ModelSpec, ...]) -> ModelSet:
     """Build models, once in a process."""
     return ModelSet.of(RunSettings(models=models))
 

@@ -106,7 +106,7 @@ def _command(run: RankingRun, ref: MomentRef) -> list[str]:
     words += ["--tracks", str(paths[0] if len(paths) == 1 else paths[0].parent)]
     words += ["--case", ref.case] if ref.case else []
     words += ["--time", f"{ref.time_s:g}", "--seed", str(run.settings.run.seed)]
-    words += ["--models", ",".join(models)] if models != written(DEFAULT_MODELS) else []
+    words += ["--models", ",".join(map(str, models))] if models != written(DEFAULT_MODELS) else []
     return [*words, "-o", f"out/{ref.moment}"]
 
 
