@@ -20,9 +20,8 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.lanelet.file import read_map_file
-from scex_sumo.converters.lanelet.origin import on_earth
+from scex_sumo.converters.lanelet.origin import Place, distance_m, on_earth
 from scex_sumo.converters.lanelet.projection import to_degrees
-from scex_sumo.converters.lanelet.repair import Place, distance_m, middle
 from scex_sumo.converters.naming import (
     in_arrow,
     map_name,
@@ -151,7 +150,7 @@ def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
 @lru_cache(maxsize=64)
 def _middle(map_path: Path, _changed_ns: int) -> Place:
     try:
-        return middle(read_map_file(map_path))
+        return read_map_file(map_path).middle
     except MapError:
         return 90.0, 0.0
 
@@ -166,7 +165,7 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
     if "latLocation" in meta and "lonLocation" in meta:
         near = number(meta["latLocation"]), number(meta["lonLocation"])
     else:
-        near = middle(read_map_file(map_path))
+        near = read_map_file(map_path).middle
     try:
         [place] = to_degrees(origin, near, absolute=True)
     except RuntimeError:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import re
+import statistics
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -89,6 +90,14 @@ class MapFile:
     notes: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
     local: bool = False
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Median latitude and longitude of the nodes; raises `MapError` without any."""
+        if not self.nodes:
+            raise MapError(f"{self.path}: no usable nodes, so no map; name a Lanelet2 .osm file")
+        nodes = self.nodes.values()
+        return statistics.median(n.lat for n in nodes), statistics.median(n.lon for n in nodes)
 
     def of_type(self, kind: str) -> dict[int, Relation]:
         """Return the relations whose ``type`` tag is ``kind``, by ascending id."""

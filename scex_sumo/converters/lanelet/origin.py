@@ -6,14 +6,20 @@ import csv
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.converters.lanelet.file import MapFile, read_map_file
-from scex_sumo.converters.lanelet.repair import STRAY_M, Place, distance_m, middle
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import dataset_of
 
+if TYPE_CHECKING:
+    from scex_sumo.converters.lanelet.file import MapFile
+
+Place: TypeAlias = tuple[float, float]  # latitude and longitude, degrees
+METRES_PER_DEGREE = 111_195.0  # of latitude, on the sphere of 6371 km
+
 META_DATA = "meta_data.csv"
+STRAY_M = 50_000.0  # a recorded site spans a few km
 NEAR_ZERO_M = 50_000.0  # INTERACTION maps lie about 1 km off 0,0 at sea; no real road does
 
 
@@ -36,6 +42,8 @@ def find_origin(
     Args:
         own_corner: fall back on the map's south-west corner instead of an error; no tracks need to match.
     """
+    from scex_sumo.converters.lanelet.file import read_map_file
+
     origin = origin or recorded_origin(map_path, tracks_path=tracks_path)
     return origin or map_origin(read_map_file(map_path), own_corner=own_corner)
 
@@ -52,7 +60,7 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
 
 def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
     """Return the origin by the map's coordinates: 0, 0 for local or near ones, else the south-west corner."""
-    centre = middle(map_file)
+    centre = map_file.middle
     if map_file.local or distance_m(centre, (0.0, 0.0)) < NEAR_ZERO_M:
         return 0.0, 0.0
     if own_corner:
@@ -62,6 +70,12 @@ def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
         f"{map_file.path}: the origin of its coordinates is not known: no {META_DATA} with originLat, "
         "originLon beside the tracks or the map; give --origin LAT,LON, as the recording's makers state it"
     )
+
+
+def distance_m(a: Place, b: Place) -> float:
+    """Return the rough distance of two places, m; enough to tell near from far."""
+    east = (a[1] - b[1]) * math.cos(math.radians((a[0] + b[0]) / 2))
+    return math.hypot(a[0] - b[0], east) * METRES_PER_DEGREE
 
 
 def parse_origin(text: str) -> Place:

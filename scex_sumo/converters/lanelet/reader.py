@@ -33,10 +33,10 @@ from scex_sumo.converters.lanelet.lanes import (
     related_lanes,
     unknown_subtypes,
 )
-from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
+from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, recorded_origin
 from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.regulations import attach, regulations
-from scex_sumo.converters.lanelet.repair import Place, distance_m, middle, repair
+from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
@@ -138,7 +138,7 @@ def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str
     origin = known or map_origin(map_file, own_corner=True)
     if known is None and origin != (0.0, 0.0):
         notes.append(f"origin unknown: coordinates begin at the map's corner {origin[0]:.7f},{origin[1]:.7f}")
-    away_m = distance_m(origin, middle(map_file))
+    away_m = distance_m(origin, map_file.middle)
     if away_m > MAX_FROM_ORIGIN_M:
         raise MapError(
             f"{path}: the map is {away_m / 1000:.0f} km away from its origin {origin[0]:g},{origin[1]:g}; "

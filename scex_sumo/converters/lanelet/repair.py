@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import math
-import statistics
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeAlias
 
-from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import Findings, MapFile, MapPoint, Member, Relation, Way, free_ids
+from scex_sumo.converters.lanelet.origin import STRAY_M, distance_m
 
-Place: TypeAlias = tuple[float, float]  # latitude and longitude, degrees
-METRES_PER_DEGREE = 111_195.0  # of latitude, on the sphere of 6371 km
-STRAY_M = 50_000.0  # a recorded site spans a few km
 SIDES = ("left", "right")
 
 
@@ -28,7 +22,7 @@ def repair(map_file: MapFile) -> tuple[MapFile, bool]:
         The map with its notes, and whether it differs from its file.
     """
     done = Findings()
-    centre = middle(map_file)
+    centre = map_file.middle
     stray = {i for i, n in map_file.nodes.items() if distance_m((n.lat, n.lon), centre) > STRAY_M}
     done.note("nodes over 50 km away from the map, left out", *stray)
     map_file = replace(map_file, nodes={i: n for i, n in map_file.nodes.items() if i not in stray})
@@ -39,20 +33,6 @@ def repair(map_file: MapFile) -> tuple[MapFile, bool]:
     map_file = replace(map_file, relations=_members(map_file, done))
     notes = (*map_file.notes, *done.notes())
     return replace(map_file, notes=notes), bool(notes)
-
-
-def distance_m(a: Place, b: Place) -> float:
-    """Return the rough distance of two places, m; enough to tell near from far."""
-    east = (a[1] - b[1]) * math.cos(math.radians((a[0] + b[0]) / 2))
-    return math.hypot(a[0] - b[0], east) * METRES_PER_DEGREE
-
-
-def middle(map_file: MapFile) -> Place:
-    """Return the median latitude and longitude of the map's nodes; raises `MapError` without any."""
-    if not map_file.nodes:
-        raise MapError(f"{map_file.path}: no usable nodes, so no map; name a Lanelet2 .osm file")
-    nodes = map_file.nodes.values()
-    return statistics.median(n.lat for n in nodes), statistics.median(n.lon for n in nodes)
 
 
 def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
