@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from tests.extensions.package import install, scex
 
 MAP = Path(__file__).parents[2] / "scex_sumo/scenarios/data/roundabout.osm"
@@ -50,6 +52,7 @@ def test_a_model_that_cannot_be_imported_leaves_the_others_listed(tmp_path: Path
     assert "Traceback" not in asked.stderr
 
 
-def test_a_model_of_another_package_takes_no_name_of_ours(tmp_path: Path) -> None:
-    install(tmp_path, group="scex_sumo.behaviors", name="replay", target="stranger:Braker", code=CODE)
+@pytest.mark.parametrize("name", ["replay", "likely_driver", "rules"])  # the core's, a wing's, a mix
+def test_a_model_of_another_package_takes_no_name_of_ours(name: str, tmp_path: Path) -> None:
+    install(tmp_path, group="scex_sumo.behaviors", name=name, target="stranger:Braker", code=CODE)
     assert "Brakes gently" not in scex(tmp_path, "models").stdout
