@@ -128,15 +128,16 @@ def _conflicts(child: _Child, rows: Sequence[Row], collisions: Sequence[Row]) ->
             for event, row in zip(CONFLICTS, worst, strict=True)
         )
         if hit is not None or any(beyond):
-            found.append(_conflict(child, own, *worst, hit))
+            found.append(_conflict(child, own, worst, hit))
     for _, text in sorted(found):
         yield text
 
 
 def _conflict(
-    child: _Child, rows: Sequence[Row], ttc: Row | None, drac: Row | None, pet: Row | None, hit: Row | None
+    child: _Child, rows: Sequence[Row], worst: Sequence[Row | None], hit: Row | None
 ) -> tuple[float, str]:
-    """Return begin and text of the conflict of a pair."""
+    """Return begin and text of the conflict of a pair; ``worst`` are its rows of the `CONFLICTS`."""
+    ttc, drac, pet = worst
     passing = None if pet is None else _passing(child, pet["track_id"], pet["other_id"])
     leads = next(row for row in (ttc, drac, pet, hit) if row is not None)
     ego, foe = leads["track_id"], leads["other_id"]
