@@ -12,7 +12,6 @@ from scipy.optimize import minimize
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.behaviors.driving.seed_state import estimated_scene
 from scex_sumo.behaviors.models.idm import HABIT_STEPS
 from scex_sumo.humans.lanes import USUAL_M, change_features
 from scex_sumo.humans.observations import (
@@ -23,6 +22,7 @@ from scex_sumo.humans.observations import (
     stop_features,
 )
 from scex_sumo.humans.population import ASIDE_S, DEGREES, MAX_ASIDE_M, spread_of, way_across
+from scex_sumo.humans.seed_state import estimated_scene
 from scex_sumo.scene import STEP_S, SeedScene
 
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half

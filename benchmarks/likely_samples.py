@@ -13,7 +13,6 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.behaviors.driving.seed_state import estimated_scene
 from scex_sumo.behaviors.models.idm import CALIBRATED
 from scex_sumo.humans.driver import BRAKING_MPS2, HEADWAY_S, KEPT_SHARE
 from scex_sumo.humans.lanes import lanes_beside, lanes_taken
@@ -26,6 +25,7 @@ from scex_sumo.humans.observations import (
     side_shown,
 )
 from scex_sumo.humans.population import Population
+from scex_sumo.humans.seed_state import estimated_scene
 from scex_sumo.scene import STEP_S, SeedScene, VehicleIndex
 
 STEPS = 30

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.importing import DRAWINGS
 
 if TYPE_CHECKING:
     from scex_sumo.road import Road
@@ -152,6 +153,9 @@ class SeedScene:
     def __repr__(self) -> str:
         future = 0 if self.future is None else self.future.shape[1]
         return f"SeedScene({self.name!r}: {self.vehicles} vehicles, {future} steps recorded after it)"
+
+    def _repr_html_(self) -> str:
+        return str(DRAWINGS.load("scene")(self))
 
     @property
     def vehicles(self) -> int:

@@ -67,6 +67,10 @@ def _of_package(path: str) -> bool:
     return path.startswith(f"{_PACKAGE.name}.")
 
 
+DRAWINGS = Registry(group="scex_sumo.drawings", kind="drawing")
+"""Functions that draw a run or a seed scene."""
+
+
 @contextmanager
 def extra_for(need: str, extra: str) -> Iterator[None]:
     """Turn a failed import in the block into a `MissingExtraError`; ``need``: what needs which package."""

@@ -5,6 +5,6 @@ from pathlib import Path
 
 if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).parents[2])  # the caller may have found the package on a path of its own
-    from scex_sumo.extrapolation.workers import serve
+    from scex_sumo.extrapolation.process import serve
 
     serve()

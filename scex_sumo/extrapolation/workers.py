@@ -7,20 +7,14 @@ libsumo runs one simulation per process. A worker that dies is replaced, and its
 
 from __future__ import annotations
 
-import os
 import pickle
 import queue
 import resource
-import subprocess
-import sys
-import threading
-import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import SimulationError, UsageError
@@ -29,6 +23,7 @@ from scex_sumo.base.files import TemporaryFolder
 if TYPE_CHECKING:
     from scex_sumo.base.arrays import IntArray
     from scex_sumo.extrapolation.job import Job
+    from scex_sumo.extrapolation.process import WorkerProcess
 
 TRIES = 2
 MAX_PROCESSES = 1000
@@ -41,9 +36,6 @@ Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], An
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
 _DIED = (EOFError, OSError, pickle.UnpicklingError)  # raised by the pipes of a process that has died
-_MAIN = str(Path(__file__).with_name("__main__.py"))
-# One thread each: the processes are the parallelism.
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class WorkersDied(Exception):
@@ -67,7 +59,11 @@ class Workers:
         self.deaths: list[str] = []
         """One phrase for each worker that died and was replaced."""
         self._folder = TemporaryFolder()
-        self._workers = [_Worker(self._folder.name) for _ in range(processes - 1)]
+        self._workers: list[WorkerProcess] = []
+        if processes > 1:
+            from scex_sumo.extrapolation.process import WorkerProcess
+
+            self._workers = [WorkerProcess(self._folder.name) for _ in range(processes - 1)]
 
     def __enter__(self) -> Workers:
         return self
@@ -104,7 +100,7 @@ class Workers:
         slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
         work, tick = partial(batch_runner, job, slots), on_step or (lambda children: None)
         busy = self._workers[: max(len(batches) - 1, 0)]
-        packed = _pickled(work) if busy else b""
+        packed = _packed(work) if busy else b""
         for worker in busy:
             worker.thread.submit(self._share, worker, packed, left, reports)
         unfinished = len(batches)
@@ -133,7 +129,7 @@ class Workers:
             left.clear()
 
     def _share(
-        self, worker: _Worker, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
+        self, worker: WorkerProcess, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
     ) -> None:
 
         def tick(children: int) -> None:
@@ -164,8 +160,8 @@ class Workers:
         Yields:
             Each finished task with its future, which raises `WorkersDied` if two workers died.
         """
-        waiting, idle, packed = iter(tasks), deque(self._workers), _pickled(work)
-        running: dict[Future[Any], tuple[T, _Worker]] = {}
+        waiting, idle, packed = iter(tasks), deque(self._workers), _packed(work)
+        running: dict[Future[Any], tuple[T, WorkerProcess]] = {}
         while True:
             while idle and (task := next(waiting, None)) is not None:
                 worker = idle.popleft()
@@ -188,11 +184,11 @@ class Workers:
         if not self._workers:
             return None
         worker = self._workers[-1]
-        work = _pickled(partial(_calling, function, on_step is not None))
+        work = _packed(partial(_calling, function, on_step is not None))
         order = partial(worker.do, work, None, on_step or (lambda children: None))
         return worker.thread.submit(self._try_twice, worker, where, order)
 
-    def _try_twice(self, worker: _Worker, where: str, order: Callable[[], Report]) -> Any:
+    def _try_twice(self, worker: WorkerProcess, where: str, order: Callable[[], Report]) -> Any:
         """Return the result of an order, from a second process if the first one dies."""
         reasons: list[str] = []
         while len(reasons) < TRIES:
@@ -247,151 +243,7 @@ def in_other_process(
     return result
 
 
-class _Worker:
-    def __init__(self, folder: str) -> None:
-        self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
-        self._folder = folder  # temporary files of a killed worker are removed with it
-        self._starting = threading.Lock()
-        self._ended = False
-        self._process: subprocess.Popen[bytes] | None = None
-        self.start()
+def _packed(content: Any) -> bytes:
+    from scex_sumo.extrapolation.process import pickled
 
-    def start(self) -> None:
-        """Start the process, or another one; raise EOFError if it has been killed for good."""
-        with self._starting:
-            if self._ended:
-                raise EOFError
-            self._close_pipes()
-            self._work: bytes | None = None
-            self._process = subprocess.Popen(
-                [sys.executable, _MAIN],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
-                start_new_session=True,  # Ctrl-C is for the process that the user started
-            )
-
-    def open(self, work: bytes) -> Report:
-        """Return the report when the process is ready for a work; raise one of `_DIED` if it dies."""
-        if self._work is work:
-            return "done", None
-        self._send(("open", (sys.path, work)))  # the current path, with the folder of the user's models
-        self._work = work
-        return self._answer(lambda children: None)
-
-    def do(self, work: bytes, task: Any, on_step: OnStep) -> Report:
-        """Return the report when a task is done or has failed."""
-        report = self.open(work)
-        if report[0] == "failed":
-            return report
-        self._send(("task", task))
-        return self._answer(on_step)
-
-    def _send(self, content: Any) -> None:
-        assert self._process is not None and self._process.stdin is not None
-        _write(self._process.stdin, content)
-
-    def _answer(self, on_step: OnStep) -> Report:
-        assert self._process is not None and self._process.stdout is not None
-        while True:
-            report: Report = pickle.load(self._process.stdout)
-            if report[0] != "step":
-                self._work = self._work if report[0] == "done" else None
-                return report
-            on_step(report[1])
-
-    def exit_reason(self) -> str:
-        """Return how the process ended: ``signal 9``, ``exit status 3``."""
-        assert self._process is not None
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=1)
-        self._process.kill()
-        status = self._process.wait()
-        return f"signal {-status}" if status < 0 else f"exit status {status}"
-
-    def kill(self) -> None:
-        """Kill the process for good."""
-        with self._starting:
-            self._ended = True
-        if self._process is not None:
-            self._process.kill()
-
-    def join(self) -> None:
-        self.thread.shutdown(cancel_futures=True)
-        if self._process is not None:
-            self._process.wait()
-        self._close_pipes()
-
-    def _close_pipes(self) -> None:
-        if self._process is not None:
-            for pipe in (self._process.stdin, self._process.stdout):
-                with suppress(OSError):  # what the process read no more
-                    assert pipe is not None
-                    pipe.close()
-
-
-def serve() -> None:
-    """Do the tasks that come in on standard input until it closes: the main function of a worker."""
-    reports = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # SUMO's prints do not get among the reports
-    from scex_sumo.world.session import load_sumo
-
-    with suppress(Exception):  # the first task reports it
-        load_sumo()
-
-    def report(kind: str, content: Any) -> None:
-        _write(reports, (kind, content))
-
-    with suppress(EOFError, BrokenPipeError), ExitStack() as opened:
-        while True:
-            kind, content = pickle.load(sys.stdin.buffer)
-            try:
-                if kind == "open":
-                    opened.close()
-                    sys.path[:], packed = content
-                    do = opened.enter_context(pickle.loads(packed)())
-                    report("done", None)
-                else:
-                    report("done", do(content, partial(report, "step")))
-            except (EOFError, BrokenPipeError):
-                raise
-            except Exception as error:
-                opened.close()
-                report("failed", (_sendable(error), WorkerTraceback(traceback.format_exc())))
-
-
-class WorkerTraceback(Exception):
-    """Traceback of an error in a worker, as text."""
-
-    def __str__(self) -> str:
-        return f"\n{self.args[0]}"
-
-
-def _sendable(error: Exception) -> Exception:
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:  # pickling runs the error's own code
-        return SimulationError(f"a worker failed: {type(error).__name__}: {error}")
-    return error
-
-
-def _write(stream: Any, content: Any) -> None:
-    pickle.dump(content, stream, protocol=pickle.HIGHEST_PROTOCOL)
-    stream.flush()
-
-
-def _pickled(content: Any) -> bytes:
-    """Pickle; classes of the user's script by value, because a worker does not run it."""
-    try:
-        packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
-    except (pickle.PicklingError, AttributeError, TypeError):
-        packed = b"__main__"
-    if b"__main__" not in packed:
-        return packed
-    import cloudpickle
-
-    try:
-        by_value: bytes = cloudpickle.dumps(content)
-    except Exception as error:  # of a user's object
-        raise UsageError(f"a model or metric cannot be sent to workers ({error}); use --workers 1") from None
-    return by_value
+    return pickled(content)

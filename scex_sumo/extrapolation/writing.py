@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
@@ -27,10 +28,8 @@ from scex_sumo.results.encounters import ENCOUNTERS, encounters_table, outcomes_
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.results.parts import Part, joined_parts
-from scex_sumo.results.plans import PLANS, plans_table
-from scex_sumo.results.run import PAIR_OUTCOMES
+from scex_sumo.results.run import PAIR_OUTCOMES, UNDER_TEST
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
-from scex_sumo.studies.under_test.results import UNDER_TEST
 
 ROWS_AT_ONCE = 1 << 18  # of tracks, in a row group of Parquet
 
@@ -97,12 +96,23 @@ def _each(
 def _write_each(
     folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings
 ) -> Iterator[Part]:
-    with folder.writer("tracks.parquet") as add_tracks, folder.writer(PLANS) as add_plans:
+    with ExitStack() as opened:
+        add_tracks = opened.enter_context(folder.writer("tracks.parquet"))
+        add_plans = _plan_writer(folder, scene, settings, opened) if settings.keep_plans else None
         for part in _each(folder, scene, children, settings):
             add_tracks(tracks_table(scene, part))
-            if (plans := plans_table(scene, part, settings.replan)) is not None:
-                add_plans(plans)
+            if add_plans is not None:
+                add_plans(part)
             yield part
+
+
+def _plan_writer(
+    folder: ResultFolder, scene: SeedScene, settings: RunSettings, opened: ExitStack
+) -> Callable[[Part], None]:
+    from scex_sumo.results.plans import PLANS, plans_table
+
+    add = opened.enter_context(folder.writer(PLANS))
+    return lambda part: add(plans_table(scene, part, settings.replan))
 
 
 def _write_tracks(folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings) -> None:

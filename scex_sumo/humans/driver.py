@@ -20,7 +20,6 @@ from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
-from scex_sumo.behaviors.driving.seed_state import estimated_history, heading_scatter
 from scex_sumo.behaviors.models.idm import (
     CALIBRATED,
     HABIT_STEPS,
@@ -57,6 +56,7 @@ from scex_sumo.humans.population import (
     uniforms,
     way_across,
 )
+from scex_sumo.humans.seed_state import estimated_history, heading_scatter
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 

@@ -1,8 +1,7 @@
-"""IPython formatters that show runs and seed scenes as HTML."""
+"""HTML of runs and seed scenes in a notebook."""
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -10,15 +9,6 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
 _HEIGHT_PX = 900
-
-
-def register() -> None:
-    """Register the formatters if IPython runs; imports nothing else."""
-    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    if shell is not None and shell.display_formatter is not None:
-        html = shell.display_formatter.formatters["text/html"]
-        html.for_type_by_name("scex_sumo.results.run", "Run", run_html)
-        html.for_type_by_name("scex_sumo.scene", "SeedScene", scene_html)
 
 
 def run_html(run: Run) -> str:

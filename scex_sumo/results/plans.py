@@ -20,15 +20,14 @@ from scex_sumo.scene import SeedScene
 PLANS = "plans.parquet"
 
 
-def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table | None:
-    """Tabulate plans by child, vehicle, step; None if the part has none.
+def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table:
+    """Tabulate the plans of a part that has them, by child, vehicle, step.
 
     Returns:
         child, track_id, step of the plan from the seed scene, x and y: lists of H centres in m, the first one
         a step later.
     """
-    if part.plan_x is None or part.plan_y is None:
-        return None
+    assert part.plan_x is not None and part.plan_y is not None
     count, rounds, vehicles, length = part.plan_x.shape
 
     def column(values: FloatArray) -> pa.Array:

@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.importing import Registry
+from scex_sumo.base.importing import DRAWINGS
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
 from scex_sumo.results.info import read_info
@@ -41,8 +41,6 @@ PAIR_OUTCOMES: Final = "pair_outcomes.parquet"
 REFERENCE: Final = "reference"
 BASELINE: Final = "baseline"
 UNDER_TEST: Final = "under_test.parquet"
-DRAWINGS: Final = Registry(group="scex_sumo.drawings", kind="drawing")
-"""Functions that draw a run; the reports register theirs."""
 
 
 class Run:
@@ -68,7 +66,11 @@ class Run:
 
     def __repr__(self) -> str:
         name = self.info["seed_scene"]["name"]
-        return f"Run({str(self.folder)!r}: {self.info['children']} futures of {name})"
+        collision = f", a collision in {self.collision.percent}" if self.outcomes else ""
+        return f"Run({str(self.folder)!r}: {self.info['children']} futures of {name}{collision})"
+
+    def _repr_html_(self) -> str:
+        return str(DRAWINGS.load("run")(self))
 
     def plot(
         self,

@@ -11,9 +11,9 @@ import pytest
 
 from scex_sumo import example_path
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.commands.plot import plot_command
 from scex_sumo.exporters.command import export_command
 from scex_sumo.page.command import report_command
+from scex_sumo.page.plot_command import plot_command
 from scex_sumo.views.command import view_command
 from tests.command import scex
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo import example_path, extrapolate, read_seed
+from scex_sumo import example_path, read_seed
 from scex_sumo.base.errors import UsageError
-from scex_sumo.page.notebook import run_html, scene_html
 from scex_sumo.page.report import report_html
 from scex_sumo.results.run import Run
+from tests.runs import extrapolate
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def test_a_run_is_its_report_in_a_frame(run: Run) -> None:
-    html = run_html(run)
+    html = run._repr_html_()
+    assert "a collision in" in repr(run)
     assert html.startswith("<iframe srcdoc=")
     assert unescape(html).count(report_html(run)) == 1
     assert 'sandbox="allow-scripts"' in html
@@ -34,7 +35,7 @@ def test_a_seed_scene_is_one_line_and_a_table_of_its_vehicles() -> None:
         repr(scene)
         == f"SeedScene({scene.name!r}: 14 vehicles, {scene.future.shape[1]} steps recorded after it)"
     )  # type: ignore[union-attr]
-    assert scene_html(scene).count("<tr>") == 1 + scene.vehicles
+    assert scene._repr_html_().count("<tr>") == 1 + scene.vehicles
 
 
 def test_a_run_plots_itself(run: Run, tmp_path: Path) -> None:

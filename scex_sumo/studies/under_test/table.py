@@ -22,7 +22,7 @@ from scex_sumo.reports.run_table import (
 )
 from scex_sumo.results.encounters import criticality, event_of, percent_of
 from scex_sumo.results.run import Run
-from scex_sumo.statistics.paired import holm, signed_rank
+from scex_sumo.studies.under_test.paired import holm, signed_rank
 from scex_sumo.studies.under_test.results import Difference, UnderTest
 
 _BY_CHANCE = "Chance of so large a difference without an effect (corrected after Holm)"

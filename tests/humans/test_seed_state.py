@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.behaviors.driving.seed_state import estimated_history, estimated_scene, heading_scatter
 from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, seed_at
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.humans.seed_state import estimated_history, estimated_scene, heading_scatter
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads
 

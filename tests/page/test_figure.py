@@ -13,7 +13,7 @@ from rich.console import Console
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
-from scex_sumo.reports.figure import draw_figure
+from scex_sumo.page.figure import draw_figure
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
