@@ -85,6 +85,7 @@ def inspect_answer(
         "vehicles": len(set(rows.track_id.tolist())),
         "findings": loaded.findings,
         "notes": loaded.notes,
+        "checks": [vars(check) for check in loaded.checks],
         "moments": [_moment(moment) for moment in moments],
         "busiest": _moment(busiest(moments)) if moments else None,
         "scene": None if scene is None else _scene(scene),

@@ -14,7 +14,8 @@ import shapely
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import ScexError, listed
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.datasets.repairs import align_tracks, repair_tracks
+from scex_sumo.converters.datasets.checks import Check, without_explained
+from scex_sumo.converters.datasets.repairs import align_tracks, check_recording, repair_tracks
 from scex_sumo.converters.datasets.sample import resample_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
@@ -59,7 +60,7 @@ def read_clean(
     window: Window = (None, None),
     progress: Progress | None = None,
 ) -> CleanRecording:
-    """Read a recording, repair it, resample it to 10 Hz and align it to its map.
+    """Read a recording, check and repair it, resample it to 10 Hz and align it to its map.
 
     Args:
         road: the map; without it nothing is aligned.
@@ -69,16 +70,20 @@ def read_clean(
         progress: as of `read_recorded`.
     """
     table, findings = read_recorded(paths, None if road is None else road.net, window, progress)
+    dataset = dataset_of(paths[0])
+    checks: tuple[Check, ...] = ()
     if repair:
-        table, findings = repaired(table, findings, dataset_of(paths[0]))
-    from_car = dataset_of(paths[0]).from_car
+        checks = () if dataset.simulated else check_recording(table.vehicles, road)
+        table, findings = repaired(table, findings, dataset)
+        findings = without_explained(findings, checks)
+    from_car = dataset.from_car
     if align and road is not None and not from_car:
         table, moved = align_tracks(table, road, siblings=_siblings(paths))
         findings = (*findings, *moved)
     if road is not None and from_car:
         table, left = within_map(table, road)
         findings = (*findings, *left)
-    return CleanRecording(table=table, findings=findings, repair=repair)
+    return CleanRecording(table=table, findings=findings, repair=repair, checks=checks)
 
 
 def repaired(

@@ -13,6 +13,7 @@ import numpy as np
 
 from scex_sumo.base.errors import TrackError, listed
 from scex_sumo.base.progress import Progress
+from scex_sumo.converters.datasets.checks import Check, doubts, refuse_implausible
 from scex_sumo.converters.datasets.find import find_recordings, find_tracks
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.reader import read_clean
@@ -49,7 +50,8 @@ class LoadedRecording:
         road: the map; recordings of one site loaded one after the other share it.
         table: the tracks at 10 Hz; cases of INTERACTION v1.2 are only aligned.
         findings: one phrase for each kind of defect that was repaired.
-        notes: a warning if the tracks seem to lie at a wrong place of the map; seed scenes have it, too.
+        notes: warnings that all its seed scenes have: an implausible recording, a wrong place of the map.
+        checks: plausibility of the recording before repairs.
 
     Example:
         >>> (recording,) = scex.find_recordings([scex.example_path("roundabout")])
@@ -62,16 +64,21 @@ class LoadedRecording:
     table: TrackTable
     findings: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
 
 
-def load_recording(recording: Recording, origin: tuple[float, float] | None = None) -> LoadedRecording:
+def load_recording(
+    recording: Recording, origin: tuple[float, float] | None = None, *, force: bool = False
+) -> LoadedRecording:
     """Read a recording and its map, repair it and align it to the map.
 
-    ``origin``: latitude and longitude of the map's coordinates; None looks beside the tracks.
+    Args:
+        origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
+        force: accept sizes that no vehicle has, and vehicles that would drive backwards.
 
     Raises:
         MapError: the map is missing or cannot be read, or its origin is not known.
-        TrackError: the tracks cannot be read, hold no vehicle, or do not lie on the map.
+        TrackError: the tracks cannot be read, hold no vehicle, are impossible, or do not lie on the map.
 
     Example:
         >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
@@ -84,13 +91,16 @@ def load_recording(recording: Recording, origin: tuple[float, float] | None = No
         origin = recorded_origin(map_path, tracks_path=track_path)
     road = _read_road(map_path, stamp, origin)
     clean = read_clean(recording.track_paths, road, window=_with_history(recording.window))
+    if not force:
+        refuse_implausible(track_path, clean.checks, "repair the recording")
     _check(clean.table, road, map_path)
     return LoadedRecording(
         recording=recording,
         road=road,
         table=clean.table,
         findings=clean.findings,
-        notes=_doubts(evidence(clean.table.vehicles), road, track_path),
+        notes=(*doubts(clean.checks), *_doubts(evidence(clean.table.vehicles), road, track_path)),
+        checks=clean.checks,
     )
 
 
@@ -120,7 +130,8 @@ def seed_at(
         time_s=time_s,
         min_history=min_history,
     )
-    scene = _warned(scene, off_road(loaded.road, scene), loaded.notes)
+    twice = [note for note in doubts(loaded.checks, _labels(scene)) if note not in loaded.notes]
+    scene = _warned(scene, off_road(loaded.road, scene), (*twice, *loaded.notes))
     return loaded.table.complete(dataclasses.replace(scene, road=loaded.road))
 
 
@@ -162,12 +173,13 @@ def recorded_scene(
         min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
         road: the map as read; tracks beside its lanes are moved onto them.
         align: False leaves the tracks where they are, see `align_tracks`.
-        force: accept a moment with over half of its vehicles on no lane.
+        force: accept a moment with over half of its vehicles on no lane, sizes that no vehicle has, and
+            vehicles that would drive backwards.
         progress: as of `read_clean`.
 
     Raises:
-        TrackError: no or unusable tracks, an unknown case, a moment outside the recording or without
-            vehicles, or with its vehicles beside the lanes.
+        TrackError: no, unusable or impossible tracks, an unknown case, a moment outside the recording or
+            without vehicles, or with its vehicles beside the lanes.
     """
     recording = recording_of(Path(map_path), tracks)
     at = time_s if time_s is not None and math.isfinite(time_s) else None
@@ -179,6 +191,8 @@ def recorded_scene(
         window=_with_history((at, at)),
         progress=progress,
     )
+    if not force:
+        refuse_implausible(recording.track_paths[0], clean.checks, "--force runs it all the same")
     scene = take_scene(
         clean,
         name=recording.name,
@@ -187,12 +201,13 @@ def recorded_scene(
         time_s=time_s,
         min_history=min_history,
     )
+    implausible = doubts(clean.checks, _labels(scene))
     if road is None:
-        return scene
+        return dataclasses.replace(scene, notes=(*scene.notes, *implausible))
     samples, off = evidence(clean.table.vehicles), off_road(road, scene)
     simulated = dataset_of(recording.track_paths[0]).simulated
     _check_place(scene, off, samples, road, force=force, simulated=simulated)
-    scene = _warned(scene, off, _doubts(samples, road, recording.track_paths[0]))
+    scene = _warned(scene, off, (*implausible, *_doubts(samples, road, recording.track_paths[0])))
     return clean.table.complete(dataclasses.replace(scene, road=road))
 
 
@@ -234,6 +249,10 @@ def _warned(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> SeedScen
         shown, beside = listed(scene.track_ids[v] for v in off), f"{len(off)} of {scene.vehicles} vehicles"
         notes.append(f"warning: {beside} are on no mapped lane and will drive straight ({shown})")
     return dataclasses.replace(scene, notes=(*scene.notes, *notes, *doubts))
+
+
+def _labels(scene: SeedScene) -> set[str]:
+    return {str(track) for track in scene.track_ids}
 
 
 def _with_history(window: Window) -> Window:

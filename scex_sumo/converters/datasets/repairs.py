@@ -12,8 +12,9 @@ from functools import cache
 from typing import TypeAlias
 
 from scex_sumo.base.importing import Registry
+from scex_sumo.converters.datasets.checks import Check
 from scex_sumo.converters.tracks.evidence import Evidence
-from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.road import Road
 
 REPAIRS = Registry(group="scex_sumo.repairs", kind="repair of recordings")
@@ -28,6 +29,7 @@ class Repair:
 
     Attributes:
         order: repairs with smaller numbers come first, those of one number by name.
+        check: ``check(rows, road)`` judges a recording's vehicles as read; the road may be None.
         tracks: ``tracks(table, exact=...)`` repairs a recording, or one case of a file of cases, at the rate
             at which it was recorded; exact recordings are from a simulation. It gives the table, and a phrase
             for each kind of defect.
@@ -39,6 +41,7 @@ class Repair:
     """
 
     order: int = 0
+    check: Callable[[TrackRows, Road | None], tuple[Check, ...]] = lambda rows, road: ()
     tracks: Callable[..., tuple[TrackTable, Phrases]] = lambda table, exact: (table, ())
     align: Callable[..., tuple[TrackTable, Phrases]] = lambda table, road, siblings: (table, ())
     doubt: Callable[[Evidence, Road], str | None] = lambda samples, road: None
@@ -51,6 +54,11 @@ def _repairs() -> tuple[Repair, ...]:
     names = [part.name for part in fields(Repair)]
     made = [Repair(**{n: getattr(entry, n) for n in names if hasattr(entry, n)}) for entry in entries]
     return tuple(sorted(made, key=lambda repair: repair.order))
+
+
+def check_recording(rows: TrackRows, road: Road | None) -> tuple[Check, ...]:
+    """Judge the vehicles of a recording as it was read."""
+    return tuple(check for repair in _repairs() for check in repair.check(rows, road))
 
 
 def repair_tracks(table: TrackTable, *, exact: bool = False) -> tuple[TrackTable, Phrases]:

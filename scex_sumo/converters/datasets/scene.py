@@ -11,6 +11,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.datasets.checks import Check
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
 from scex_sumo.converters.datasets.repairs import repair_tracks
 from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
@@ -29,11 +30,13 @@ class CleanRecording:
     Attributes:
         table: repaired and aligned to the map; cases are only aligned.
         repair: whether a case is repaired when it is taken.
+        checks: plausibility before the repairs; none for simulations and without repair.
     """
 
     table: TrackTable
     findings: tuple[str, ...]
     repair: bool
+    checks: tuple[Check, ...] = ()
 
 
 def take_scene(

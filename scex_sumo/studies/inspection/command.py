@@ -58,12 +58,14 @@ def inspect_command(
     warn(left_out([map_path] if map_path.is_dir() else []))
     map_path, tracks = map_and_tracks(map_path, tracks)
     zero = parse_origin(origin) if origin is not None else None
-    loaded = load_recording(recording_of(map_path, tracks), zero)
+    loaded = load_recording(recording_of(map_path, tracks), zero, force=True)
     console = output_console(width=110)
     warn(loaded.notes)
     print(f"{loaded.recording.name}: {_size(loaded)}")
     for finding in loaded.findings:
         print_line(f"repaired: {finding}", console)
+    if loaded.checks:
+        console.print(_checks_table(loaded))
     words = ["scex-sumo", "run", str(map_path), *(["--tracks", str(tracks)] if tracks else [])]
     words += ["--origin", origin] if origin is not None else []
     moments, each = (recording_moments(loaded, every_s=step) for step in (every, STEP_S))
@@ -91,6 +93,14 @@ def _size(loaded: LoadedRecording) -> str:
     rows = loaded.table.vehicles
     seconds = (int(rows.timestamp_ms.max()) - int(rows.timestamp_ms.min())) / 1000
     return f"{len(set(rows.track_id.tolist()))} vehicles in {seconds:.1f} s"
+
+
+def _checks_table(loaded: LoadedRecording) -> Table:
+    from scex_sumo.reports.run_table import console_table
+
+    heads = [(head, "text", "") for head in ("before repairs", "measured", "plausible", "")]
+    rows = [[check.name, check.value, check.usual, check.verdict] for check in loaded.checks]
+    return console_table("plausibility of the recording", heads, rows)
 
 
 def _time_of(loaded: LoadedRecording, case: str | None) -> float:

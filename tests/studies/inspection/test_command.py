@@ -13,12 +13,18 @@ from scex_sumo.studies.inspection.command import inspect_command
 MAP = Path(example_path("roundabout"))
 
 
+def table_of(said: str) -> list[list[str]]:
+    """Cells of the table after that of the recording's plausibility."""
+    _, _, after = said.partition("vehicles within another one")
+    return [line.split("│")[1:-1] for line in after.splitlines()[1:] if line.startswith("│")]
+
+
 def test_moments_come_with_their_vehicles_and_the_fullest_are_marked(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     inspect_command(MAP)
     said = capsys.readouterr().out
-    rows = [line.split("│")[1:-1] for line in said.splitlines() if line.startswith("│")]
+    rows = table_of(said)
     assert rows and all(int(row[2]) <= int(row[1]) for row in rows)
     complete = [int(row[2]) for row in rows]
     assert [("*" in row[3]) for row in rows] == [count == max(complete) for count in complete]
@@ -32,7 +38,7 @@ def test_a_moment_lists_its_vehicles_by_id(capsys: pytest.CaptureFixture[str]) -
     inspect_command(MAP, time=4.5)
     said = capsys.readouterr().out
     assert "roundabout_t4.5: 14 vehicles" in said
-    ids = [int(line.split("│")[1]) for line in said.splitlines() if line.startswith("│")]
+    ids = [int(row[0]) for row in table_of(said)]
     assert ids == list(range(3, 17))
     assert said.splitlines()[-1].endswith("--time 4.5")
     assert "speed [m/s]" in said

@@ -1,0 +1,67 @@
+"""Checks of a recording as a whole: their verdicts, warnings and errors.
+
+What is measured comes from the registry of repairs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from scex_sumo.base.errors import TrackError, listed
+
+Verdict = Literal["", "repaired", "warning", "error"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One row of the table.
+
+    Attributes:
+        value: what was measured; ``-`` if the recording has too little for it.
+        usual: what is plausible.
+        verdict: ``repaired``: the reader does so; ``error``: a run would mean nothing.
+        problem: what is wrong, the likely cause and the remedy; empty if plausible.
+        pairs: track ids of vehicles that are recorded twice; the problem is only theirs.
+        explains: beginning of the phrases about repairs whose true cause this is.
+    """
+
+    name: str
+    value: str
+    usual: str
+    verdict: Verdict = ""
+    problem: str = ""
+    pairs: tuple[tuple[str, str], ...] = ()
+    explains: str = ""
+
+
+def refuse_implausible(name: object, checks: Sequence[Check], remedy: str) -> None:
+    """Raise a `TrackError` for the checks after which a run means nothing."""
+    if wrong := [check.problem for check in checks if check.verdict == "error"]:
+        raise TrackError(f"{name}: {'; '.join(wrong)}; {remedy}")
+
+
+def doubts(checks: Sequence[Check], present: Collection[str] = ()) -> tuple[str, ...]:
+    """Return a warning for each check that neither passed nor is repaired; of pairs those ``present``."""
+    found = []
+    for check in checks:
+        problem = check.problem
+        if check.pairs:
+            problem = twice([pair for pair in check.pairs if set(pair) <= set(present)])
+        if problem and check.verdict != "repaired":
+            found.append(f"warning: {problem}")
+    return tuple(found)
+
+
+def without_explained(findings: Sequence[str], checks: Sequence[Check]) -> tuple[str, ...]:
+    """Leave out phrases about repairs whose true cause a check names."""
+    begins = tuple(check.explains for check in checks if check.explains)
+    return tuple(finding for finding in findings if not (begins and finding.startswith(begins)))
+
+
+def twice(pairs: Sequence[tuple[str, str]]) -> str:
+    """Return the problem of vehicles that are recorded twice; empty without any."""
+    names = listed(f"{a} and {b}" for a, b in pairs)
+    why = "overlap all the time: probably one vehicle recorded twice; leave one out"
+    return f"tracks {names} {why}" if pairs else ""
