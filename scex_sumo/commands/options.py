@@ -105,7 +105,11 @@ Cluster = Annotated[
     str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers run the futures.")
 ]
 Force = Annotated[
-    bool, typer.Option("--force", help="Run a moment with over half of its vehicles on no lane, too.")
+    bool,
+    typer.Option(
+        "--force",
+        help="Run a moment with over half of its vehicles on no lane, impossible sizes or headings, too.",
+    ),
 ]
 Cache = Annotated[bool, typer.Option(help="Keep converted maps and assignments for the next run.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]

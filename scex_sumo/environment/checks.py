@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 
 def whole_number(name: str, value: Any, low: int, high: int) -> int:
     """Return an argument as an int; raise a `UsageError` unless it is a whole number from low to high."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or not low <= int(value) <= high:
+    if isinstance(value, bool) or not isinstance(value, Integral) or not low <= int(value) <= high:
         raise UsageError(f"{name}: got {value!r}, needs a whole number from {low} to {high:,}")
     return int(value)
 

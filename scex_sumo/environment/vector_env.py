@@ -149,7 +149,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self, actions: FloatArray
     ) -> tuple[Observation, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Advance all environments by ``hold`` steps; those that had ended begin again instead."""
-        actions = finite_numbers("actions", actions, (self.num_envs, *self.single_action_space.shape))
+        actions = finite_numbers("actions", actions, self.action_space.shape or ())
         begins = self._ended.copy()
         before, came_from = self._agent_now(), self._way
         collided = np.zeros(self.num_envs, dtype=bool)

@@ -38,7 +38,9 @@ class SeedOptions:
         "Origin of the map's coordinates; default: that of meta_data.csv.", None, metavar="LAT,LON"
     )
     force: bool = option(
-        "Run a moment with over half of its vehicles on no lane, too.", False, names=("--force",)
+        "Run a moment with over half of its vehicles on no lane, or impossible sizes or headings, too.",
+        False,
+        names=("--force",),
     )
 
     def __post_init__(self) -> None:

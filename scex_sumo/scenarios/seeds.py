@@ -37,7 +37,8 @@ def read_seed(
             recorded from 1 s before to 3 s after.
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
         align: move tracks beside the lanes onto them, see `align_tracks`.
-        force: accept a moment with over half of its vehicles on no lane, as a wrong origin makes them.
+        force: accept a moment with over half of its vehicles on no lane, as a wrong origin makes them, sizes
+            that no vehicle has, and vehicles that would drive backwards.
         cache: keep the road in ``~/.cache/scex-sumo``.
         progress: True for a bar; or called with (done, total) while SUMO simulates a configuration.
 

@@ -9,13 +9,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.datasets.checks import Check, Verdict, twice
 from scex_sumo.converters.datasets.repairs import Repair
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.converters.tracks.rows import TrackRows, number_of
-from scex_sumo.formats.cleaning.heading import FORWARD_MPS, SIDEWAYS_RAD
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackRows, number_of
+from scex_sumo.formats.cleaning.heading import SIDEWAYS_RAD
 from scex_sumo.formats.cleaning.smooth import position_noise
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, separation
@@ -310,12 +311,12 @@ def _doubles(rows: TrackRows) -> Check:
 
 def _near_pairs(rows: TrackRows, at: IntArray) -> IntArray:
     """Return (m, 2) pairs of samples ``at`` the same time and less than `NEAR_M` apart."""
-    from scipy.spatial import cKDTree  # slow to import
-
     moments = np.stack((rows.case[at], rows.timestamp_ms[at]), axis=1)
     moment = np.unique(moments, axis=0, return_inverse=True)[1].reshape(-1)
-    places = np.stack((rows.x[at], rows.y[at], 2.0 * NEAR_M * moment), axis=1)
-    return np.asarray(cKDTree(places).query_pairs(NEAR_M, output_type="ndarray"), np.int64)
+    apart = np.ptp(rows.x[at]) + 2.0 * NEAR_M  # moments lie beside each other
+    points = shapely.points(rows.x[at] + apart * moment, rows.y[at])
+    pairs = shapely.STRtree(points).query(points, predicate="dwithin", distance=NEAR_M)
+    return np.asarray(pairs[:, pairs[0] < pairs[1]].T, np.int64)
 
 
 def _boxes(rows: TrackRows, at: IntArray) -> Rectangles:
