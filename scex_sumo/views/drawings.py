@@ -12,6 +12,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
+from scex_sumo.converters.net.files import shape_text
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
 
@@ -34,7 +35,7 @@ WINDOW_SIZE = "1400,900"
 _SIZE_PER_M = 10.0  # sumo-gui's text size for letters of 1 m
 GRASS = "214,219,209"
 ASPHALT = "74,78,84"
-_JUNCTION = "80,84,90"
+_SEAM_LAYER, _SEAM_M = -1, 0.1
 _ENTRY = '                <entry color="{}"{}/>'
 _ROADS = (
     *("road", "sidewalk", "bike lane", "green verge", "waterway", "railway", "rails on road"),
@@ -60,7 +61,7 @@ _SETTINGS = """<viewsettings>
                   vehicleName_bgColor="255,255,255,200" vehicleName_constantSize="0"/>
         <persons personMode="0" personQuality="2" person_minSize="1" person_exaggeration="1"/>
         <junctions junctionMode="0" drawLinkTLIndex_show="0" drawLinkJunctionIndex_show="0" drawShape="1"
-                   junctionName_show="0">
+                   junctionName_show="0" drawCrossingsAndWalkingareas="0">
             <colorScheme name="uniform">
 {junctions}
             </colorScheme>
@@ -244,6 +245,17 @@ def draw_children(shown: Sequence[TiledChild], colors: Mapping[str, Rgb], frame:
     return "".join(lines)
 
 
+def draw_seams(junctions: Sequence[FloatArray], shown: Sequence[TiledChild]) -> str:
+    """Draw outlines of junctions, shapes (P, 2), as asphalt below the road: lanes end before them."""
+    lines = []
+    for s in shown:
+        for number, shape in enumerate(junctions):
+            text = shape_text(np.concatenate([shape, shape[:1]]) + s.offset, 2)
+            key, look = s.id(f"seam.{number}"), f'fill="0" lineWidth="{_SEAM_M}" layer="{_SEAM_LAYER}"'
+            lines.append(f'    <poly id="{key}" color="{ASPHALT}" {look} shape="{text}"/>\n')
+    return "".join(lines)
+
+
 def _ring(shown: TiledChild, vehicle: int) -> str:
     x, y = (
         float(v[vehicle, shown.child.stop_state]) + d
@@ -338,7 +350,7 @@ def write_view_settings(
     text = _SETTINGS.format(
         grass=GRASS,
         roads="\n".join(_ENTRY.format(ASPHALT, f' name="{kind}"') for kind in _ROADS),
-        junctions="\n".join(_ENTRY.format(_JUNCTION, kind) for kind in _JUNCTIONS),
+        junctions="\n".join(_ENTRY.format(ASPHALT, kind) for kind in _JUNCTIONS),
         names=int(letter_m > 0),
         chosen=int(chosen),
         lights=int(lights),

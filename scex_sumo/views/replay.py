@@ -19,7 +19,7 @@ from xml.sax.saxutils import quoteattr as quoted
 import numpy as np
 import shapely
 
-from scex_sumo.base.arrays import BoolArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.converters.net.files import net_root, points_of
 from scex_sumo.scene import STEP_S, SeedScene
@@ -31,6 +31,7 @@ from scex_sumo.views.drawings import (
     draw_children,
     draw_ids,
     draw_legend,
+    draw_seams,
     frame_of,
     legend_entries,
     letter_height,
@@ -84,7 +85,8 @@ def write_view(
     frame = frame_of(template.bounds, [s.offset for s in tiled], entries)
     if not grid:
         frame = frame.closer(children[0].looked_at)
-    drawn = draw_children(tiled, colors, frame) + draw_legend(frame)
+    drawn = draw_seams(_junctions(source[0]), tiled) + draw_children(tiled, colors, frame)
+    drawn += draw_legend(frame)
     letter_m = 0.0
     if not grid:
         letter_m = frame.exaggeration * letter_height([key for group in groups for key in group.ids])
@@ -104,6 +106,12 @@ def write_view(
         pause_s=None if snapshots else (children[0].stop_state + 1) * STEP_S,
     )
     return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1], ids=not grid)
+
+
+def _junctions(net: Path) -> list[FloatArray]:
+    """Return the outlines of the junctions of a net, of three points or more."""
+    shapes = [points_of(junction.get("shape", "")) for junction in net_root(net).iter("junction")]
+    return [shape for shape in shapes if len(shape) > 2]
 
 
 def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[Path, Path | None]:

@@ -15,6 +15,7 @@ from scex_sumo.views.drawings import (
     draw_children,
     draw_ids,
     draw_legend,
+    draw_seams,
     frame_of,
     letter_height,
     readable,
@@ -137,3 +138,15 @@ def test_ids_of_an_event_stand_beside_its_ring() -> None:
     drawn = elements(draw_ids(["15", "16"], np.array([100.2, 100.0]), np.array([40.0, 40.0]), 1.0))
     assert float(drawn["16"].get("x", "nan")) == pytest.approx(95.0)  # the more western one: 4 m and a letter
     assert float(drawn["15"].get("x", "nan")) == pytest.approx(105.2)
+
+
+def test_junctions_have_an_outline_in_the_colour_of_lanes_that_hides_their_seams(tmp_path: Path) -> None:
+    child = ChildView(number=3, states=track(0.0, 0.0), models=("a",), past=1)
+    square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]])
+    drawn = elements(draw_seams([square], [TiledChild(child=child, slot=None, offset=(10.0, 0.0))]))
+    (seam,) = drawn.values()
+    assert seam.get("shape") == "10.00,0.00 14.00,0.00 14.00,4.00 10.00,0.00"
+    assert float(seam.get("layer", "nan")) < 0.0
+    write_view_settings(tmp_path / "v.xml", frame_of(MAP, [(0, 0)], []))
+    colors = ElementTree.parse(tmp_path / "v.xml").getroot().iter("entry")
+    assert {entry.get("color") for entry in colors} == {seam.get("color")}
