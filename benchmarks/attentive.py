@@ -46,7 +46,7 @@ from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.humans import driver as likely_driver
+from scex_sumo.humans import driver
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
 from scex_sumo.studies.validate.realism import realism, realism_score
@@ -306,7 +306,7 @@ def main() -> None:
     parser.add_argument("--sites", default=",".join(SITES))
     arguments = parser.parse_args()
     if arguments.raw:
-        likely_driver.estimated_history = lambda history, road: history  # type: ignore[assignment]
+        driver.estimated_history = lambda history, road: history  # type: ignore[assignment]
     if arguments.kept is not None and arguments.kept.is_file():
         found = pickle.loads(arguments.kept.read_bytes())
     else:

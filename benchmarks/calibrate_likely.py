@@ -1,4 +1,4 @@
-"""Fits the population of likely_driver to recordings and writes ``scex_sumo/humans/population.json``.
+"""Fits the parameters of likely_driver to recordings and writes ``scex_sumo/humans/parameters.json``.
 
     python benchmarks/calibrate_likely.py [--data FOLDER] [--without SET] [-o FILE]
 
@@ -24,19 +24,17 @@ from pathlib import Path
 import numpy as np
 from likely_accelerations import BRAKING, HABIT_S, NODES, SPEED_EDGES, accelerations_of, headway_of, settled
 from likely_choices import changes_of, comes_to_rest, offsets_of, paths_of, starts_of, stops_of
-from likely_samples import Manner, joined, kept, weighted
+from likely_samples import HUMAN, Manner, joined, kept, weighted
 from recorded_scenes import EVERY_S, recorded_parts, smoothed
 
-from scex_sumo.humans.lanes import MIN_SPEED_MPS
-from scex_sumo.humans.observations import STANDING_MPS
-from scex_sumo.humans.population import SHIPPED, population
+from scex_sumo.humans.parameters import SHIPPED
 from scex_sumo.scene import SeedScene
 
 NOISY_MPS2 = 0.1  # a set whose accelerations scatter by more is noisy
 
 
 def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
-    """The population, as in `scex_sumo.humans.population.Population`.
+    """The fitted parameters, as in `scex_sumo.humans.parameters.HumanParameters`.
 
     A data set counts as the square root of its vehicles: the largest shall not decide alone. Accelerations of
     noisy sets are fitted to their smoothed recordings, too: so does noise show, which the same people made
@@ -45,55 +43,59 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
     scenes = [scene for part in sets.values() for scene in part]
     whole = [joined(part) for part in sets.values()]
     every, even = weighted(whole)
-    drives = every.speed >= MIN_SPEED_MPS
+    drives = every.speed >= HUMAN.change_speed_mps
     change, change_to, change_m = changes_of(every.part(drives), even[drives])
     found = [kept(part) for part in whole]
     samples, weight = weighted(found)
     print(f"{len(scenes)} moments, {len(samples.speed)} vehicles")
     log_headway = headway_of(samples)
-    moving = samples.speed >= STANDING_MPS
+    moving = samples.speed >= HUMAN.standing_mps
     keeps_side, side = offsets_of(samples.part(moving), weight[moving])
-    noisy = [np.median(part.unsure[part.speed >= STANDING_MPS, 0]) > NOISY_MPS2 for part in found]
+    noisy = [
+        np.median(part.spread_features[part.speed >= HUMAN.standing_mps, 0]) > NOISY_MPS2 for part in found
+    ]
     calm = [
         kept(joined(map(smoothed, part))) if noise else same
         for part, noise, same in zip(sets.values(), noisy, found, strict=True)
     ]
     both, share = weighted([*found, *calm])
-    moving = (both.speed >= STANDING_MPS) & ~comes_to_rest(both)
+    moving = (both.speed >= HUMAN.standing_mps) & ~comes_to_rest(both)
     driving, share = both.part(moving), share[moving]
-    begun = dataclasses.replace(population(), headway=log_headway, braking=BRAKING, habit_s=HABIT_S)
+    begun = dataclasses.replace(
+        HUMAN, headway_log=np.array(log_headway), braking_log=np.array(BRAKING), habit_s=HABIT_S
+    )
     manner = Manner.of(driving.headway, begun, np.zeros((len(driving.speed), 2)))
     mean, root, grows = accelerations_of(driving, manner, share / share.mean())
     regressed = dataclasses.replace(
         begun,
         speed_edges=np.array(SPEED_EDGES),
-        mean=mean,
-        root=root,
-        noise=grows[:NODES],
-        unsure=grows[NODES:],
-        skew=np.zeros(len(mean)),
+        variation_mean=mean,
+        variation_root=root,
+        variation_noise=grows[:NODES],
+        variation_growth=grows[NODES:],
+        variation_skew=np.zeros(len(mean)),
     )
     known = settled(regressed, driving, share)
     return {
         "speed_edges": SPEED_EDGES,
-        "mean": known.mean.round(4).tolist(),
-        "root": known.root.round(4).tolist(),
-        "noise": grows[:NODES].round(4).tolist(),
-        "unsure": grows[NODES:].round(4).tolist(),
-        "skew": known.skew.round(4).tolist(),
-        "headway": [round(v, 4) for v in log_headway],
-        "start": starts_of(samples, weight).round(4).tolist(),
-        "stop": stops_of(samples, weight).round(4).tolist(),
+        "variation_mean": known.variation_mean.round(4).tolist(),
+        "variation_root": known.variation_root.round(4).tolist(),
+        "variation_noise": grows[:NODES].round(4).tolist(),
+        "variation_growth": grows[NODES:].round(4).tolist(),
+        "variation_skew": known.variation_skew.round(4).tolist(),
+        "headway_log": [round(v, 4) for v in log_headway],
+        "start_weights": starts_of(samples, weight).round(4).tolist(),
+        "stop_weights": stops_of(samples, weight).round(4).tolist(),
         "habit_s": HABIT_S,
-        "braking": [round(v, 4) for v in BRAKING],
-        "keeps_side": keeps_side.round(4).tolist(),
-        "side_m": round(side[0], 4),
-        "side_noise": side[1:2].round(4).tolist(),
-        "side_unsure": side[2:].round(4).tolist(),
-        "change": change.round(4).tolist(),
-        "change_to": change_to.round(4).tolist(),
-        "change_m": round(change_m, 4),
-        "path": paths_of(scenes).round(4).tolist(),
+        "braking_log": [round(v, 4) for v in BRAKING],
+        "keep_weights": keeps_side.round(4).tolist(),
+        "keep_scale_m": round(side[0], 4),
+        "keep_noise": side[1:2].round(4).tolist(),
+        "keep_growth": side[2:].round(4).tolist(),
+        "change_weights": change.round(4).tolist(),
+        "change_target": change_to.round(4).tolist(),
+        "change_scale_m": round(change_m, 4),
+        "path_costs": paths_of(scenes).round(4).tolist(),
     }
 
 

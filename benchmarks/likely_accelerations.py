@@ -6,28 +6,25 @@ import dataclasses
 
 import numpy as np
 from calibrate import AHEAD
-from likely_samples import STEPS, Manner, Samples
+from likely_samples import HUMAN, STEPS, Manner, Samples
 from scipy.optimize import minimize
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.paths import DS_M
-from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, desired_speed
-from scex_sumo.humans.driver import HARDEST_MPS2, RELIEF_MPS2, STRONGEST_MPS2
-from scex_sumo.humans.observations import STANDING_MPS, demanded_acceleration
+from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.humans.population import (
     DEGREES,
-    MAX_ADDITIONAL_MPS2,
-    NODES_S,
-    Population,
-    node_shares,
-    spread_of,
+    drawn_variation,
+    node_weights,
+    spread_factor,
     students,
 )
+from scex_sumo.humans.terms import Drivers, Expectation, Situation, demanded, relieved
 from scex_sumo.scene import STEP_S
 
-NODES = len(NODES_S)
-SPEED_EDGES = (STANDING_MPS, 3.0, 7.0, 12.0, 20.0)
+NODES = len(HUMAN.variation_times_s)
+SPEED_EDGES = (HUMAN.standing_mps, 3.0, 7.0, 12.0, 20.0)
 HABIT_S = 2.0  # for how long what is done beside what is asked lasts: set by CRPS, as the next line is
 BRAKING = (1.2, 0.4)  # mean and standard deviation of log deceleration towards a leader, m/s²
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
@@ -40,22 +37,31 @@ SMOOTH = 0.3  # m of way that a difference of 1 m/s² between two seconds must e
 
 def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
     """(n, 30) way of `LikelyDriver` along the path taken, without steering, behind the leader as it drove."""
-    profile = IdmParameters.of(CALIBRATED, time_headway=manner.headway, comfort_deceleration=manner.braking)
     i, v, x = np.arange(len(samples.speed)), samples.speed, np.zeros_like(samples.speed)
     ways = np.empty((len(v), STEPS))
+    drivers = Drivers(
+        speed=v, acceleration=samples.acceleration, headway=manner.headway, braking=manner.braking
+    )
     for step in range(STEPS):
         at = np.clip(x / DS_M, 0, AHEAD - 1).astype(np.int64)
-        habit = (samples.speed, samples.acceleration, step * STEP_S)
-        desired = desired_speed(CALIBRATED, samples.limit[i, at], v, *habit)
         soon = np.clip((x + v * CURVE_TIME_S) / DS_M, 0, AHEAD - 1).astype(np.int64)
-        gap, leader_speed = samples.gap[:, step] - x, samples.leader_speed[:, step]
-        a = demanded_acceleration(profile, v, desired, gap, leader_speed, samples.curves[i, soon])
+        now = Situation(
+            driver=drivers,
+            expects=Expectation(headway=manner.headway),
+            speed=v,
+            limit=samples.limit[i, at],
+            curve_speed=samples.curves[i, soon],
+            gap=samples.gap[:, step] - x,
+            leader_speed=samples.leader_speed[:, step],
+            step=step,
+        )
+        a = demanded(now, HUMAN)
+        least, most = -HUMAN.max_braking_mps2, HUMAN.max_acceleration_mps2
         if step == 0:
-            beside = samples.acceleration - samples.calm * np.clip(a, HARDEST_MPS2, STRONGEST_MPS2)
-            beside = np.where(v < STANDING_MPS, 0.0, beside)
-        more = own @ node_shares(step * STEP_S)
-        more = np.where(more > 0, more * np.clip(1 + a / RELIEF_MPS2, 0.0, 1.0), more)
-        a = np.clip(a + beside * np.exp(-step * STEP_S / HABIT_S) + more, HARDEST_MPS2, STRONGEST_MPS2)
+            beside = samples.acceleration - samples.trust * np.clip(a, least, most)
+            beside = np.where(v < HUMAN.standing_mps, 0.0, beside)
+        more = relieved(own @ node_weights(now.time_s, HUMAN), a, HUMAN)
+        a = np.clip(a + beside * np.exp(-now.time_s / HABIT_S) + more, least, most)
         following = v + a * STEP_S
         x = x + np.where(following >= 0, (v + following) * (STEP_S / 2), v**2 / np.maximum(-2 * a, 1e-9))
         v = np.maximum(following, 0.0)
@@ -65,7 +71,7 @@ def drive(samples: Samples, manner: Manner, own: FloatArray) -> FloatArray:
 
 def own_accelerations(samples: Samples, manner: Manner) -> FloatArray:
     """(n, 3) accelerations of its own with which each vehicle goes the way that it went, m/s²."""
-    shares = np.array([node_shares(step * STEP_S) for step in range(STEPS)]).T
+    shares = np.array([node_weights(step * STEP_S, HUMAN) for step in range(STEPS)]).T
     v = np.concatenate([np.zeros((NODES, 1)), np.cumsum(shares * STEP_S, axis=1)], axis=1)
     one = np.cumsum((v[:, :-1] + v[:, 1:]) * STEP_S / 2, axis=1)
     # Where the three seconds are told apart by noise alone they shall be alike.
@@ -75,7 +81,7 @@ def own_accelerations(samples: Samples, manner: Manner) -> FloatArray:
     for _ in range(6):
         missing = samples.way - drive(samples, manner, own)
         own = own + (missing @ one.T - own @ (smooth.T @ smooth)) @ response
-        own = np.clip(own, -MAX_ADDITIONAL_MPS2, MAX_ADDITIONAL_MPS2)
+        own = np.clip(own, -HUMAN.max_variation_mps2, HUMAN.max_variation_mps2)
     return own
 
 
@@ -107,11 +113,11 @@ def accelerations_of(
         members.append(mine if len(mine) >= MIN_CLASS else members[-1])  # as the class below
     grows, weight = np.array([*[1.0] * NODES, 0.0, 0.0]), np.ones(len(own))
     for _ in range(12):
-        spread = spread_of(samples.unsure, grows[:NODES], grows[NODES:])
+        spread = spread_factor(samples.spread_features, grows[:NODES], grows[NODES:])
         means, roots, rested, inverse = [], [], np.zeros_like(own), np.zeros((len(own), NODES, NODES))
         for mine in members:
             x, y, trust = (
-                samples.features[mine],
+                samples.mean_features[mine],
                 own[mine],
                 (importance * weight)[mine, None] / spread[mine] ** 2,
             )
@@ -132,7 +138,7 @@ def accelerations_of(
             return np.asarray(np.einsum("ni,nij,nj->n", rest, inverse, rest))
 
         def cost(grows: FloatArray, rest: FloatArray = rested * spread) -> float:
-            spread = spread_of(samples.unsure, grows[:NODES], grows[NODES:])
+            spread = spread_factor(samples.spread_features, grows[:NODES], grows[NODES:])
             far = np.log1p(square_of(rest / spread) / DEGREES)
             return float((importance * (np.log(spread).sum(axis=1) + (DEGREES + NODES) / 2 * far)).mean())
 
@@ -147,7 +153,7 @@ def accelerations_of(
     return np.array([np.zeros_like(means[0]), *means]), np.array([roots[0], *roots]), grows
 
 
-def settled(known: Population, samples: Samples, weight: FloatArray) -> Population:
+def settled(known: HumanParameters, samples: Samples, weight: FloatArray) -> HumanParameters:
     """Shift, spread and skew of each class, until the way after 3 s is where its draws say it is.
 
     As often above as below their median, within their quartiles one time in two, and outside 5-95 % as often
@@ -157,11 +163,14 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
     rng, y = np.random.default_rng(0), samples.way[:, -1]
     draws = [students(rng.random((len(y), NODES + 2))) for _ in range(DRAWS)]
     drivers = [Manner.of(samples.headway, known, rng.standard_normal((len(y), 2))) for _ in range(DRAWS)]
-    mean, root, skew = known.mean.copy(), known.root.copy(), known.skew.copy()
-    k = known.speed_class(samples.speed)
+    mean, root, skew = (a.copy() for a in (known.variation_mean, known.variation_root, known.variation_skew))
+    k = np.searchsorted(known.speed_edges, samples.speed, side="right")
     for turn in range(TURNS):
-        now = dataclasses.replace(known, mean=mean, root=root, skew=skew)
-        own = (now.additional_acceleration(samples.speed, samples.features, samples.unsure, d) for d in draws)
+        now = dataclasses.replace(known, variation_mean=mean, variation_root=root, variation_skew=skew)
+        own = (
+            drawn_variation(samples.speed, samples.mean_features, samples.spread_features, d, now)
+            for d in draws
+        )
         ways = np.stack([drive(samples, m, a)[:, -1] for m, a in zip(drivers, own, strict=True)])
         low, left, middle, right, high = np.quantile(ways, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
         gain = 1.0 / (1 + turn / 4)
@@ -179,4 +188,4 @@ def settled(known: Population, samples: Samples, weight: FloatArray) -> Populati
                     f"lift {lift:+.2f}, skew {skew[c]:+.2f}"
                 )
     root[0] = root[1]
-    return dataclasses.replace(known, mean=mean, root=root, skew=skew)
+    return dataclasses.replace(known, variation_mean=mean, variation_root=root, variation_skew=skew)

@@ -6,22 +6,20 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from calibrate import OFF_PATH_M
-from likely_samples import STEPS, Samples
+from likely_samples import HUMAN, STEPS, Samples
 from scipy.optimize import minimize
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.models.idm import HABIT_STEPS
-from scex_sumo.humans.lanes import USUAL_M, change_features
+from scex_sumo.humans.lanes import change_features
 from scex_sumo.humans.observations import (
-    CREEPING_MPS,
-    STANDING_MPS,
     path_features,
     start_features,
     stop_features,
 )
-from scex_sumo.humans.population import ASIDE_S, DEGREES, MAX_ASIDE_M, spread_of, way_across
+from scex_sumo.humans.population import DEGREES, lateral_offsets, spread_factor
 from scex_sumo.humans.seed_state import estimated_scene
 from scex_sumo.scene import STEP_S, SeedScene
 
@@ -36,17 +34,17 @@ STARTED_M = 0.7  # a standing vehicle that came this far has started; less is th
 
 
 def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``keeps_side`` (3,) and scale, noise and unsure (4,) of `Population`, of who stays near its path.
+    """``keep_weights`` (3,) and scale, noise and growth (4,) of who stays near its path.
 
     Least squares, with less weight for who is far from it; then the Student distribution of greatest
     likelihood of what is left.
     """
-    near = (np.abs(samples.side) < MAX_ASIDE_M) & ~changed(samples).any(axis=1)
-    across, share = samples.across[near], weight[near] / weight[near].mean()
+    near = (np.abs(samples.side) < HUMAN.max_offset_m) & ~changed(samples).any(axis=1)
+    across, share = samples.lateral[near], weight[near] / weight[near].mean()
     none, one = np.zeros(len(across)), np.ones(len(across))
-    end = np.array([ASIDE_S])
-    by_then = way_across(0 * across, one, end)[:, 0]
-    after = (samples.side[near] - way_across(across, none, end)[:, 0]) / by_then
+    end = np.array([HUMAN.lateral_s])
+    by_then = lateral_offsets(0 * across, one, end, HUMAN)[:, 0]
+    after = (samples.side[near] - lateral_offsets(across, none, end, HUMAN)[:, 0]) / by_then
     keeps, trust = np.zeros(3), np.ones(len(after))
     for _ in range(10):
         w = (share * trust)[:, None]
@@ -55,7 +53,7 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     rest = after - across @ keeps
 
     def cost(grows: FloatArray) -> float:
-        scale = np.exp(grows[0]) * spread_of(samples.side_shown[near], grows[1:2], grows[2:])[:, 0]
+        scale = np.exp(grows[0]) * spread_factor(samples.side_features[near], grows[1:2], grows[2:])[:, 0]
         far = np.log1p((rest / scale) ** 2 / DEGREES)
         return float((share * (np.log(scale) + (DEGREES + 1) / 2 * far)).mean())
 
@@ -69,16 +67,18 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
 def changed(samples: Samples) -> BoolArray:
     """(n, 2) who has moved to the lane on its left, and on its right, or is on its way."""
     sign = np.array([1.0, -1.0])
-    side, offset = samples.side[:, None] * sign, samples.across[:, :1] * sign
-    far = np.where(np.isinf(samples.beside), USUAL_M, samples.beside)
+    side, offset = samples.side[:, None] * sign, samples.lateral[:, :1] * sign
+    far = np.where(np.isinf(samples.beside), HUMAN.lane_width_m, samples.beside)
     moved = side - offset
-    there: BoolArray = (moved > MOVED_M[0]) & (side > far - NEAR_LANE_M)
-    return there | (moved > MOVED_M[1]) & (side > HALF_WAY_M)
+    there = (moved > MOVED_M[0]) & (side > far - NEAR_LANE_M)
+    return np.asarray(there | (moved > MOVED_M[1]) & (side > HALF_WAY_M))
 
 
 def changes_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """``change`` (7,), ``change_to`` (3,) and ``change_m`` of `Population`."""
-    x = change_features(samples.across, samples.beside, samples.taken, samples.unsure[:, 0])
+    """``change_weights`` (7,), ``change_target`` (3,) and ``change_scale_m`` of `HumanParameters`."""
+    x = change_features(
+        samples.lateral, samples.beside, samples.occupied, samples.spread_features[:, 0], HUMAN
+    )
     y = changed(samples).astype(np.float64)
     share = weight / weight.mean()
 
@@ -90,8 +90,8 @@ def changes_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     change = minimize(cost, np.zeros(x.shape[2]), method="L-BFGS-B").x
     who, right = np.nonzero(y)
     sign = np.where(right == 0, 1.0, -1.0)
-    far = np.where(np.isinf(samples.beside), USUAL_M, samples.beside)[who, right]
-    seen = np.column_stack([sign * far, samples.across[who, :2]])
+    far = np.where(np.isinf(samples.beside), HUMAN.lane_width_m, samples.beside)[who, right]
+    seen = np.column_stack([sign * far, samples.lateral[who, :2]])
     to = np.linalg.lstsq(seen, samples.side[who], rcond=None)[0]
     rest = samples.side[who] - seen @ to
     scale = float(np.subtract(*np.quantile(rest, [0.75, 0.25])) / 2 / QUARTILE)
@@ -101,8 +101,10 @@ def changes_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
 
 def starts_of(samples: Samples, weight: FloatArray) -> FloatArray:
     """Weights of `start_features` for the log rate of starting, 1/s: Poisson regression with exposure."""
-    stands = samples.speed < STANDING_MPS
-    x = start_features(samples.speed, samples.gap[:, 0], samples.leader_speed[:, 0], samples.wave)[stands]
+    stands = samples.speed < HUMAN.standing_mps
+    x = start_features(samples.speed, samples.gap[:, 0], samples.leader_speed[:, 0], samples.wave, HUMAN)[
+        stands
+    ]
     started = samples.way[stands] > STARTED_M
     went = started.any(axis=1)
     # A vehicle needs about a second for the first metre.
@@ -121,17 +123,17 @@ def starts_of(samples: Samples, weight: FloatArray) -> FloatArray:
 
 def comes_to_rest(samples: Samples) -> BoolArray:
     """(n,) which creeping vehicles stand after 3 s."""
-    creeps = (samples.speed >= STANDING_MPS) & (samples.speed < CREEPING_MPS)
+    creeps = (samples.speed >= HUMAN.standing_mps) & (samples.speed < HUMAN.creeping_mps)
     last = (samples.way[:, -1] - samples.way[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
     return creeps & (last < AT_REST_MPS)
 
 
 def stops_of(samples: Samples, weight: FloatArray) -> FloatArray:
     """Weights of `stop_features` for the log odds of coming to rest: logistic regression."""
-    creeps = (samples.speed >= STANDING_MPS) & (samples.speed < CREEPING_MPS)
-    x = stop_features(samples.speed, samples.acceleration, samples.gap[:, 0], samples.leader_speed[:, 0])[
-        creeps
-    ]
+    creeps = (samples.speed >= HUMAN.standing_mps) & (samples.speed < HUMAN.creeping_mps)
+    x = stop_features(
+        samples.speed, samples.acceleration, samples.gap[:, 0], samples.leader_speed[:, 0], HUMAN
+    )[creeps]
     rests, each = comes_to_rest(samples)[creeps], weight[creeps] / weight[creeps].mean()
     penalty = np.array([0.0, *np.ones(x.shape[1] - 1)]) / 10
 
@@ -157,7 +159,7 @@ def choices_of(scenes: Iterable[SeedScene]) -> Iterator[tuple[FloatArray, FloatA
         vehicle = vehicle[paths.count[vehicle] > 1]
         if not len(vehicle):
             continue
-        features = path_features(scene, paths)
+        features = path_features(scene, paths, HUMAN)
         later = scene.future[vehicle, STEPS - 1]
         for j, v in enumerate(vehicle):
             rows = paths.first[v] + np.arange(paths.count[v])

@@ -13,21 +13,21 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.behaviors.models.idm import CALIBRATED
-from scex_sumo.humans.driver import BRAKING_MPS2, HEADWAY_S, KEPT_SHARE
-from scex_sumo.humans.lanes import lanes_beside, lanes_taken
+from scex_sumo.humans.lanes import lanes_beside, lanes_occupied
 from scex_sumo.humans.observations import (
+    View,
     behind_a_wave,
     last_second,
     leaders_of,
     observations_of,
     queue_leaders,
-    side_shown,
+    side_features,
 )
-from scex_sumo.humans.population import Population
+from scex_sumo.humans.parameters import HumanParameters, human_parameters
 from scex_sumo.humans.seed_state import estimated_scene
 from scex_sumo.scene import STEP_S, SeedScene, VehicleIndex
 
+HUMAN = human_parameters()  # what is fitted here is not read from it
 STEPS = 30
 OFF_ROAD_M = 5.0  # who is further from all its paths took none of them, nor a lane beside
 
@@ -45,13 +45,14 @@ class Manner:
     braking: FloatArray
 
     @classmethod
-    def of(cls, shown: FloatArray, known: Population, draw: FloatArray) -> Manner:
+    def of(cls, shown: FloatArray, known: HumanParameters, draw: FloatArray) -> Manner:
         """As `LikelyDriver` draws them, by the headways shown (n,) and normal numbers (n, 2)."""
-        headway = np.exp(known.headway[0] + known.headway[1] * draw[:, 0])
-        most = np.maximum(KEPT_SHARE * shown, HEADWAY_S[0])
-        braking = np.exp(known.braking[0] + known.braking[1] * draw[:, 1])
+        headway = np.exp(known.headway_log[0] + known.headway_log[1] * draw[:, 0])
+        most = np.maximum(known.headway_kept * shown, known.headway_range_s[0])
+        braking = np.exp(known.braking_log[0] + known.braking_log[1] * draw[:, 1])
         return cls(
-            headway=np.clip(np.minimum(headway, most), *HEADWAY_S), braking=np.clip(braking, *BRAKING_MPS2)
+            headway=np.clip(np.minimum(headway, most), *known.headway_range_s),
+            braking=np.clip(braking, *known.braking_range_mps2),
         )
 
 
@@ -62,40 +63,40 @@ class Samples:
     Attributes:
         speed: (n,) in the seed scene, m/s.
         acceleration: (n,) there, m/s².
-        calm: (n,) see `LastSecond`.
+        trust: (n,) see `LastSecond`.
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
         headway: (n,) shown, s, as in `PathObservations`.
-        across: (n, 3) likewise.
-        features: (n, 9) shown, as in `PathObservations`.
-        unsure: (n, 3) likewise.
+        lateral: (n, 3) likewise.
+        mean_features: (n, 9) shown, as in `PathObservations`.
+        spread_features: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
-        side_shown: (n, 3) see there.
+        side_features: (n, 3) see there.
         wave: (n,) see `behind_a_wave`.
         beside: (n, 2) see `lanes_beside`.
-        taken: (n, 2) see `lanes_taken`.
+        occupied: (n, 2) see `lanes_occupied`.
         off: (n,) how far from its path the vehicle was at most, m.
         side: (n,) offset of its rear axle from the path after 3 s, m.
     """
 
     speed: FloatArray
     acceleration: FloatArray
-    calm: FloatArray
+    trust: FloatArray
     gap: FloatArray
     leader_speed: FloatArray
     headway: FloatArray
-    across: FloatArray
-    features: FloatArray
-    unsure: FloatArray
+    lateral: FloatArray
+    mean_features: FloatArray
+    spread_features: FloatArray
     limit: FloatArray
     curves: FloatArray
     way: FloatArray
-    side_shown: FloatArray
+    side_features: FloatArray
     wave: BoolArray
     beside: FloatArray
-    taken: BoolArray
+    occupied: BoolArray
     off: FloatArray
     side: FloatArray
 
@@ -125,9 +126,10 @@ def samples_of(scene: SeedScene) -> Samples | None:
     if not len(vehicle):
         return None
     history, who = present(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
-    now, future, seen = scene.now[vehicle], scene.future[vehicle], observations_of(scene, paths)
+    now, future, seen = scene.now[vehicle], scene.future[vehicle], observations_of(scene, paths, HUMAN)
     s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
-    leaders = leaders_of(history, who, paths, row, s, seen.across[row, 0])
+    view = View(history=history, who=who, paths=paths, row=row, s=s, human=HUMAN)
+    leaders = leaders_of(view, seen.lateral[row, 0])
     away = leaders.gap + seen.slack[row]
     gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, away, leaders.speed)
     ways = [
@@ -136,29 +138,31 @@ def samples_of(scene: SeedScene) -> Samples | None:
     ]
     at = np.clip((s / DS_M).astype(np.int64)[:, None] + np.arange(AHEAD), 0, paths.samples - 1)
     curvature = paths.curve_curvature[row[:, None], at]
-    square = CALIBRATED.curve_acceleration / np.maximum(curvature, 1e-6)
-    slope = 2 * CALIBRATED.curve_deceleration * DS_M * np.arange(AHEAD)
+    square = HUMAN.idm.curve_acceleration / np.maximum(curvature, 1e-6)
+    slope = 2 * HUMAN.idm.curve_deceleration * DS_M * np.arange(AHEAD)
     curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
     x, y = rear_axle(future[:, STEPS - 1], scene.length[vehicle])
     _, side, _ = foot_points(paths, row, x, y, s + ways[-1])
-    shown = last_second(scene)
+    shown = last_second(scene, HUMAN)
     return Samples(
         speed=shown.speed[vehicle],
         acceleration=shown.acceleration[vehicle],
-        calm=shown.calm[vehicle],
+        trust=shown.trust[vehicle],
         gap=gap,
         leader_speed=leader_speed,
         headway=seen.headway[row],
-        across=seen.across[row],
-        features=seen.features[row],
-        unsure=seen.unsure[row],
+        lateral=seen.lateral[row],
+        mean_features=seen.mean_features[row],
+        spread_features=seen.spread_features[row],
         limit=paths.speed_limit[row[:, None], at],
         curves=curves,
         way=np.stack(ways, axis=1),
-        side_shown=side_shown(scene)[vehicle],
-        wave=behind_a_wave(scene.now.speed[None], leaders, who.child, queue_leaders(scene, paths)),
-        beside=lanes_beside(scene, scene.road, paths)[row],
-        taken=lanes_taken(scene)[vehicle],
+        side_features=side_features(scene, HUMAN)[vehicle],
+        wave=behind_a_wave(
+            scene.now.speed[None], leaders, who.child, queue_leaders(scene, paths, HUMAN), HUMAN
+        ),
+        beside=lanes_beside(scene, scene.road, paths, HUMAN)[row],
+        occupied=lanes_occupied(scene, HUMAN)[vehicle],
         off=off,
         side=side,
     )

@@ -1,14 +1,14 @@
-"""Likely driver: a driver per vehicle and child, drawn from a population fitted to recordings.
+"""Human-like driver: one per vehicle and future, drawn from a population fitted to recordings.
 
-It follows the Intelligent Driver Model with its own headway, additional acceleration, place in the lane,
-path, start from standing and attention. All draws follow from `SceneHistory.route_draw` and the last second
-before the seed moment, so all plans of a child have the same driver.
+It follows leaders with its own headway and acceleration (`terms`), and has its own place in the lane, path,
+start from standing and attention. All draws follow from `SceneHistory.route_draw` and the last second before
+the seed scene, so all plans of a future have the same driver.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri
@@ -20,64 +20,31 @@ from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
-from scex_sumo.behaviors.models.idm import (
-    CALIBRATED,
-    HABIT_STEPS,
-    IdmParameters,
-    desired_speed,
-    desired_speeds,
-)
-from scex_sumo.humans.attention import attention_of, kept_clear, respond
-from scex_sumo.humans.lanes import change_shares, change_to, lanes_beside
+from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds
+from scex_sumo.humans.attention import attention_of, kept_clear, yielding
+from scex_sumo.humans.lanes import change_offsets, change_shares, lanes_beside
 from scex_sumo.humans.observations import (
-    CREEPING_MPS,
-    STANDING_MPS,
-    PathObservations,
+    View,
     behind_a_wave,
-    demanded_acceleration,
-    last_second,
     leaders_of,
-    observations_of,
     path_edges,
     queue_leaders,
     room_beside,
-    side_shown,
+    side_features,
     start_features,
     stop_features,
 )
-from scex_sumo.humans.population import (
-    FAR_M,
-    MAX_ASIDE_M,
-    MAX_CHANGE_M,
-    node_shares,
-    population,
-    spread_of,
-    students,
-    uniforms,
-    way_across,
-)
+from scex_sumo.humans.parameters import HumanParameters, human_parameters
+from scex_sumo.humans.population import drawn_variation, lateral_offsets, spread_factor, students, uniforms
 from scex_sumo.humans.seed_state import estimated_history, heading_scatter
+from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers, acceleration, demanded
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
-SUDDEN_S = 0.7  # time constant of the sudden part of a shown acceleration; set by the error
-ANTICIPATION_S = 1.0  # of a leader that slows down (Treiber, Kesting, Helbing 2006); figure chosen
-STARTING_MPS = 0.02  # a standing vehicle that gained this in the last step has started
-HEADWAY_S = (0.1, 4.0)  # bounds
-KEPT_SHARE = 0.9  # of the headway shown in the seed scene, the largest that a driver keeps
-RELIEF_MPS2 = 3.0  # a driver who must brake this hard has no additional acceleration
-STRONGEST_MPS2 = 4.0
-HARDEST_MPS2 = -4.0
-BRAKING_MPS2 = (0.5, 8.0)  # bounds
-ROOM_SHARE = 0.4  # of the room to vehicles beside, the largest motion towards them
-TURNING, MAX_TURNING_M = np.array([1.0, 3.0, 4.5]), 6.0  # weights of ``across`` off the mapped lanes
 MAX_SPREAD = 100
-CRAWL_S = 0.5  # time constant towards the crawling speed of a standing vehicle
-TOWED_S, TOWED_MPS, TOWED_OPENING_MPS = 0.15, 3.0, 1.0  # headway, speed, and speed difference
-QUEUE_GAP_M = 0.5  # smallest gap for crawling
-STOP_S, STOP_SPREAD = 2.2, 0.4  # median time in which creeping vehicles come to rest, and log spread
-WAVE_S, STARTING_S = 1.0, 4.0  # mean time from the leader's start, and time for which the rate counts
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
+VARIATION, SIDE = slice(5), [6, 6, 6, 8, 9]  # columns of a driver's draws
+HEADWAY, BRAKING, CRAWL, CHANGE, STOP, DRAWS = 5, 7, 10, 11, 12, 13
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,30 +70,12 @@ class LikelyProfile:
             check_path(self.path)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Drivers:
-    """The n drawn drivers of a plan."""
-
-    headway: FloatArray  # (n,) s
-    braking: FloatArray  # (n,) comfortable deceleration behind a leader, m/s²
-    additional: FloatArray  # (n, 3) m/s²
-    aside: FloatArray  # (n, 31) wanted offset from the path, m, left positive
-    crawl: FloatArray  # (n,) factor on the speed of a standing vehicle
-    stop_s: FloatArray  # (n,) time in which a creeping vehicle comes to rest, s; inf: it does not
-    leader: IntArray  # (n,) column of the leader in the seed scene
-    gap: FloatArray  # (n,) to that leader in the seed scene, m
-    opening: FloatArray  # (n,) its speed in the seed scene beyond that of the vehicle, m/s
-    slack: FloatArray  # (n,) as in `PathObservations`
-    habit: FloatArray  # (n,) lasting shown acceleration beyond that of the model, m/s²
-    sudden: FloatArray  # (n,) shown acceleration beyond the lasting one, m/s²
-
-
 class LikelyDriver:
-    """A random driver for every vehicle of every child."""
+    """A random driver for every vehicle of every future."""
 
-    def __init__(self, profile: LikelyProfile) -> None:
+    def __init__(self, profile: LikelyProfile, human: HumanParameters | None = None) -> None:
         self.profile = profile
-        self.population = population()
+        self.human = human or human_parameters()
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -135,26 +84,24 @@ class LikelyDriver:
         doubt = heading_scatter(history.scene, road)[who.vehicle]
         history = estimated_history(history, road)
         paths, row = self._paths(history, road, who)
-        drivers = self._drivers(history, road, who, paths, row)
         now = history.now[who.child, who.vehicle]
         s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
-        leaders = leaders_of(history, who, paths, row, s, drivers.aside[:, 0])
-        waits = self._waits(history, who, paths, leaders)
-        attention = attention_of(
-            history, who, leaders, self.profile.inattention, min(self.profile.spread, 1.0)
-        )
-        accelerate = _acceleration(
-            history, who, paths, row, leaders, drivers, waits, self.population.habit_s, attention.aware
-        )
-        aside = kept_clear(drivers.aside, history, road, who, paths, row, s)
+        view = View(history=history, who=who, paths=paths, row=row, s=s, human=self.human)
+        draws = uniforms(history.route_draw[who.child, who.vehicle], DRAWS, DRIVER)
+        drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
+        leaders = leaders_of(view, offsets[:, 0])
+        expects = expectation(view, drivers, leaders, self._waits(view, leaders))
+        attention = attention_of(view, leaders, self.profile.inattention, min(self.profile.spread, 1.0))
+        accelerate = accelerations(view, drivers, expects, attention.aware)
+        aside = kept_clear(offsets, view, road)
         made = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
-        return respond(made, history, road, who, attention)
+        return yielding(made, view, road, attention)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
             return chosen_paths(history, road, who, self.profile.path)  # type: ignore[arg-type]
         paths, _ = chosen_paths(history, road, who, 0)
-        edges = path_edges(history.scene, paths, self.population)
+        edges = path_edges(history.scene, paths, self.human)
         draw = uniforms(history.route_draw[who.child, who.vehicle], 1, PATH)[:, 0]
         row = paths.first[who.vehicle]
         last = row + paths.count[who.vehicle] - 1
@@ -162,229 +109,193 @@ class LikelyDriver:
             row = row + ((row < last) & (draw >= edges[row]))
         return paths, row
 
-    def _drivers(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
-    ) -> Drivers:
-        drawn = uniforms(history.route_draw[who.child, who.vehicle], 13, DRIVER)
-        spread, people = self.profile.spread, self.population
-        observed, speed = observations_of(history.scene, paths), last_second(history.scene).speed[who.vehicle]
-        headway = np.exp(people.headway[0] + spread * people.headway[1] * ndtri(drawn[:, 5]))
-        shown = np.maximum(KEPT_SHARE * observed.headway[row], HEADWAY_S[0])
-        braking = np.exp(people.braking[0] + spread * people.braking[1] * ndtri(drawn[:, 7]))
-        time_s = np.arange(history.step, history.step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
-        off = spread * students(drawn[:, [6, 6, 6, 8, 9]])[:, 0]
-        wills = drawn[:, 11] if spread else np.full(len(row), 0.5)
-        side = self._side(history.scene, road, paths, who.vehicle, row, off, wills)
-        headway, braking = np.clip(np.minimum(headway, shown), *HEADWAY_S), np.clip(braking, *BRAKING_MPS2)
-        return Drivers(
-            headway=headway,
-            additional=people.additional_acceleration(
-                speed, observed.features[row], observed.unsure[row], spread * students(drawn[:, :5])
-            ),
-            braking=braking,
-            aside=way_across(observed.across[row], side, time_s),
-            crawl=1 + np.minimum(spread, 1.0) * (2 * drawn[:, 10] - 1),
-            stop_s=self._stops(history, who, observed, row, drawn[:, 12]),
-            leader=observed.leader[row],
-            gap=observed.gap[row] - observed.slack[row],
-            opening=observed.leader_speed[row] - speed,
-            slack=observed.slack[row],
-            habit=_habit(history, who, observed, row, headway, braking),
-            sudden=last_second(history.scene).sudden[who.vehicle],
+    def _drivers(self, view: View, draws: FloatArray) -> Drivers:
+        human, spread, observed, row = self.human, self.profile.spread, view.observed, view.row
+        shown, vehicle, (least, most) = view.shown, view.who.vehicle, human.headway_range_s
+        speed = shown.speed[vehicle]
+        headway = np.exp(human.headway_log[0] + spread * human.headway_log[1] * ndtri(draws[:, HEADWAY]))
+        kept = np.maximum(human.headway_kept * observed.headway[row], least)
+        braking = np.exp(human.braking_log[0] + spread * human.braking_log[1] * ndtri(draws[:, BRAKING]))
+        crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws[:, CRAWL] - 1))
+        crawl = np.where(speed < human.standing_mps, np.minimum(crawl, human.standing_mps), 0.0)
+        normal, mean, unsure = students(draws[:, VARIATION]), observed.mean_features, observed.spread_features
+        drivers = Drivers(
+            speed=speed,
+            acceleration=shown.acceleration[vehicle],
+            headway=np.clip(np.minimum(headway, kept), least, most),
+            braking=np.clip(braking, *human.braking_range_mps2),
+            sudden=shown.sudden[vehicle],
+            variation=drawn_variation(speed, mean[row], unsure[row], spread * normal, human),
+            crawl=crawl,
+            stop_s=self._stops(view, draws[:, STOP]),
         )
+        return replace(drivers, habit=shown_habit(view, drivers))
 
-    def _stops(
-        self,
-        history: SceneHistory,
-        who: VehicleIndex,
-        observed: PathObservations,
-        row: IntArray,
-        draw: FloatArray,
-    ) -> FloatArray:
+    def _stops(self, view: View, draw: FloatArray) -> FloatArray:
         """Return (n,) times in which creeping vehicles come to rest, s; inf for others."""
-        shown, spread = last_second(history.scene), min(self.profile.spread, 1.0)
-        speed = shown.speed[who.vehicle]
-        features = stop_features(
-            speed, shown.acceleration[who.vehicle], observed.gap[row], observed.leader_speed[row]
-        )
-        share = 1 / (1 + np.exp(-features @ self.population.stop))
+        human, spread, vehicle = self.human, min(self.profile.spread, 1.0), view.who.vehicle
+        speed, acceleration = view.shown.speed[vehicle], view.shown.acceleration[vehicle]
+        gap, leader = view.observed.gap[view.row], view.observed.leader_speed[view.row]
+        features = stop_features(speed, acceleration, gap, leader, human)
+        share = 1 / (1 + np.exp(-features @ human.stop_weights))
         draw = draw if spread else np.full_like(draw, 0.5)
-        stops = (speed >= STANDING_MPS) & (speed < CREEPING_MPS) & (draw < share)
-        time_s = STOP_S * np.exp(spread * STOP_SPREAD * ndtri(np.where(stops, draw / share, 0.5)))
-        return np.where(stops, time_s, np.inf)
+        stops = (speed >= human.standing_mps) & (speed < human.creeping_mps) & (draw < share)
+        normal = ndtri(np.where(stops, draw / share, 0.5))
+        return np.where(stops, human.stop_s * np.exp(spread * human.stop_spread * normal), np.inf)
 
-    def _side(
-        self,
-        scene: SeedScene,
-        road: Road,
-        paths: SeedPaths,
-        vehicle: IntArray,
-        row: IntArray,
-        off: FloatArray,
-        wills: FloatArray,
-    ) -> FloatArray:
-        """Return (n,) wanted offsets from the path after 3 s, m.
+    def _offsets(self, view: View, road: Road, draws: FloatArray) -> FloatArray:
+        """Return (n, 31) wanted offsets from the path now and after each step, m, left positive."""
+        human, spread, step = self.human, self.profile.spread, view.history.step
+        deviation = spread * students(draws[:, SIDE])[:, 0]
+        choice = draws[:, CHANGE] if spread else np.full(len(draws), 0.5)
+        left, right = change_shares(view.scene, road, view.paths, human)[view.row].T
+        lateral = view.observed.lateral[view.row]
+        beside = lanes_beside(view.scene, road, view.paths, human)[view.row]
+        changes = change_offsets(lateral, beside, human) + human.change_scale_m * deviation[:, None]
+        changes = np.clip(changes, -human.max_change_m, human.max_change_m)
+        keeps = np.where(choice > 1 - right, changes[:, 1], lane_offsets(view, deviation))
+        time_s = np.arange(step, step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
+        return lateral_offsets(lateral, np.where(choice < left, changes[:, 0], keeps), time_s, human)
 
-        Args:
-            off: (n,) Student's draws.
-            wills: (n,) in (0, 1): low ones change to the left, high ones to the right.
-        """
-        people, across = self.population, observations_of(scene, paths).across[row]
-        wide = people.side_m * spread_of(side_shown(scene), people.side_noise, people.side_unsure)[vehicle, 0]
-        right, left = (ROOM_SHARE * room_beside(scene)[vehicle]).T
-        most = np.maximum(MAX_ASIDE_M, np.abs(across[:, 0]))
-        keeps = np.clip(across @ people.keeps_side + wide * off, -most, most)
-        # Vehicles beside each other share the space between them.
-        keeps = across[:, 0] + np.clip(keeps - across[:, 0], -right, left)
-        # Off the mapped lanes there is no lane to return to: the turn goes on.
-        turning = np.clip(across @ TURNING, -MAX_TURNING_M, MAX_TURNING_M)
-        keeps = np.where(paths.on_road[vehicle], keeps, turning)
-        share = change_shares(scene, road, paths, people)[row]
-        to = change_to(across, lanes_beside(scene, road, paths)[row], people) + people.change_m * off[:, None]
-        to = np.clip(to, -MAX_CHANGE_M, MAX_CHANGE_M)
-        return np.where(wills < share[:, 0], to[:, 0], np.where(wills > 1 - share[:, 1], to[:, 1], keeps))
-
-    def _waits(
-        self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, leaders: Leaders
-    ) -> FloatArray:
+    def _waits(self, view: View, leaders: Leaders) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""
+        human, history, who = self.human, view.history, view.who
         speed = history.states.speed[who.child, who.vehicle]
-        before = speed[:, -2] if history.step else speed[:, -1]
-        stands = (speed[:, -1] < STANDING_MPS) & (speed[:, -1] - before < STARTING_MPS)
+        now, before = speed[:, -1], speed[:, -2] if history.step else speed[:, -1]
+        stands = (now < human.standing_mps) & (now - before < human.starting_mps)
         route = history.route_draw[who.child, who.vehicle]
         starts, draw = uniforms(route, 1, STARTS)[:, 0], uniforms(route, 1, START + history.step)[:, 0]
         if self.profile.spread == 0:
             starts, draw = np.full_like(draw, 0.5), np.full_like(draw, 0.5)
-        queue = queue_leaders(history.scene, paths)
-        wave = behind_a_wave(history.now.speed, leaders, who.child, queue)
-        rate = np.exp(start_features(speed[:, -1], leaders.gap, leaders.speed, wave) @ self.population.start)
+        queue = queue_leaders(history.scene, view.paths, human)
+        wave = behind_a_wave(history.now.speed, leaders, who.child, queue, human)
+        rate = np.exp(start_features(now, leaders.gap, leaders.speed, wave, human) @ human.start_weights)
         # The fitted rate says how many start soon; those that do follow the wave.
         # Waiting has no memory: draws of successive plans give one exponential time in all.
-        wait = np.where(starts < 1 - np.exp(-rate * STARTING_S), -WAVE_S * np.log(draw), np.inf)
-        return np.where(stands, wait, 0.0)
+        soon = starts < 1 - np.exp(-rate * human.start_within_s)
+        return np.where(stands, np.where(soon, -human.start_wave_s * np.log(draw), np.inf), 0.0)
 
 
-def _habit(
-    history: SceneHistory,
-    who: VehicleIndex,
-    observed: PathObservations,
-    row: IntArray,
-    headway: FloatArray,
-    braking: FloatArray,
-) -> FloatArray:
-    shown = last_second(history.scene)
-    speed, acceleration = shown.speed[who.vehicle], shown.acceleration[who.vehicle]
-    profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=braking)
-    desired = desired_speed(CALIBRATED, observed.wished[row], speed, speed, acceleration, 0.0)
-    leader = observed.leader[row]
-    vehicle = (leader >= 0) & (leader < history.scene.vehicles)
-    slows = np.where(vehicle, (np.minimum(shown.late, 0.0) * shown.calm)[np.where(vehicle, leader, 0)], 0.0)
-    lead = _foreseen(observed.leader_speed[row], slows, ANTICIPATION_S)
-    demanded = demanded_acceleration(profile, speed, desired, observed.gap[row], lead, observed.curve[row])
-    habit = acceleration - shown.calm[who.vehicle] * np.clip(demanded, HARDEST_MPS2, STRONGEST_MPS2)
-    return np.where(speed < STANDING_MPS, 0.0, habit)
+def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
+    """Return (n,) offsets from the path after 3 s without a lane change, m.
+
+    Args:
+        deviation: (n,) Student's draws.
+    """
+    human, scene, vehicle = view.human, view.scene, view.who.vehicle
+    lateral = view.observed.lateral[view.row]
+    offset = lateral[:, 0]
+    spread = spread_factor(side_features(scene, human), human.keep_noise, human.keep_growth)[vehicle, 0]
+    right, left = (human.room_share * room_beside(scene, human)[vehicle]).T
+    most = np.maximum(human.max_offset_m, np.abs(offset))
+    keeps = np.clip(lateral @ human.keep_weights + human.keep_scale_m * spread * deviation, -most, most)
+    # Vehicles beside each other share the space between them.
+    keeps = offset + np.clip(keeps - offset, -right, left)
+    # Off the mapped lanes there is no lane to return to: the turn goes on.
+    turn = lateral @ np.array([1.0, human.lateral_s, human.lateral_s**2 / 2])
+    goes_on: FloatArray = np.clip(turn, -human.max_turning_m, human.max_turning_m)
+    return np.where(view.paths.on_road[vehicle], keeps, goes_on)
 
 
-def _foreseen(speed: FloatArray, slows: FloatArray, time_s: float) -> FloatArray:
-    """Return (n,) speeds of leaders that go on slowing down for a time, m/s."""
-    lead: FloatArray = np.maximum(speed + slows * time_s, np.minimum(speed, 0.0))
-    return lead
+def shown_habit(view: View, drivers: Drivers) -> FloatArray:
+    """Return (n,) lasting shown accelerations beyond the demanded ones in the seed scene, m/s²."""
+    human, observed, row, shown = view.human, view.observed, view.row, view.shown
+    leader, speed, vehicle = observed.leader[row], drivers.speed, view.who.vehicle
+    known = (leader >= 0) & (leader < view.scene.vehicles)
+    slowing = (np.minimum(shown.recent, 0.0) * shown.trust)[np.where(known, leader, 0)]
+    expects = Expectation(
+        headway=drivers.headway,
+        gap=observed.gap[row],
+        speed=observed.leader_speed[row],
+        slowing=np.where(known, slowing, 0.0),
+    )
+    gap, leader_speed = expects.leader(0, 0.0, human)
+    now = Situation(
+        driver=drivers,
+        expects=expects,
+        speed=speed,
+        limit=observed.limit[row],
+        curve_speed=observed.curve[row],
+        gap=gap,
+        leader_speed=leader_speed,
+    )
+    asked = np.clip(demanded(now, human), -human.max_braking_mps2, human.max_acceleration_mps2)
+    return np.where(speed < human.standing_mps, 0.0, drivers.acceleration - shown.trust[vehicle] * asked)
 
 
-def _rows_of(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> IntArray:
-    """Return (n,) rows of leaders in `who`; -1 for others."""
-    rows = np.full(history.now.shape, -1)
+def expectation(view: View, drivers: Drivers, leaders: Leaders, waits_s: FloatArray) -> Expectation:
+    """Return what drivers expect of their leaders, with the headway to them."""
+    human, observed, row, who = view.human, view.observed, view.row, view.who
+    same = leaders.index == observed.leader[row]
+    pull = _leader_acceleration(view, leaders)
+    trust = view.shown.trust[np.clip(leaders.index, 0, view.scene.vehicles - 1)]
+    gap, speed = observed.gap[row] - observed.slack[row], drivers.speed
+    opening = observed.leader_speed[row] - speed
+    tows = same & (gap < human.towed_s * speed) & (speed > human.towed_mps)
+    tows = np.flatnonzero(tows & (np.abs(opening) < human.towed_opening_mps))
+    rows = np.full(view.history.now.shape, -1)
     rows[who.child, who.vehicle] = np.arange(len(who))
-    vehicle = (leaders.index >= 0) & (leaders.index < history.scene.vehicles)
-    return np.where(vehicle, rows[who.child, np.where(vehicle, leaders.index, 0)], -1)
+    known = (leaders.index >= 0) & (leaders.index < view.scene.vehicles)
+    pullers = np.where(known, rows[who.child, np.where(known, leaders.index, 0)], -1)
+    now = view.history.states.speed[who.child, who.vehicle, -1]
+    return Expectation(
+        headway=effective_headway(now, leaders, same, drivers.headway, human),
+        gap=leaders.gap + np.where(same, observed.slack[row], 0.0),
+        speed=leaders.speed,
+        acceleration=pull,
+        # Starting in a queue, drivers expect their leader's acceleration to go on.
+        starting=np.where(speed < human.standing_mps, np.maximum(pull, 0.0), 0.0),
+        slowing=np.minimum(pull, 0.0) * trust,
+        waits_s=waits_s,
+        trailers=Trailers(row=tows, leader=pullers[tows], gap=leaders.gap[tows], drawbar=gap[tows]),
+    )
 
 
-def _leader_acceleration(history: SceneHistory, who: VehicleIndex, leaders: Leaders) -> FloatArray:
-    """(n,) present acceleration of leaders, m/s²; 0 for pedestrians and cyclists."""
-    result, steps = np.zeros(len(who)), 3 if history.step else HABIT_STEPS
+def _leader_acceleration(view: View, leaders: Leaders) -> FloatArray:
+    """Return (n,) present accelerations of leaders, m/s²; 0 for pedestrians and cyclists."""
+    history = view.history
+    result, steps = np.zeros(len(view.who)), 3 if history.step else HABIT_STEPS
     k = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
-    speed = history.states.speed[who.child[k], leaders.index[k]]
+    speed = history.states.speed[view.who.child[k], leaders.index[k]]
     result[k] = (speed[:, -1] - speed[:, -1 - steps]) / (steps * STEP_S)
     return result
 
 
-def effective_headway(speed: FloatArray, leaders: Leaders, drivers: Drivers) -> FloatArray:
-    """Return (n,) headways, s; behind a new leader at most the present one."""
-    there = (leaders.gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0)
-    limit = np.where(leaders.index == drivers.leader, np.inf, np.maximum(KEPT_SHARE * there, HEADWAY_S[0]))
-    return np.minimum(drivers.headway, limit)
+def effective_headway(
+    speed: FloatArray, leaders: Leaders, same: BoolArray, headway: FloatArray, human: HumanParameters
+) -> FloatArray:
+    """Return (n,) headways, s; behind a leader other than in the seed scene at most the present one."""
+    there = (leaders.gap - human.idm.minimum_gap) / np.maximum(speed, 1.0)
+    limit = np.maximum(human.headway_kept * there, human.headway_range_s[0])
+    return np.minimum(headway, np.where(same, np.inf, limit))
 
 
-def _acceleration(
-    history: SceneHistory,
-    who: VehicleIndex,
-    paths: SeedPaths,
-    row: IntArray,
-    leaders: Leaders,
-    drivers: Drivers,
-    waits: FloatArray,
-    habit_s: float,
-    aware: BoolArray,
-) -> Accelerate:
+def accelerations(view: View, drivers: Drivers, expects: Expectation, aware: BoolArray) -> Accelerate:
     """Return the acceleration of drawn drivers for `drive`; `aware` (n, H) of their leaders."""
-    wished = desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)
-    curves = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
-    first, last = row * paths.samples, paths.samples - 1
-    ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
-    shown = last_second(history.scene)
-    motion = (shown.speed[who.vehicle], shown.acceleration[who.vehicle])
-    stood = motion[0] < STANDING_MPS
-    headway = effective_headway(history.states.speed[who.child, who.vehicle, -1], leaders, drivers)
-    profile = IdmParameters.of(CALIBRATED, time_headway=headway, comfort_deceleration=drivers.braking)
-    away = leaders.gap + np.where(leaders.index == drivers.leader, drivers.slack, 0.0)
-    crawl = np.where(stood, np.minimum(motion[0] * drivers.crawl, STANDING_MPS), 0.0)
-    # It brakes until it stands; from then on, it waits as others do that stand.
-    stops = np.isfinite(drivers.stop_s) & (history.step * STEP_S < drivers.stop_s)
-    no_gap = np.full_like(away, np.inf)
-    # Nobody follows at such a headway: it is a trailer, or a box is too long.
-    tow, there = np.minimum(drivers.gap, 1e3), np.minimum(leaders.gap, 1e3)
-    towed = (leaders.index == drivers.leader) & (tow < TOWED_S * motion[0]) & (motion[0] > TOWED_MPS)
-    towed &= np.abs(drivers.opening) < TOWED_OPENING_MPS
-    pulled = _leader_acceleration(history, who, leaders)
-    begun = np.where(stood, np.maximum(pulled, 0.0), 0.0)  # starting in a queue, drivers expect this to go on
-    # A driver foresees that a leader goes on slowing down, as far as that is not noise.
-    slows = np.minimum(pulled, 0.0) * shown.calm[np.clip(leaders.index, 0, history.scene.vehicles - 1)]
-    pullers = _rows_of(history, who, leaders)
-    follower = np.flatnonzero(towed & (pullers >= 0))
-    puller = pullers[follower]
+    human, paths, step_now = view.human, view.paths, view.history.step
+    limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)
+    curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
+    first, last = view.row * paths.samples, paths.samples - 1
+    ahead = REAR_AXLE_SHARE * view.scene.length[view.who.vehicle]
 
     def at(s: FloatArray) -> IntArray:
         return first + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-        time_s = (history.step + step) * STEP_S
-        limit = wished[at(s)]
-        # The motion of a standing vehicle is no habit.
-        desired = np.where(stood, limit, desired_speed(CALIBRATED, limit, v, *motion, time_s))
-        gap = away + (leaders.speed + begun * step * STEP_S / 2) * step * STEP_S - travelled
-        lead = _foreseen(leaders.speed, slows, step * STEP_S + ANTICIPATION_S)
-        gap = gap + (lead - leaders.speed) * step * STEP_S / 2
-        gap_to_tow = there + (leaders.speed + pulled * step * STEP_S / 2) * step * STEP_S - travelled
-        curve = curves[at(s + v * CURVE_TIME_S)]
-        demanded = demanded_acceleration(profile, v, desired, gap, lead, curve)
-        alone = demanded_acceleration(profile, v, desired, no_gap, leaders.speed, curve)
-        sees = aware[:, step]
-        demanded = np.where(sees, demanded, alone)
-        more = np.where(waits > 0, 0.0, drivers.additional @ node_shares(time_s))
-        more = np.where(more > 0, more * clipped(1 + demanded / RELIEF_MPS2, 0.0, 1.0), more)
-        demanded = demanded + drivers.habit * np.exp(-time_s / habit_s)
-        demanded = demanded + drivers.sudden * np.exp(-time_s / SUDDEN_S)
-        still = clipped((crawl - v) / CRAWL_S, -STRONGEST_MPS2, STRONGEST_MPS2)
-        still = np.minimum(still, np.where(gap < QUEUE_GAP_M, -v / CRAWL_S, np.inf))
-        a = clipped(
-            demanded + more,
-            HARDEST_MPS2,
-            np.where(sees | (v < leaders.speed) | (gap > FAR_M), STRONGEST_MPS2, 0.0),
+        gap, leader_speed = expects.leader(step, travelled, human)
+        now = Situation(
+            driver=drivers,
+            expects=expects,
+            speed=v,
+            limit=limits[at(s)],
+            curve_speed=curves[at(s + v * CURVE_TIME_S)],
+            gap=gap,
+            leader_speed=leader_speed,
+            aware=aware[:, step],
+            travelled=travelled,
+            plan_step=step_now,
+            step=step,
         )
-        a = np.where(stops, np.minimum(a, -motion[0] / drivers.stop_s), a)
-        a = np.where(towed, pulled + 2 * (leaders.speed + pulled * step * STEP_S - v) + gap_to_tow - tow, a)
-        apart = (there - tow - travelled)[follower] + travelled[puller]
-        a[follower] = a[puller] + 2 * (v[puller] - v[follower]) + apart
-        return np.where(waits > step * STEP_S, still, a)
+        return acceleration(now, human)
 
     return accelerate

@@ -14,82 +14,56 @@ from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import bend_at, foot_points
 from scex_sumo.behaviors.models.idm import (
-    CALIBRATED,
     HABIT_STEPS,
-    IdmParameters,
     desired_speeds,
-    free_share,
     idm_acceleration,
-    leader_share,
 )
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.humans.population import FAR_M, MAX_ASIDE_M, Population
+from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
-
-STANDING_MPS = 0.5
-CREEPING_MPS = 3.0  # a slower vehicle that does not stand may come to rest
-HALF_TRUST_MPS2 = 0.7  # scatter of accelerations at which a measured one counts by half
-MAX_SCATTER_MPS2 = 0.7
-LASTING_MPS2, LARGE_MPS2 = 0.5, 1.0  # shown accelerations count by at most LARGE² / hypot(scatter, LASTING)
-NOISY_MPS2 = 0.1  # noise of accelerations of single steps at which the last one counts by half
-CLEARANCE_M = 1.2  # of another vehicle's centre from the line that a driver keeps
-MAX_LATERAL = 1.5  # m/s and m/s² across a path; larger values are errors of measurement
-MARGIN_M = -0.2  # measured boxes of vehicles side by side may touch
-BESIDE_M = 8.0  # along the way; a nearer vehicle next to the way is beside
-MAX_ROOM_M = 3.0  # more room beside a vehicle makes no difference
-MAX_SPEED_MPS = 20.0  # nor does a higher speed
-MOVING_OFF_MPS2, WAVE_MPS = 2.4, 3.0  # largest acceleration and speed of a vehicle that leaves a queue
-QUEUE_M = 15.0  # a leader nearer than this holds a standing vehicle
-COUPLED_M = 2.0  # least gap assumed between a vehicle and a leader at the same speed
-COUPLED_MPS = (3.0, 5.0)  # at least this speed, and at most this difference
-MAX_SLACK_M = 4.0
-TRACKED_TWICE_M, APART_M = 1.0, 1000.0  # overlap of two boxes along the way, and the slack for it
-EXTRA_BRAKING_MPS2 = 0.8  # limit beyond the necessary braking for a leader; set by CRPS
-MIN_ROOM_M = 0.1
-AROUND_M = 30.0  # vehicles around count by exp(-distance / AROUND_M), and together less than 1
-DOUBT_AROUND = 0.5  # weight of no acceleration among theirs
-ALONG = 0.5  # cosine of the heading against the path; below it, a vehicle crosses
-CLEAR_S = 1.0  # by which it has to leave earlier
-TURN_MPS2, TURN_M, NEAR_TURN_M = 3.0, 50.0, 2.0  # lateral acceleration in turns; range of the way to them
-MAX_MISSING_MPS2 = 2.0  # more missing braking excludes a path no further
-SAME_WAY = 0.8  # cosine of the difference of headings
 
 
 def start_features(
-    speed_mps: FloatArray, gap_m: FloatArray, leader_speed_mps: FloatArray, wave: BoolArray
+    speed: FloatArray, gap: FloatArray, leader_speed: FloatArray, wave: BoolArray, human: HumanParameters
 ) -> FloatArray:
     """Return (n, 5) features of the rate of starting.
 
-    1; creeping speed over `STANDING_MPS`; near leader moves off; no near leader; near leader stands behind
+    1; creeping speed over that of standing; near leader moves off; no near leader; near leader stands behind
     one that moves off (``wave``). A leader that cannot have stood in the queue does not move off: it passes.
     """
-    near, stands = gap_m < QUEUE_M, np.abs(leader_speed_mps) <= STANDING_MPS
-    moves = ~stands & (leader_speed_mps > 0) & (leader_speed_mps**2 < 2 * MOVING_OFF_MPS2 * gap_m)
-    creep = np.clip(speed_mps / STANDING_MPS, 0.0, 1.0)
-    return np.column_stack([np.ones_like(gap_m), creep, near & moves, ~near, near & stands & wave])
+    near, stands = gap < human.queue_m, np.abs(leader_speed) <= human.standing_mps
+    moves = ~stands & (leader_speed > 0) & (leader_speed**2 < 2 * human.queue_start_mps2 * gap)
+    creep = np.clip(speed / human.standing_mps, 0.0, 1.0)
+    return np.column_stack([np.ones_like(gap), creep, near & moves, ~near, near & stands & wave])
 
 
 def stop_features(
-    speed_mps: FloatArray, acceleration_mps2: FloatArray, gap_m: FloatArray, leader_speed_mps: FloatArray
+    speed: FloatArray,
+    acceleration: FloatArray,
+    gap: FloatArray,
+    leader_speed: FloatArray,
+    human: HumanParameters,
 ) -> FloatArray:
     """Return (n, 5) features of the log odds that a creeping vehicle comes to rest.
 
     1; speed; shown acceleration; near leader or not; its speed beyond that of the vehicle.
     """
-    near = gap_m < QUEUE_M
-    opening = np.where(near, np.clip(leader_speed_mps - speed_mps, -CREEPING_MPS, CREEPING_MPS), 0.0)
-    return np.column_stack([np.ones_like(speed_mps), speed_mps, acceleration_mps2, near, opening])
+    near, most = gap < human.queue_m, human.creeping_mps
+    opening = np.where(near, np.clip(leader_speed - speed, -most, most), 0.0)
+    return np.column_stack([np.ones_like(speed), speed, acceleration, near, opening])
 
 
 @owner_cache
-def queue_leaders(scene: SeedScene, paths: SeedPaths) -> IntArray:
+def queue_leaders(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> IntArray:
     """Return (V,) near leaders on straight paths; -1 without one."""
-    observed, row = observations_of(scene, paths), paths.first + paths.straight
+    observed, row = observations_of(scene, paths, human), paths.first + paths.straight
     leader = observed.leader[row]
-    return np.where((observed.gap[row] < QUEUE_M) & (leader < scene.vehicles), leader, -1)
+    return np.where((observed.gap[row] < human.queue_m) & (leader < scene.vehicles), leader, -1)
 
 
-def behind_a_wave(speed_mps: FloatArray, leaders: Leaders, child: IntArray, queue: IntArray) -> BoolArray:
+def behind_a_wave(
+    speed_mps: FloatArray, leaders: Leaders, child: IntArray, queue: IntArray, human: HumanParameters
+) -> BoolArray:
     """Return (n,) whether the leader's leader moves off.
 
     Args:
@@ -99,66 +73,58 @@ def behind_a_wave(speed_mps: FloatArray, leaders: Leaders, child: IntArray, queu
     first = np.where((leaders.index >= 0) & (leaders.index < len(queue)), leaders.index, 0)
     second = np.where(leaders.index == first, queue[first], -1)
     speed = speed_mps[child, np.maximum(second, 0)]
-    return (second >= 0) & (speed > STANDING_MPS) & (speed < WAVE_MPS)
+    return (second >= 0) & (speed > human.standing_mps) & (speed < human.queue_start_mps)
 
 
-def leaders_of(
-    history: SceneHistory,
-    who: VehicleIndex,
-    paths: SeedPaths,
-    row: IntArray,
-    s: FloatArray,
-    aside: FloatArray,
-) -> Leaders:
-    """Find leaders of vehicles beside their paths; see `find_ahead`.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """n vehicles on their paths when they plan."""
+
+    history: SceneHistory
+    who: VehicleIndex
+    paths: SeedPaths
+    row: IntArray  # (n,) path of each vehicle
+    s: FloatArray  # (n,) place of its centre on that path, m
+    human: HumanParameters
+
+    @property
+    def scene(self) -> SeedScene:
+        """Return the seed scene."""
+        return self.history.scene
+
+    @property
+    def observed(self) -> PathObservations:
+        """Return what each path shows in the seed scene."""
+        return observations_of(self.scene, self.paths, self.human)
+
+    @property
+    def shown(self) -> LastSecond:
+        """Return what the last second before the seed scene shows."""
+        return last_second(self.scene, self.human)
+
+
+def leaders_of(view: View, aside: FloatArray) -> Leaders:
+    """Find leaders of vehicles at offsets from their paths (n,), m; see `find_ahead`.
 
     One that crosses and has left before the driver arrives is no leader.
     """
+    history, who, human = view.history, view.who, view.human
     ahead = find_ahead(
         history,
         who,
-        paths,
-        row,
-        s,
-        clearance=CLEARANCE_M,
-        radius=CALIBRATED.radius,
-        obstacle_clearance=CALIBRATED.obstacle_clearance,
+        view.paths,
+        view.row,
+        view.s,
+        clearance=human.clearance_m,
+        radius=human.idm.radius,
+        obstacle_clearance=human.idm.obstacle_clearance,
         aside=aside,
-        margin=MARGIN_M,
+        margin=human.corridor_margin_m,
     )
     speed = history.now.speed[who.child, who.vehicle][ahead.driver]
-    arrives = np.maximum(ahead.gap, 0.0) / np.maximum(speed, STANDING_MPS)
-    return ahead.part((ahead.cos >= ALONG) | (ahead.leaves + CLEAR_S > arrives)).leaders(len(who))
-
-
-def demanded_acceleration(
-    profile: IdmParameters,
-    speed: FloatArray,
-    desired_speed: FloatArray,
-    gap: FloatArray,
-    leader_speed: FloatArray,
-    curve_speed: FloatArray,
-) -> FloatArray:
-    """Return (n,) accelerations for free road, leader and curve, the least of them, m/s².
-
-    The sum, as in the Intelligent Driver Model, makes drivers at their desired speed fall back. Braking
-    exceeds the necessary by at most `EXTRA_BRAKING_MPS2`.
-
-    Args:
-        gap: (n,) bumper to bumper, m.
-        leader_speed: (n,) m/s along the path.
-        curve_speed: (n,) allowed a moment later, m/s.
-
-    Source: minimum, Treiber and Kesting 2013, section 11.3; necessary braking, Kesting et al. 2010.
-    """
-    free = profile.max_acceleration * free_share(speed, desired_speed)
-    following = profile.max_acceleration * (1 - leader_share(profile, speed, gap, leader_speed))
-    room = np.maximum(gap - profile.minimum_gap, MIN_ROOM_M)
-    needed = -(np.maximum(speed - leader_speed, 0.0) ** 2) / (2 * room)
-    excess = np.maximum(needed - following, 0.0)
-    following += excess - EXTRA_BRAKING_MPS2 * np.tanh(excess / EXTRA_BRAKING_MPS2)
-    slowing = np.maximum((curve_speed - speed) / CURVE_TIME_S, -CALIBRATED.comfort_deceleration)
-    return np.minimum(np.maximum(np.minimum(free, following), -profile.max_deceleration), slowing)
+    arrives = np.maximum(ahead.gap, 0.0) / np.maximum(speed, human.standing_mps)
+    stays = ahead.leaves + human.clear_s > arrives
+    return ahead.part((ahead.cos >= human.along_cos) | stays).leaders(len(who))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,63 +133,65 @@ class LastSecond:
 
     speed: FloatArray  # now, m/s
     slope: FloatArray  # acceleration of a straight line through the speeds, m/s²
-    late: FloatArray  # mean acceleration of the last `HABIT_STEPS`, m/s²
+    recent: FloatArray  # mean acceleration of the last `HABIT_STEPS`, m/s²
     acceleration: FloatArray  # that lasts, m/s², reduced by its scatter
     sudden: FloatArray  # present acceleration beyond the lasting one, m/s²
     scatter: FloatArray  # of accelerations of single steps, m/s²
-    lag: FloatArray  # present speed of a straight line minus the present speed, m/s
-    calm: FloatArray  # share of the acceleration that is not noise
+    line_error: FloatArray  # present speed of a straight line minus the present speed, m/s
+    trust: FloatArray  # share of the acceleration that is not noise
 
 
 @owner_cache
-def last_second(scene: SeedScene) -> LastSecond:
+def last_second(scene: SeedScene, human: HumanParameters) -> LastSecond:
     """Measure the motion in the last second."""
     speed = scene.history.speed
     time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
     slope, single = speed @ time / (time @ time), np.diff(speed, axis=1) / STEP_S
-    late = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    recent = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
     scatter = np.sqrt(((single - slope[:, None]) ** 2).mean(axis=1))
-    calm = 1 / (1 + (scatter / HALF_TRUST_MPS2) ** 2)
-    change = calm * late + (1 - calm) * slope
+    trust = 1 / (1 + (scatter / human.half_trust_mps2) ** 2)
+    change = trust * recent + (1 - trust) * slope
     # A large one is sooner an error of noisy tracks, and ends sooner on clean ones.
-    lasting = change / np.hypot(1.0, change * np.hypot(scatter, LASTING_MPS2) / LARGE_MPS2**2)
+    lasting = change / np.hypot(1.0, change * np.hypot(scatter, human.lasting_mps2) / human.large_mps2**2)
     # Second differences of white noise have six times its variance; those of smooth motion are small.
     noise2 = (np.diff(single, n=2, axis=1) ** 2).mean(axis=1) / 6
+    sudden = (single[:, -1] - lasting) / (1 + noise2 / human.noisy_mps2**2)
     now = np.maximum(speed[:, -1], 0.0)
     line = speed.mean(axis=1) + slope * time[-1]
     return LastSecond(
         speed=now,
         slope=slope,
-        late=late,
+        recent=recent,
         acceleration=lasting,
-        sudden=np.where(now < STANDING_MPS, 0.0, (single[:, -1] - lasting) / (1 + noise2 / NOISY_MPS2**2)),
+        sudden=np.where(now < human.standing_mps, 0.0, sudden),
         scatter=scatter,
-        lag=line - now,
-        calm=calm,
+        line_error=line - now,
+        trust=trust,
     )
 
 
 @owner_cache
-def acceleration_around(scene: SeedScene) -> FloatArray:
+def acceleration_around(scene: SeedScene, human: HumanParameters) -> FloatArray:
     """Return (V,) weighted mean accelerations of the other vehicles around that move the same way, m/s²."""
     now = scene.now
-    moves = (now.speed > STANDING_MPS) & (np.cos(now.heading - now.heading[:, None]) > SAME_WAY)
-    weight = moves * np.exp(-np.hypot(now.x - now.x[:, None], now.y - now.y[:, None]) / AROUND_M)
+    same_way = np.cos(now.heading - now.heading[:, None]) > human.same_way_cos
+    distance = np.hypot(now.x - now.x[:, None], now.y - now.y[:, None])
+    weight = ((now.speed > human.standing_mps) & same_way) * np.exp(-distance / human.around_m)
     np.fill_diagonal(weight, 0.0)
-    return np.asarray(weight @ last_second(scene).slope / (weight.sum(axis=1) + DOUBT_AROUND))
+    return np.asarray(weight @ last_second(scene, human).slope / (weight.sum(axis=1) + human.around_doubt))
 
 
 @owner_cache
-def room_beside(scene: SeedScene) -> FloatArray:
+def room_beside(scene: SeedScene, human: HumanParameters) -> FloatArray:
     """Return (V, 2) room to vehicles on the right and left, m."""
-    now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + BESIDE_M
+    now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + human.beside_along_m
     cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
     dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
     turn = now.heading - now.heading[:, None]
     half = (np.abs(np.sin(turn)) * scene.length + np.abs(np.cos(turn)) * scene.width) / 2
     gap = np.abs(left) - half - scene.width[:, None] / 2
-    beside = (np.abs(ahead) < far) & ((gap > 0) | (np.abs(ahead) < far - BESIDE_M))
+    beside = (np.abs(ahead) < far) & ((gap > 0) | (np.abs(ahead) < far - human.beside_along_m))
     np.fill_diagonal(beside, False)
     gap = np.maximum(gap, 0.0)
     near = (np.where(beside & side, gap, np.inf) for side in (left < 0, left > 0))
@@ -231,13 +199,13 @@ def room_beside(scene: SeedScene) -> FloatArray:
 
 
 @owner_cache
-def side_shown(scene: SeedScene) -> FloatArray:
+def side_features(scene: SeedScene, human: HumanParameters) -> FloatArray:
     """Return (V, 3) scatter, relative speed and smaller room beside."""
-    shown = last_second(scene)
-    room = np.minimum(room_beside(scene).min(axis=1), MAX_ROOM_M)
-    return np.column_stack(
-        [_capped(shown.scatter), np.minimum(shown.speed, MAX_SPEED_MPS) / MAX_SPEED_MPS, room]
-    )
+    shown = last_second(scene, human)
+    scatter = np.minimum(shown.scatter, human.max_scatter_mps2)
+    speed = np.minimum(shown.speed, human.max_speed_mps) / human.max_speed_mps
+    room = np.minimum(room_beside(scene, human).min(axis=1), human.max_room_m)
+    return np.column_stack([scatter, speed, room])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -248,89 +216,91 @@ class PathObservations:
     slack: FloatArray  # addition to the gap, m, so that trailers and too long boxes do not brake
     gap: FloatArray  # with slack, m; inf without a leader
     leader_speed: FloatArray  # m/s along the path
-    wished: FloatArray  # desired speed without habit, m/s
+    limit: FloatArray  # speed limit, m/s
     curve: FloatArray  # speed that the curves ahead allow a moment later, m/s
     headway: FloatArray  # beyond the minimum gap, s
-    across: FloatArray  # (P, 3) lateral motion of the rear axle: m, left positive; m/s; m/s²
-    # (P, 9) 1, shown acceleration, that of the model, speed difference to the leader, lag, leader's
+    lateral: FloatArray  # (P, 3) motion of the rear axle across the path: m, left positive; m/s; m/s²
+    # (P, 9) 1, shown acceleration, that of the model, speed difference to the leader, line error, leader's
     # acceleration, limit minus speed, speed difference to the leader's leader, acceleration around
-    features: FloatArray
-    unsure: FloatArray  # (P, 3) scatter, size of the acceleration, leader near or not
+    mean_features: FloatArray
+    spread_features: FloatArray  # (P, 3) scatter, size of the acceleration, leader near or not
 
 
 @owner_cache
-def observations_of(scene: SeedScene, paths: SeedPaths) -> PathObservations:
+def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> PathObservations:
     """Observe vehicles along each of their paths."""
     history = SceneHistory.of_scene(scene)
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-    row, shown = np.arange(len(vehicle)), last_second(scene)
+    row, shown = np.arange(len(vehicle)), last_second(scene, human)
     who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
-    now, across = scene.now[vehicle], _across(scene, paths, vehicle, row)
+    now, lateral = scene.now[vehicle], _lateral(scene, paths, vehicle, row, human)
     s, _, _ = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
-    leaders = leaders_of(history, who, paths, row, s, across[:, 0])
+    view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
+    leaders = leaders_of(view, lateral[:, 0])
     speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
     free = np.full_like(speed, np.inf)
     opening = leaders.speed - speed
-    coupled = (speed > COUPLED_MPS[0]) & (np.abs(opening) < COUPLED_MPS[1])
-    slack = np.where(coupled, np.clip(COUPLED_M - leaders.gap, 0.0, MAX_SLACK_M), 0.0)
-    slack[_overlaps(scene, vehicle, leaders)] = APART_M
+    coupled = (speed > human.coupled_mps[0]) & (np.abs(opening) < human.coupled_mps[1])
+    slack = np.where(coupled, np.clip(human.coupled_m - leaders.gap, 0.0, human.max_slack_m), 0.0)
+    slack[_overlaps(scene, vehicle, leaders, human)] = human.overlap_slack_m
     gap = leaders.gap + slack
-    following = idm_acceleration(CALIBRATED, speed, free, gap, leaders.speed)
-    near = leaders.gap < FAR_M
+    following = idm_acceleration(human.idm, speed, free, gap, leaders.speed)
+    near = leaders.gap < human.far_leader_m
     opening = np.where(near, opening, 0.0)
-    limits = (
-        (acceleration, -4.0, 4.0),
-        (following, -4.0, 1.6),
-        (opening, -8.0, 8.0),
-        (shown.lag[vehicle], -2.0, 2.0),
-        (_of_leader(leaders, near, shown.acceleration), -3.0, 3.0),
-        (paths.speed_limit[row, int((BEHIND_M + 10.0) / DS_M)] - speed, -5.0, 10.0),
-        (_second_opening(scene, paths, leaders, near, shown.speed, speed), -8.0, 8.0),
-        (acceleration_around(scene)[vehicle], -3.0, 3.0),
+    ahead = int((BEHIND_M + human.limit_ahead_m) / DS_M)
+    mean_features = (
+        acceleration,
+        following,
+        opening,
+        shown.line_error[vehicle],
+        _of_leader(leaders, near, shown.acceleration),
+        paths.speed_limit[row, ahead] - speed,
+        _second_opening(scene, paths, leaders, near, shown.speed, speed),
+        acceleration_around(scene, human)[vehicle],
     )
-    scatter = _capped(shown.scatter[vehicle])
+    limited = (np.clip(v, *most) for v, most in zip(mean_features, human.mean_ranges, strict=True))
+    size = np.minimum(np.abs(acceleration), human.max_size_mps2)
+    scatter = np.minimum(shown.scatter[vehicle], human.max_scatter_mps2)
     first, last = row * paths.samples, paths.samples - 1
 
     def at(s: FloatArray) -> IntArray:
         return first + np.clip(s / DS_M, 0, last).astype(np.int64)
 
-    curves = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
+    curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
     return PathObservations(
         leader=leaders.index,
         slack=slack,
         gap=gap,
         leader_speed=leaders.speed,
-        wished=desired_speeds(paths, CALIBRATED.speed, CALIBRATED.speed_factor)[at(s)],
+        limit=desired_speeds(paths, human.idm.speed, human.idm.speed_factor)[at(s)],
         curve=curves[at(s + speed * CURVE_TIME_S)],
-        headway=(gap - CALIBRATED.minimum_gap) / np.maximum(speed, 1.0),
-        across=across,
-        features=np.column_stack([np.ones_like(speed), *(np.clip(*values) for values in limits)]),
-        unsure=np.column_stack([scatter, np.minimum(np.abs(acceleration), 4.0), near.astype(np.float64)]),
+        headway=(gap - human.idm.minimum_gap) / np.maximum(speed, 1.0),
+        lateral=lateral,
+        mean_features=np.column_stack([np.ones_like(speed), *limited]),
+        spread_features=np.column_stack([scatter, size, near.astype(np.float64)]),
     )
 
 
-def _overlaps(scene: SeedScene, vehicle: IntArray, leaders: Leaders) -> BoolArray:
+def _overlaps(scene: SeedScene, vehicle: IntArray, leaders: Leaders, human: HumanParameters) -> BoolArray:
     """Return (P,) whether the leader is a vehicle tracked twice."""
-    known = (leaders.index >= 0) & (leaders.index < scene.vehicles) & (leaders.gap < -TRACKED_TWICE_M)
+    known = (leaders.index >= 0) & (leaders.index < scene.vehicles) & (leaders.gap < -human.overlap_m)
     at = np.where(known, leaders.index, 0)
     return np.asarray(known & (box_distances(scene)[vehicle, at] <= 0))
 
 
-def _across(scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray) -> FloatArray:
-    now, speed = scene.now[vehicle], last_second(scene).speed[vehicle]
+def _lateral(
+    scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray, human: HumanParameters
+) -> FloatArray:
+    now, speed = scene.now[vehicle], last_second(scene, human).speed[vehicle]
     x, y = rear_axle(now, scene.length[vehicle])
     s, offset, along = foot_points(paths, row, x, y, np.full(len(row), BEHIND_M))
     before = scene.history[vehicle, -1 - HABIT_STEPS].heading
     turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
     swerve = speed * np.sin(now.heading - along)
     turning = speed * (turn_rate - speed * bend_at(paths, row, s))
-    limit = np.array([MAX_ASIDE_M, MAX_LATERAL, MAX_LATERAL])
-    across: FloatArray = np.clip(np.column_stack([offset, swerve, turning]), -limit, limit)
-    return across
-
-
-def _capped(scatter: FloatArray) -> FloatArray:
-    return np.minimum(scatter, MAX_SCATTER_MPS2)
+    limit = np.array([human.max_offset_m, human.max_lateral, human.max_lateral])
+    lateral: FloatArray = np.clip(np.column_stack([offset, swerve, turning]), -limit, limit)
+    return lateral
 
 
 def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
@@ -354,29 +324,30 @@ def _second_opening(
     return there * (_of_leader(leaders, near, speeds[second]) - speed)
 
 
-def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
+def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
     """Return (P, 4) features: missing braking, m/s², excessive speed, m/s, offset, m, heading error, rad.
 
-    A vehicle that is about to turn slows down: braking is missing as far as the curves within `TURN_M` need
-    more than it shows. A speed is excessive if even hard braking and sharp curves do not bring it down.
+    A vehicle that is about to turn slows down: braking is missing as far as the curves ahead need more than
+    it shows. A speed is excessive if even hard braking and sharp curves do not bring it down.
     """
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-    row, shown = np.arange(len(vehicle)), last_second(scene)
+    row, shown = np.arange(len(vehicle)), last_second(scene, human)
     now, speed = scene.now[vehicle], shown.speed[vehicle]
     s, offset, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
     ahead = DS_M * np.arange(paths.samples) - s[:, None]
-    excess = speed[:, None] ** 2 - TURN_MPS2 / np.maximum(paths.curve_curvature, 1e-6)
-    needed = np.where(np.abs(ahead - TURN_M / 2) < TURN_M / 2, excess, 0.0) / (
-        2 * np.maximum(ahead, NEAR_TURN_M)
-    )
+    excess = speed[:, None] ** 2 - human.turn_mps2 / np.maximum(paths.curve_curvature, 1e-6)
+    near, far = human.turn_range_m
+    counts = np.abs(ahead - far / 2) < far / 2
+    needed = np.where(counts, excess, 0.0) / (2 * np.maximum(ahead, near))
     needed = np.maximum(needed.max(axis=1), 0.0)
-    missing = np.where(needed > 0, needed + np.clip(shown.acceleration[vehicle], -3.0, 2.0), 0.0)
-    calm = curve_speeds(paths, CALIBRATED.curve_acceleration, CALIBRATED.curve_deceleration)
+    shown_braking = np.clip(shown.acceleration[vehicle], *human.missing_range_mps2)
+    missing = np.where(needed > 0, needed + shown_braking, 0.0)
+    allowed = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
     at = row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
     return np.column_stack(
         [
-            np.clip(missing, 0.0, MAX_MISSING_MPS2),
-            np.maximum(now.speed - calm[at], 0.0),
+            np.clip(missing, 0.0, human.max_missing_mps2),
+            np.maximum(now.speed - allowed[at], 0.0),
             np.abs(offset),
             np.abs(wrap(now.heading - heading)),
         ]
@@ -384,16 +355,17 @@ def path_features(scene: SeedScene, paths: SeedPaths) -> FloatArray:
 
 
 @owner_cache
-def path_weights(scene: SeedScene, paths: SeedPaths, people: Population) -> FloatArray:
+def path_weights(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
     """Return (P,) relative probabilities, above 0, of each vehicle's paths."""
     share = np.diff(paths.draw_edges, prepend=0.0)
     share[paths.first] = paths.draw_edges[paths.first]
-    return np.asarray(np.maximum(share, 1e-9) * np.exp(-path_features(scene, paths) @ people.path) + 1e-12)
+    cost = path_features(scene, paths, human) @ human.path_costs
+    return np.asarray(np.maximum(share, 1e-9) * np.exp(-cost) + 1e-12)
 
 
-def path_edges(scene: SeedScene, paths: SeedPaths, people: Population) -> FloatArray:
+def path_edges(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
     """Return (P,) upper edges in [0, 1] of paths' shares of a draw."""
-    weight = path_weights(scene, paths, people)
+    weight = path_weights(scene, paths, human)
     edges = np.empty_like(weight)
     for first, count in zip(paths.first, paths.count, strict=True):
         part = slice(first, first + count)

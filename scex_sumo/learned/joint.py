@@ -16,7 +16,8 @@ from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance, seen_from
 from scex_sumo.humans.observations import path_weights
-from scex_sumo.humans.population import population, uniforms
+from scex_sumo.humans.parameters import human_parameters
+from scex_sumo.humans.population import uniforms
 from scex_sumo.humans.seed_state import estimated_history
 from scex_sumo.learned.architecture import TOKEN_STEPS
 from scex_sumo.learned.decoding import plan_along
@@ -85,7 +86,7 @@ class JointDriver(LearnedDriver):
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray:
         """Return (P,) log probabilities of `LikelyDriver`: pose, speed and shape tell more at a new place."""
-        weight = path_weights(scene, paths, population())
+        weight = path_weights(scene, paths, human_parameters())
         share = weight / np.repeat(np.add.reduceat(weight, paths.first), paths.count)
         return rounded(np.log(np.maximum(share, TINY)))
 

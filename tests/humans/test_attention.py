@@ -8,21 +8,25 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.humans import driver as likely_driver
-from scex_sumo.humans.attention import Attention, _bounds, kept_clear, looks_away, respond
+from scex_sumo.humans.attention import Attention, _bounds, kept_clear, looks_away, yielding
+from scex_sumo.humans.driver import LikelyDriver, LikelyProfile
 from scex_sumo.humans.guard.conflicts import StopLines
-from scex_sumo.humans.observations import leaders_of
-from scex_sumo.scene import Plan, SeedScene, States, VehicleIndex
+from scex_sumo.humans.observations import View, leaders_of
+from scex_sumo.humans.parameters import human_parameters
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 
+HUMAN = human_parameters()
 DRAW = np.random.default_rng(0).random(3000)
 
 
 def test_drivers_look_away_for_a_fifth_of_the_time_and_seldom_for_long() -> None:
     time_s = np.arange(0.0, 40.0, 0.1)
-    away = looks_away(DRAW[:500], np.repeat(time_s[None], 500, axis=0))
+    away = looks_away(DRAW[:500], np.repeat(time_s[None], 500, axis=0), HUMAN)
     assert away.mean() == pytest.approx(0.2, abs=0.01)
     assert away[:, 0].mean() == pytest.approx(0.2, abs=0.06)  # at the seed moment, too
     # A glance goes on for 1.7 s in 3 % of the cases: some begin before the last one has ended.
@@ -33,25 +37,30 @@ def test_drivers_look_away_for_a_fifth_of_the_time_and_seldom_for_long() -> None
 
 def test_without_inattention_nobody_looks_away() -> None:
     time_s = np.repeat(np.arange(0.0, 10.0, 0.1)[None], 100, axis=0)
-    assert not looks_away(DRAW[:100], time_s, 0.0).any()
-    assert looks_away(DRAW[:100], time_s, 0.5).mean() < looks_away(DRAW[:100], time_s).mean()
+    assert not looks_away(DRAW[:100], time_s, HUMAN, 0.0).any()
+    assert looks_away(DRAW[:100], time_s, HUMAN, 0.5).mean() < looks_away(DRAW[:100], time_s, HUMAN).mean()
 
 
 def test_a_driver_looks_away_at_the_same_times_in_any_batch() -> None:
     time_s = np.arange(0.0, 30.0, 0.1)
-    many = looks_away(DRAW[:20], np.repeat(time_s[None], 20, axis=0))
-    one = looks_away(DRAW[7:8], time_s[None, 100:130])
+    many = looks_away(DRAW[:20], np.repeat(time_s[None], 20, axis=0), HUMAN)
+    one = looks_away(DRAW[7:8], time_s[None, 100:130], HUMAN)
     assert np.array_equal(many[7, 100:130], one[0])
+
+
+def view_of(history: SceneHistory, where: Road, who: VehicleIndex) -> View:
+    paths, row = chosen_paths(history, where, who, "straight")
+    return View(history=history, who=who, paths=paths, row=row, s=np.full(len(who), BEHIND_M), human=HUMAN)
 
 
 def closing(gap_m: float, speed: float, leader: float) -> SeedScene:
     return roads.scene_of((100.0, 0.0, 0.0, speed), (104.5 + gap_m, 0.0, 0.0, leader))
 
 
-def driven(model: str, scene: SeedScene, steps: int = 30, children: int = 40) -> States:
+def driven(model: str | Behavior, scene: SeedScene, steps: int = 30, children: int = 40) -> States:
     """(C, V, 1 + steps) in closed loop, the start first."""
     history = roads.present(scene, children, DRAW[: children * scene.vehicles].reshape(children, -1))
-    states, driver = history.states, build(parse_models(model)[0])
+    states, driver = history.states, build(parse_models(model)[0]) if isinstance(model, str) else model
     for step in range(steps):
         if step % 5 == 0:
             now = type(history)(**{**vars(history), "states": states[:, :, -11:], "step": step})
@@ -98,7 +107,7 @@ def test_drivers_brake_for_a_vehicle_that_their_planned_way_touches() -> None:
     way = Plan(x=x[None], y=y[None], heading=np.zeros((1, 30)), speed=np.full((1, 30), 10.0))
     who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     aware = Attention(aware=np.ones((1, 30), dtype=bool), onset=np.full(1, 0.8))
-    made = respond(way, history, roads.straight(), who, aware)
+    made = yielding(way, view_of(history, roads.straight(), who), roads.straight(), aware)
     other = 108.0 + 6.0 * time
     beside = np.abs(made.y[0] - 3.2) < 1.8
     assert (made.x[0] + 4.5 < other)[beside].all()
@@ -116,8 +125,7 @@ def test_offsets_keep_clear_of_a_vehicle_whose_path_comes_nearer() -> None:
         roads.present(scene),
         VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
     )
-    paths, row = chosen_paths(history, where, who, "straight")
-    kept = kept_clear(np.zeros((1, 31)), history, where, who, paths, row, np.full(1, 20.0))[0]
+    kept = kept_clear(np.zeros((1, 31)), view_of(history, where, who), where)[0]
     assert abs(kept[0]) < 1e-9
     assert kept[24] < -0.04  # the width of a vehicle: each gives way by half of the margin
 
@@ -127,9 +135,8 @@ def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> 
     scene = roads.scene_of((100.0, 0.0, 0.0, 3.0), (100.0, 2.4, 0.0, 3.0), length=12.0)
     history = roads.present(scene)
     who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
-    paths, row = chosen_paths(history, roads.straight(), who, "straight")
     wanted = 0.8 * np.linspace(0.0, 1.0, 31)[None]
-    kept = kept_clear(wanted, history, roads.straight(), who, paths, row, np.full(1, 20.0))[0]
+    kept = kept_clear(wanted, view_of(history, roads.straight(), who), roads.straight())[0]
     front = kept[:-1] + 9.6 * np.diff(kept) / 0.3
     assert front.max() < 0.16  # half of the room beyond 0.3 m
     assert 0.03 < kept[-1] < kept[-1] + 0.3 < wanted[0, -1]
@@ -149,19 +156,19 @@ def test_a_driver_does_not_creep_into_a_vehicle_in_its_way() -> None:
         safe=np.ones(2, dtype=bool),
     )
     aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
-    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 0.3), attention=aware)
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 0.3), attention=aware, human=HUMAN)
     assert bound.tolist() == [0.2, np.inf]
 
 
-def test_drivers_foresee_that_a_leader_goes_on_slowing_down(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_drivers_foresee_that_a_leader_goes_on_slowing_down() -> None:
     scene = closing(8.0, 8.0, 8.0)
     speed = scene.history.speed.copy()
     speed[1] = 8.0 + 0.15 * np.arange(10, -1, -1)
     scene = replace(scene, history=replace(scene.history, speed=speed))
     way = []
     for time_s in (0.0, 1.0):
-        monkeypatch.setattr(likely_driver, "ANTICIPATION_S", time_s)
-        way.append(driven("likely_driver:inattention=0", scene, steps=15).x[:, 0, -1])
+        driver = LikelyDriver(LikelyProfile(inattention=0), replace(HUMAN, anticipation_s=time_s))
+        way.append(driven(driver, scene, steps=15).x[:, 0, -1])
     assert (way[1] <= way[0] + 1e-9).mean() > 0.8 and (way[0] - way[1]).mean() > 0.1
 
 
@@ -181,7 +188,7 @@ def test_drivers_make_room_gently_for_a_vehicle_about_as_fast_that_merges() -> N
     )
     aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
     v = np.full(2, 11.0)
-    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), v, attention=aware)
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), v, attention=aware, human=HUMAN)
     braking = (v - bound) / 0.1
     assert braking[0] == pytest.approx(3.0)
     assert braking[1] > 5.0
@@ -205,7 +212,7 @@ def responses(*vehicles: roads.Vehicle) -> Plan:
         speed=np.repeat(now.speed, 30, axis=1),
     )
     aware = Attention(aware=np.ones((n, 30), dtype=bool), onset=np.full(n, 0.8))
-    return respond(steady, roads.present(scene), CROSS, who, aware)
+    return yielding(steady, view_of(roads.present(scene), CROSS, who), CROSS, aware)
 
 
 def test_a_vehicle_that_creeps_towards_a_crossing_gives_way_to_a_fast_one() -> None:
@@ -229,7 +236,7 @@ def test_nobody_brakes_for_a_crossing_vehicle_that_leaves_in_time() -> None:
         safe=np.zeros(2, dtype=bool),
     )
     aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
-    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 12.8), attention=aware)
+    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 12.8), attention=aware, human=HUMAN)
     assert bound[0] == np.inf and bound[1] < 12.6
 
 
@@ -238,6 +245,5 @@ def test_a_crossing_vehicle_is_a_leader_only_as_long_as_it_is_in_the_way(speed: 
     scene = roads.scene_of((110.0, 0.0, 0.0, 12.0), (150.0, 0.0, np.pi / 2, speed))
     history = roads.present(scene)
     who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
-    paths, row = chosen_paths(history, CROSS, who, "straight")
-    leaders = leaders_of(history, who, paths, row, np.full(1, BEHIND_M), np.zeros(1))
+    leaders = leaders_of(view_of(history, CROSS, who), np.zeros(1))
     assert (leaders.index[0] == 1) == follows

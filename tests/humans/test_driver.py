@@ -11,32 +11,30 @@ from scipy.special import ndtri
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
-from scex_sumo.behaviors.models.idm import CALIBRATED, IdmParameters, idm_acceleration
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.humans.driver import Drivers, LikelyDriver, LikelyProfile, effective_headway
+from scex_sumo.humans.driver import LikelyDriver, LikelyProfile, effective_headway
 from scex_sumo.humans.observations import (
-    EXTRA_BRAKING_MPS2,
     acceleration_around,
     behind_a_wave,
-    demanded_acceleration,
     last_second,
     observations_of,
     path_edges,
     room_beside,
-    side_shown,
+    side_features,
     start_features,
 )
+from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.humans.population import (
-    node_shares,
-    population,
-    spread_of,
+    lateral_offsets,
+    node_weights,
+    spread_factor,
     students,
     uniforms,
-    way_across,
 )
 from scex_sumo.scene import SeedScene
 from tests.behaviors import roads
 
+HUMAN = human_parameters()
 DRIVER = LikelyDriver(LikelyProfile())
 DRAW = np.linspace(0.01, 0.99, 50)
 
@@ -109,12 +107,12 @@ def test_creeping_vehicles_come_to_rest_if_they_slow_down(change: float, least: 
 def test_a_leader_that_passes_does_not_begin_a_start() -> None:
     # Standing; moving off; much faster than a vehicle can be that stood 4 m ahead; coming closer.
     leader = np.array([0.0, 2.0, 10.0, -4.0])
-    found = start_features(np.zeros(4), np.full(4, 4.0), leader, np.ones(4, dtype=bool))
+    found = start_features(np.zeros(4), np.full(4, 4.0), leader, np.ones(4, dtype=bool), HUMAN)
     assert found[:, 2].tolist() == [0, 1, 0, 0]
     assert found[:, 4].tolist() == [1, 0, 0, 0]
     leaders = Leaders(gap=np.full(2, 4.0), speed=np.zeros(2), index=np.array([1, 1]))
     speed, queue = np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 9.0]]), np.array([1, 2, -1])
-    assert behind_a_wave(speed, leaders, np.array([0, 1]), queue).tolist() == [True, False]
+    assert behind_a_wave(speed, leaders, np.array([0, 1]), queue, HUMAN).tolist() == [True, False]
 
 
 def test_vehicles_around_show_what_a_driver_will_do() -> None:
@@ -125,14 +123,14 @@ def test_vehicles_around_show_what_a_driver_will_do() -> None:
         speed = scene.history.speed.copy()
         speed[2] += gain * np.linspace(-1.0, 0.0, 11)
         scene = replace(scene, history=replace(scene.history, speed=speed))
-        assert acceleration_around(scene)[0] == pytest.approx(gain * 0.17, abs=0.1)
+        assert acceleration_around(scene, HUMAN)[0] == pytest.approx(gain * 0.17, abs=0.1)
         ways.append(roads.plan(DRIVER, where, roads.present(scene, 50, np.tile(DRAW[:, None], 3))).x[::3, 29])
     assert min((ways[1] - ways[0]).mean(), (ways[2] - ways[0]).mean()) > 0.05
 
 
 def test_ways_across_begin_as_shown_and_end_where_the_driver_wants_to_be() -> None:
     shown, time_s = np.array([[0.5, -0.2, 0.1]]), np.arange(0.0, 5.01, 0.01)
-    way = way_across(shown, np.array([-0.3]), time_s)[0]
+    way = lateral_offsets(shown, np.array([-0.3]), time_s, HUMAN)[0]
     speed = np.gradient(way, 0.01)
     assert way[0] == pytest.approx(0.5)
     assert speed[1] == pytest.approx(-0.2, abs=0.01)
@@ -144,7 +142,7 @@ def test_one_who_drives_close_to_its_leader_does_not_brake_for_it() -> None:
     # Bumper to bumper at 0.5 m and 15 m/s: a trailer that was recorded as a vehicle.
     where = roads.straight()
     scene = roads.scene_of((100.0, 0.0, 0.0, 15.0), (105.0, 0.0, 0.0, 15.0))
-    assert observations_of(scene, seed_paths(scene, where)).slack.max() == pytest.approx(1.5, abs=0.1)
+    assert observations_of(scene, seed_paths(scene, where), HUMAN).slack.max() == pytest.approx(1.5, abs=0.1)
     driver = build(parse_models("likely_driver:spread=0")[0])
     made = roads.plan(driver, where, roads.present(scene, 1, np.full((1, 2), 0.5)))
     assert made.speed[0, 9] > 13.5
@@ -152,7 +150,7 @@ def test_one_who_drives_close_to_its_leader_does_not_brake_for_it() -> None:
 
 def test_room_beside_is_up_to_who_drives_there() -> None:
     scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (103.0, 3.5, 0.0, 10.0), (140.0, -3.5, 0.0, 10.0))
-    right, left = room_beside(scene)[0]
+    right, left = room_beside(scene, HUMAN)[0]
     assert right == np.inf  # the third one is far ahead
     assert left == pytest.approx(3.5 - scene.width[0] / 2 - scene.width[1] / 2)
 
@@ -162,7 +160,7 @@ def test_who_shows_that_it_brakes_gets_less_far() -> None:
     speed = scene.history.speed.copy()
     speed[0] = 10.0 + np.linspace(2.0, 0.0, 11)
     braking = replace(scene, history=replace(scene.history, speed=speed))
-    assert last_second(braking).acceleration[0] == pytest.approx(-2.0 / np.hypot(1, 2 * 0.5), abs=0.05)
+    assert last_second(braking, HUMAN).acceleration[0] == pytest.approx(-2.0 / np.hypot(1, 2 * 0.5), abs=0.05)
     steady = roads.plan(DRIVER, where, roads.present(scene, 50, DRAW[:, None])).x[:, 29]
     slower = roads.plan(DRIVER, where, roads.present(braking, 50, DRAW[:, None])).x[:, 29]
     assert slower.mean() < steady.mean() - 3.0
@@ -173,16 +171,15 @@ def test_accelerations_that_scatter_are_believed_less() -> None:
     speed = scene.history.speed.copy()
     speed[0] = 10.0 + np.linspace(-2.0, 0.0, 11) + 0.3 * (-1.0) ** np.arange(11)
     noisy = replace(scene, history=replace(scene.history, speed=speed))
-    assert abs(last_second(noisy).acceleration[0]) < 0.3
+    assert abs(last_second(noisy, HUMAN).acceleration[0]) < 0.3
 
 
 def test_a_large_acceleration_of_a_noisy_track_counts_no_more_than_a_small_one() -> None:
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0), (50.0, 0.0, 0.0, 10.0), (100.0, 0.0, 0.0, 10.0))
     speed = scene.history.speed + np.array([[0.5], [3.0], [3.0]]) * 0.1 * np.arange(-10, 1)
     speed[2] += 0.04 * (-1) ** np.arange(11)  # steps of 0.08 m/s: 0.8 m/s² up and down
-    small, clean, noisy = last_second(
-        replace(scene, history=replace(scene.history, speed=speed))
-    ).acceleration
+    shown = replace(scene, history=replace(scene.history, speed=speed))
+    small, clean, noisy = last_second(shown, HUMAN).acceleration
     assert small == pytest.approx(0.5, rel=0.05)
     assert 1.5 < clean < 2.0 and 0.5 < noisy < 1.3
 
@@ -193,7 +190,7 @@ def test_drivers_begin_with_the_acceleration_of_the_last_step_on_clean_tracks() 
     speed[:, :10] += 0.1 * np.cumsum(np.linspace(0.0, 1.8, 10))[::-1]  # the braking ends
     speed[1] += 0.1 * (-1.0) ** np.arange(11)
     clean = replace(scene, history=replace(scene.history, speed=speed))
-    shown = last_second(clean)
+    shown = last_second(clean, HUMAN)
     assert shown.acceleration[0] < -0.5
     assert (shown.acceleration + shown.sudden)[0] == pytest.approx(0.0, abs=0.1)
     assert abs(shown.sudden[1]) < 0.05  # its noise says nothing of the last step
@@ -215,14 +212,14 @@ def test_who_follows_a_braking_leader_does_not_brake_harder_all_at_once() -> Non
 
 
 def test_own_accelerations_are_linear_between_their_times() -> None:
-    assert node_shares(0.0).tolist() == [1.0, 0.0, 0.0]
-    assert node_shares(0.75).tolist() == [0.5, 0.5, 0.0]
-    assert node_shares(9.0).tolist() == [0.0, 0.0, 1.0]
+    assert node_weights(0.0, HUMAN).tolist() == [1.0, 0.0, 0.0]
+    assert node_weights(0.75, HUMAN).tolist() == [0.5, 0.5, 0.0]
+    assert node_weights(9.0, HUMAN).tolist() == [0.0, 0.0, 1.0]
 
 
 def test_noise_of_the_boxes_adds_to_what_people_differ_by_as_a_square() -> None:
     shown = np.array([[0.0, 0.0, 0.0], [0.75, 0.0, 0.0], [0.0, 1.0, 2.0]])
-    factor = spread_of(shown, np.array([1.0, 1.0 / 0.75]), np.array([0.5, -0.25]))
+    factor = spread_factor(shown, np.array([1.0, 1.0 / 0.75]), np.array([0.5, -0.25]))
     assert factor == pytest.approx(np.array([[1.0, 1.0], [1.25, np.sqrt(2.0)], [1.0, 1.0]]))
 
 
@@ -241,9 +238,9 @@ def test_forecasts_from_noisy_boxes_are_wider() -> None:
 def test_who_has_others_beside_keeps_more_to_its_side() -> None:
     alone = roads.scene_of((100.0, 0.0, 0.0, 10.0))
     beside = roads.scene_of((100.0, 0.0, 0.0, 10.0), (100.0, 2.8, 0.0, 10.0))
-    assert side_shown(beside)[0, 2] == pytest.approx(1.0, abs=0.1)
+    assert side_features(beside, HUMAN)[0, 2] == pytest.approx(1.0, abs=0.1)
     factor = [
-        spread_of(side_shown(scene)[:1], DRIVER.population.side_noise, DRIVER.population.side_unsure)
+        spread_factor(side_features(scene, HUMAN)[:1], HUMAN.keep_noise, HUMAN.keep_growth)
         for scene in (alone, beside)
     ]
     assert factor[1] < factor[0]
@@ -260,43 +257,8 @@ def test_what_a_driver_shows_beside_what_is_asked_of_it_goes_on_for_a_while() ->
 
 def test_a_new_leader_is_followed_at_no_more_than_the_headway_that_it_leaves() -> None:
     leaders = Leaders(gap=np.array([6.0, 6.0]), speed=np.array([10.0, 10.0]), index=np.array([1, 2]))
-    some = np.full(2, 1.5)
-    drivers = Drivers(
-        headway=some,
-        braking=some,
-        additional=np.zeros((2, 3)),
-        aside=np.zeros((2, 31)),
-        crawl=some,
-        stop_s=some,
-        leader=np.array([1, 1]),
-        gap=np.zeros(2),
-        opening=np.zeros(2),
-        slack=np.zeros(2),
-        habit=np.zeros(2),
-        sudden=np.zeros(2),
-    )
-    assert effective_headway(np.array([10.0, 10.0]), leaders, drivers) == pytest.approx([1.5, 0.45])
-
-
-def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:
-    # Near at the same speed; near and closing by 4 m/s; far; and about to hit, where it takes more than that.
-    speed, gap = np.full(4, 14.0), np.array([5.0, 9.0, 200.0, 3.0])
-    leader, far = np.array([14.0, 10.0, 10.0, 2.0]), np.full(4, np.inf)
-    profile = IdmParameters.of(CALIBRATED, time_headway=np.full(4, 0.5), comfort_deceleration=np.full(4, 1.2))
-    asked = demanded_acceleration(profile, speed, np.full(4, 20.0), gap, leader, far)
-    formula = idm_acceleration(profile, speed, far, gap, leader)
-    needed = -((speed - leader) ** 2) / (2 * (gap - CALIBRATED.minimum_gap))
-    harder = needed - asked
-    assert (harder[:2] > 0).all() and (harder[[0, 1, 3]] <= EXTRA_BRAKING_MPS2).all()
-    assert (asked[:2] > formula[:2]).all()
-    assert asked[2] > 0
-
-
-def test_before_a_curve_drivers_brake_gently_whatever_they_do_for_a_leader() -> None:
-    one = np.ones(1)
-    profile = IdmParameters.of(CALIBRATED, time_headway=one, comfort_deceleration=6 * one)
-    asked = demanded_acceleration(profile, 15 * one, 20 * one, np.inf * one, 0 * one, 5 * one)
-    assert asked == pytest.approx(-CALIBRATED.comfort_deceleration)
+    same, headway = np.array([True, False]), np.full(2, 1.5)
+    assert effective_headway(np.full(2, 10.0), leaders, same, headway, HUMAN) == pytest.approx([1.5, 0.45])
 
 
 def test_paths_are_drawn_and_a_fast_vehicle_takes_no_sharp_turn() -> None:
@@ -304,7 +266,7 @@ def test_paths_are_drawn_and_a_fast_vehicle_takes_no_sharp_turn() -> None:
     slow, fast = (roads.scene_of((30.0, 0.0, 0.0, v)) for v in (4.0, 15.0))
     share = {}
     for name, scene in (("slow", slow), ("fast", fast)):
-        edges = path_edges(scene, seed_paths(scene, where), population())
+        edges = path_edges(scene, seed_paths(scene, where), HUMAN)
         share[name] = edges[1] - edges[0]  # of straight on
     assert share["fast"] > 0.9
     assert 0.2 < share["slow"] < share["fast"]

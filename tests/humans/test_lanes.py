@@ -5,18 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.humans.lanes import change_features, change_to, lanes_taken
-from scex_sumo.humans.population import population
+from scex_sumo.humans.lanes import change_features, change_offsets, lanes_occupied
+from scex_sumo.humans.parameters import human_parameters
 from tests.behaviors import roads
 
-KNOWN = population()
+HUMAN = human_parameters()
 FREE = np.zeros((1, 2), dtype=bool)
 LANES = np.array([[3.0, 3.0]])
 
 
 def score(offset_m: float, speed_mps: float, *, taken: bool = False, scatter: float = 0.0) -> np.ndarray:
     across = np.array([[offset_m, speed_mps, 0.0]])
-    return np.asarray(change_features(across, LANES, FREE | taken, np.array([scatter]))[0] @ KNOWN.change)
+    features = change_features(across, LANES, FREE | taken, np.array([scatter]), HUMAN)
+    return np.asarray(features[0] @ HUMAN.change_weights)
 
 
 def test_who_drifts_to_a_side_changes_to_it_and_the_sides_are_alike() -> None:
@@ -33,17 +34,17 @@ def test_motion_of_boxes_that_jitter_is_believed_less_and_a_taken_lane_is_less_i
 
 def test_who_changes_is_near_the_middle_of_the_next_lane_after_three_seconds() -> None:
     across = np.array([[1.0, 0.7, 0.0]])
-    left, right = change_to(across, LANES, KNOWN)[0]
+    left, right = change_offsets(across, LANES, HUMAN)[0]
     assert left == pytest.approx(2.6, abs=0.3)
     assert right < 0.0
-    assert change_to(across, np.full((1, 2), np.inf), KNOWN)[0, 0] == pytest.approx(left, abs=0.3)
+    assert change_offsets(across, np.full((1, 2), np.inf), HUMAN)[0, 0] == pytest.approx(left, abs=0.3)
 
 
 def test_a_lane_is_taken_by_who_is_there_or_soon_will_be() -> None:
     beside = roads.scene_of((100.0, 0.0, 0.0, 10.0), (100.0, 3.5, 0.0, 10.0))
     behind = roads.scene_of((100.0, 0.0, 0.0, 10.0), (88.0, 3.5, 0.0, 15.0))
     away = roads.scene_of((100.0, 0.0, 0.0, 10.0), (88.0, 3.5, 0.0, 10.0))
-    assert [lanes_taken(scene)[0].tolist() for scene in (beside, behind, away)] == [
+    assert [lanes_occupied(scene, HUMAN)[0].tolist() for scene in (beside, behind, away)] == [
         [True, False],
         [True, False],
         [False, False],

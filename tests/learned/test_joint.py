@@ -14,7 +14,7 @@ from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.observations import path_edges
-from scex_sumo.humans.population import population
+from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.learned import joint
 from scex_sumo.learned.driver import choice_of
 from scex_sumo.learned.joint import _ahead, _conflicts, _crossing, _near, _yielding
@@ -188,7 +188,7 @@ def test_paths_are_as_probable_as_network_and_likely_driver_agree(tmp_path: Path
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(type(driver), "path_prior", lambda *_: 0.0)
         alone = choice_of(replace(scene), driver, ROAD).paths[0]
-    edges = path_edges(scene, seed_paths(scene, ROAD), population())
+    edges = path_edges(scene, seed_paths(scene, ROAD), human_parameters())
     both = np.diff(alone, prepend=0.0) * np.diff(edges, prepend=0.0)
     assert len(both) > 1 and 0.01 < both[0] / both.sum() < 0.99
     assert np.allclose(choice_of(scene, driver, ROAD).paths[0], np.cumsum(both) / both.sum(), atol=1e-3)

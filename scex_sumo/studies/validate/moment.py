@@ -25,7 +25,7 @@ from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, r
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.humans.population import population_digest
+from scex_sumo.humans.parameters import parameters_digest
 from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.results.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
@@ -58,7 +58,7 @@ class ValidationSettings(StudySettings):
         """Return the values that identify the validation of some recordings."""
         # first, top and keep as of a ranking that gives every moment all children
         shared = self.identity(recordings, first=self.children, top=10, keep="none")
-        return {**shared, "part": self.part, "population": population_digest()}
+        return {**shared, "part": self.part, "population": parameters_digest()}
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""

@@ -1,0 +1,185 @@
+"""Parameters of the human-like driver: value, unit, meaning and source of each, in one frozen set.
+
+*fitted* parameters have their values in ``parameters.json``, which ``benchmarks/calibrate_likely.py`` writes
+from the training parts of TAF-BW, MONA and NGSIM. The file may set any other number, too.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.files import sha256_of
+from scex_sumo.behaviors.models.idm import CALIBRATED, IdmProfile
+from scex_sumo.humans.guard.corridors import GuardProfile
+
+SHIPPED = Path(__file__).with_name("parameters.json")
+CONFLICT = GuardProfile(
+    comfort_deceleration=4.0,
+    reaction_time=0.5,
+    minimum_gap=0.3,
+    margin=0.15,
+    alongside_margin=0.05,
+    time_margin=0.3,
+    touching=1e-3,
+    contact_time=2.4,
+    braking_margin=0.3,
+)
+MEAN_RANGES = ((-4, 4), (-4, 1.6), (-8, 8), (-2, 2), (-3, 3), (-5, 10), (-8, 8), (-3, 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HumanParameters:
+    """Parameters of all drivers; what differs between drivers is drawn. Comments: unit | meaning | source."""
+
+    # Variation: a drawn acceleration beyond the demanded one, by class of speed (K) and time (3)
+    speed_edges: FloatArray  # m/s | (K - 1,) between the K classes | chosen
+    variation_mean: FloatArray  # m/s² | (K, 3, 9) weights of ``mean_features`` | fitted
+    variation_root: FloatArray  # m/s² | (K, 3, 3) lower triangular root of the scale matrix | fitted
+    variation_skew: FloatArray  # 1 | (K,) log factor on accelerating draws, minus for braking | fitted
+    variation_noise: FloatArray  # 1/(m/s²) | (3,) growth with the scatter, see `spread_factor` | fitted
+    variation_growth: FloatArray  # 1 | (2,) growth with the other ``spread_features`` | fitted
+    variation_times_s: tuple[float, ...] = (0.0, 1.5, 3.0)  # s | times of the draws; linear between | chosen
+    max_variation_mps2: float = 5.0  # m/s² | limit of each draw | chosen
+    relief_mps2: float = 3.0  # m/s² | demanded braking at which no driver adds an acceleration | chosen
+    mean_ranges: tuple[tuple[float, float], ...] = MEAN_RANGES  # m/s², m/s | of ``mean_features`` | chosen
+    max_size_mps2: float = 4.0  # m/s² | limit of the size of the acceleration in ``spread_features`` | chosen
+    # Free road, leader, curve
+    idm: IdmProfile = CALIBRATED  # see there | Intelligent Driver Model | fitted by benchmarks/calibrate.py
+    headway_log: FloatArray  # log s | mean and standard deviation | fitted
+    braking_log: FloatArray  # log m/s² | the same, for a leader | chosen by CRPS
+    headway_range_s: tuple[float, float] = (0.1, 4.0)  # s | limits of the draws | chosen
+    braking_range_mps2: tuple[float, float] = (0.5, 8.0)  # m/s² | limits of the draws | chosen
+    headway_kept: float = 0.9  # 1 | largest share of the shown headway that a driver keeps | chosen
+    extra_braking_mps2: float = 0.8  # m/s² | beyond the necessary, for a leader | chosen by CRPS
+    min_room_m: float = 0.1  # m | least gap beyond the minimum gap in the necessary braking | chosen
+    anticipation_s: float = 1.0  # s | a braking leader goes on | Treiber, Kesting, Helbing 2006; value chosen
+    max_acceleration_mps2: float = 4.0  # m/s² | limit | chosen
+    max_braking_mps2: float = 4.0  # m/s² | limit without a conflict | chosen
+    far_leader_m: float = 50.0  # m | a leader beyond this does not influence the variation | chosen
+    # Shown motion: what the last second says
+    habit_s: float  # s | time constant of the shown acceleration | chosen by CRPS
+    sudden_s: float = 0.7  # s | time constant of its sudden part | chosen by error
+    half_trust_mps2: float = 0.7  # m/s² | scatter at which an acceleration counts by half | chosen
+    max_scatter_mps2: float = 0.7  # m/s² | more scatter makes no difference | chosen
+    lasting_mps2: float = 0.5  # m/s² | least scatter in the limit large² / hypot(scatter, lasting) | chosen
+    large_mps2: float = 1.0  # m/s² | scale of that limit of shown accelerations | chosen
+    noisy_mps2: float = 0.1  # m/s² | noise of single steps at which the last one counts by half | chosen
+    around_m: float = 30.0  # m | distance by which vehicles around count less by the factor e | chosen
+    around_doubt: float = 0.5  # 1 | weight of no acceleration among theirs | chosen
+    same_way_cos: float = 0.8  # 1 | cosine above which a vehicle around moves the same way | chosen
+    limit_ahead_m: float = 10.0  # m | place ahead of the speed limit in ``mean_features`` | chosen
+    # Leaders
+    clearance_m: float = 1.2  # m | of another vehicle's centre from the line that a driver keeps | chosen
+    corridor_margin_m: float = -0.2  # m | measured boxes of vehicles side by side may touch | chosen
+    along_cos: float = 0.5  # 1 | cosine of heading against path below which a vehicle crosses | chosen
+    clear_s: float = 1.0  # s | by which a crossing vehicle leaves before the driver arrives | chosen
+    coupled_m: float = 2.0  # m | least gap assumed to a leader at about the same speed | chosen
+    coupled_mps: tuple[float, float] = (3.0, 5.0)  # m/s | for a speed above, a difference below | chosen
+    max_slack_m: float = 4.0  # m | largest addition to a gap for that | chosen
+    overlap_m: float = 1.0  # m | overlap from which two boxes are one vehicle tracked twice | chosen
+    overlap_slack_m: float = 1000.0  # m | addition to the gap of such a leader | chosen
+    towed_s: float = 0.15  # s | headway below which a vehicle is a trailer of its leader | chosen
+    towed_mps: float = 3.0  # m/s | speed above which it is | chosen
+    towed_opening_mps: float = 1.0  # m/s | speed difference below which it is | chosen
+    # Standing, starting, stopping
+    standing_mps: float = 0.5  # m/s | a slower vehicle stands | chosen
+    creeping_mps: float = 3.0  # m/s | a slower vehicle that does not stand may come to rest | chosen
+    starting_mps: float = 0.02  # m/s | a vehicle that gained this in the last step has started | chosen
+    start_weights: FloatArray  # log 1/s | (5,) of `start_features` | fitted
+    start_within_s: float = 4.0  # s | time for which the fitted rate counts | chosen
+    start_wave_s: float = 1.0  # s | mean time from the leader's start to the own one | chosen
+    queue_m: float = 15.0  # m | a leader nearer than this holds a standing vehicle | chosen
+    queue_gap_m: float = 0.5  # m | smallest gap for crawling | chosen
+    queue_start_mps2: float = 2.4  # m/s² | largest acceleration of one that leaves a queue | chosen
+    queue_start_mps: float = 3.0  # m/s | largest speed of one that leaves a queue | chosen
+    crawl_s: float = 0.5  # s | time constant towards the crawling speed | chosen
+    stop_weights: FloatArray  # log odds | (5,) of `stop_features` | fitted
+    stop_s: float = 2.2  # s | median time in which creeping vehicles come to rest | chosen
+    stop_spread: float = 0.4  # 1 | standard deviation of its logarithm | chosen
+    # Place in the lane
+    lateral_s: float = 3.0  # s | time after which the wanted offset is reached | chosen
+    keep_weights: FloatArray  # 1, s, s² | (3,) of ``lateral`` for the offset then | fitted
+    keep_scale_m: float  # m | scale of its deviation | fitted
+    keep_noise: FloatArray  # 1/(m/s²) | (1,) growth with ``side_features``, see `spread_factor` | fitted
+    keep_growth: FloatArray  # 1 | (2,) growth with the other ``side_features`` | fitted
+    max_offset_m: float = 1.75  # m | from the path, for a vehicle that keeps its lane | chosen
+    max_turning_m: float = 6.0  # m | the same off the mapped lanes | chosen
+    max_lateral: float = 1.5  # m/s, m/s² | across a path; larger values are errors of measurement | chosen
+    room_share: float = 0.4  # 1 | of the room to vehicles beside: largest motion towards them | chosen
+    max_room_m: float = 3.0  # m | more room beside a vehicle makes no difference | chosen
+    max_speed_mps: float = 20.0  # m/s | nor does a higher speed | chosen
+    beside_along_m: float = 8.0  # m | along the way; a nearer vehicle next to the way is beside | chosen
+    # Lane change
+    change_weights: FloatArray  # log odds | (7,) of `change_features` | fitted
+    change_target: FloatArray  # 1, 1, s | (3,) of lane distance, offset, lateral speed | fitted
+    change_scale_m: float  # m | scale of its deviation | fitted
+    max_change_m: float = 5.0  # m | from the path | chosen
+    change_speed_mps: float = 3.0  # m/s | slower vehicles do not change | chosen
+    lane_width_m: float = 3.2  # m | way of a change if no lane is mapped | chosen
+    lane_ahead_s: tuple[float, float] = (0.5, 3.0)  # s | a lane counts if it is beside there | chosen
+    lane_beside_m: tuple[float, float] = (1.5, 5.0)  # m | distance of its centreline from the path | chosen
+    occupied_s: float = 2.0  # s | a vehicle that will be beside by then occupies the lane | chosen
+    occupied_along_m: float = 1.0  # m | least distance between bodies, along the way | chosen
+    occupied_across_m: float = 2.5  # m | beside a vehicle; one further away is on a third lane | chosen
+    occupied_headway_s: float = 0.3  # s | smaller headways, ahead or behind, are no gap | chosen
+    occupied_min_share: float = 0.2  # 1 | least probability of a change to an occupied lane | chosen
+    lateral_doubt: float = 8.0  # 1/(m/s²) | lateral motion counts by 0.7 at a scatter of 1 / this | chosen
+    # Path
+    path_costs: FloatArray  # 1 | (4,) of `path_features` | fitted
+    turn_mps2: float = 3.0  # m/s² | lateral acceleration in turns | chosen
+    turn_range_m: tuple[float, float] = (2.0, 50.0)  # m | way to them: least that counts, most | chosen
+    missing_range_mps2: tuple[float, float] = (-3.0, 2.0)  # m/s² | of the shown acceleration there | chosen
+    max_missing_mps2: float = 2.0  # m/s² | more missing braking excludes a path no further | chosen
+    # Attention: 20 % of the time are glances; 3 % of them last longer than 1.7 s, as those before crashes do
+    glance_every_s: float = 3.9  # s | one glance begins in each | share of time: Morando, Victor, Dozza 2020
+    glance_s: float = 0.7  # s | median duration | tail: Liang, Lee, Horrey 2014; value chosen
+    glance_spread: float = 0.48  # 1 | deviation of its logarithm | shape: Taoka 1990; value chosen
+    reaction_s: float = 0.9  # s | median | between 0.7 s (expected) and 1.25 s (not): Green 2000
+    reaction_spread: float = 0.3  # 1 | standard deviation of its logarithm | chosen
+    watching_mps2: float = 0.3  # m/s² | braking that forbids a glance | Tijerina et al. 2004; value chosen
+    watching_gap_m: float = 0.5  # m | least gap in it | chosen
+    # Yielding: braking for conflicts
+    conflict: GuardProfile = CONFLICT  # see there | search for conflicts | chosen
+    onset_mps2: float = 0.8  # m/s² | median braking for a response | chosen by error and coverage
+    onset_spread: float = 0.4  # 1 | standard deviation of its logarithm | chosen
+    safe_onset: float = 3.0  # 1 | factor if both miss each other with constant velocity | chosen
+    response: float = 1.2  # 1 | braking over the needed one | chosen by error and coverage
+    looming_mps2: float = 3.0  # m/s² | onset if looking away | Lamble et al. 1999; value chosen
+    looming_s: tuple[float, float] = (0.8, 1.5)  # s | time to contact: looking away, or not | chosen
+    looming_response: float = 1.6  # 1 | braking over the needed one then | chosen
+    conflict_braking_mps2: float = 8.0  # m/s² | limit | chosen
+    gentle_mps2: float = 2.0  # m/s² | limit for one beside that is missed with constant velocity | chosen
+    merging_mps2: float = 3.0  # m/s² | limit for one about as fast that merges in front | chosen
+    merging_mps: float = 2.0  # m/s | speed difference for that | chosen
+    entry_gap_m: float = 1.0  # m | to a vehicle that merges in front | chosen
+    stop_gap_m: float = 0.4  # m | to a conflict, beyond that of the guard | chosen
+    creep_s: float = 1.0  # s | time constant of closing a smaller gap | chosen
+    beside_gap_m: float = 0.3  # m | between boxes beside each other | chosen
+    max_slope: float = 0.3  # 1 | of the way across over the way along | chosen
+
+    @classmethod
+    def read(cls, path: Path) -> HumanParameters:
+        """Read fitted and changed values from a JSON file."""
+        given = json.loads(path.read_text(encoding="utf-8"))
+        values: dict[str, Any] = {
+            name: np.array(value) if isinstance(value, list) else value for name, value in given.items()
+        }
+        return cls(**values)
+
+
+@cache
+def human_parameters() -> HumanParameters:
+    """Return the shipped parameters."""
+    return HumanParameters.read(SHIPPED)
+
+
+def parameters_digest() -> str:
+    """Return the SHA-256 of the shipped parameters."""
+    return sha256_of(SHIPPED)
