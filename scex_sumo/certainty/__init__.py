@@ -1,4 +1,6 @@
-"""Exact probabilities of events that are functions of the vehicles' models: trees, tables, cut sets, weights.
+"""Certainty: exact probabilities of events that are functions of the vehicles' models."""
 
-May import statistics and base only; knows nothing of vehicles but their numbers.
-"""
+from typing import Final
+
+EXACT: Final = "exact.json"
+"""Tables of exact probabilities in a result folder."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from scex_sumo.base.options import option
+from scex_sumo.certainty import EXACT
 from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.results.extras import ExactProbability, Row
@@ -14,8 +15,6 @@ from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
     from scex_sumo.certainty.results import Exact
-
-EXACT: Final = "exact.json"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,16 +8,17 @@ import subprocess
 import sys
 import threading
 import traceback
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal, TypeAlias
 
 from scex_sumo.base.errors import SimulationError, UsageError
 
-if TYPE_CHECKING:
-    from scex_sumo.extrapolation.workers import OnStep, Report
+OnStep: TypeAlias = Callable[[int], None]
+Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
 _MAIN = str(Path(__file__).with_name("__main__.py"))
 # One thread each: the processes are the parallelism.

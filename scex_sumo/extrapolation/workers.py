@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.base.files import TemporaryFolder
@@ -23,7 +23,7 @@ from scex_sumo.base.files import TemporaryFolder
 if TYPE_CHECKING:
     from scex_sumo.base.arrays import IntArray
     from scex_sumo.extrapolation.job import Job
-    from scex_sumo.extrapolation.process import WorkerProcess
+    from scex_sumo.extrapolation.process import Report, WorkerProcess
 
 TRIES = 2
 MAX_PROCESSES = 1000
@@ -33,7 +33,6 @@ T = TypeVar("T")
 OnStep: TypeAlias = Callable[[int], None]
 Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], Any]]]
 """Opens what tasks share, such as a world; yields the function that does one task."""
-Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
 _DIED = (EOFError, OSError, pickle.UnpicklingError)  # raised by the pipes of a process that has died
 
@@ -96,7 +95,7 @@ class Workers:
         """
         from scex_sumo.extrapolation.job import batch_runner
 
-        left, reports = deque(batches), queue.SimpleQueue[Report]()
+        left, reports = deque(batches), queue.SimpleQueue["Report"]()
         slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
         work, tick = partial(batch_runner, job, slots), on_step or (lambda children: None)
         busy = self._workers[: max(len(batches) - 1, 0)]

@@ -18,8 +18,6 @@ from scex_sumo.base.importing import Registry
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from scex_sumo.results.run import Run
-
 EXTRAS: Final = Registry(group="scex_sumo.extras", kind="extra of a run")
 
 
@@ -57,7 +55,7 @@ class Row:
 
 
 class ExtraResults:
-    """What an extra reads from the folder of a finished run; each method may be left out."""
+    """What an extra reads from the folder of a finished `Run`; each method may be left out."""
 
     order: ClassVar[int] = 0
     """Extras with a lower number come first."""
@@ -65,27 +63,27 @@ class ExtraResults:
     """Patterns of the files and folders that it writes into a result folder."""
 
     def exact_probability(
-        self, run: Run, event: str, pair: tuple[int, int] | None
+        self, run: Any, event: str, pair: tuple[int, int] | None
     ) -> ExactProbability | None:
         """Return the exact probability of an event of a pair, or of any pair; None where it is not known."""
         return None
 
-    def print_above(self, run: Run, console: Console, preset: str | None) -> None:
+    def print_above(self, run: Any, console: Console, preset: str | None) -> None:
         """Print a table of its own above the summary."""
 
-    def lines(self, run: Run) -> Sequence[str]:
+    def lines(self, run: Any) -> Sequence[str]:
         """Return sentences of the summary."""
         return ()
 
-    def pair_lines(self, run: Run, row: Mapping[str, Any]) -> Sequence[str]:
+    def pair_lines(self, run: Any, row: Mapping[str, Any]) -> Sequence[str]:
         """Return sentences about a pair, a row of ``encounters.parquet``."""
         return ()
 
-    def answer(self, run: Run) -> Mapping[str, Any]:
+    def answer(self, run: Any) -> Mapping[str, Any]:
         """Return keys of the answer of ``run --json``."""
         return {}
 
-    def page(self, run: Run) -> Any:
+    def page(self, run: Any) -> Any:
         """Return its part of the page, a `scex_sumo.page.parts.PagePart`; None for none."""
         return None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import pyarrow as pa
@@ -15,8 +15,21 @@ from scex_sumo.metrics.events import MEASURED
 from scex_sumo.results.extras import ExactProbability, extras_results
 from scex_sumo.statistics.density import Interval
 
-if TYPE_CHECKING:
-    from scex_sumo.results.run import Run
+
+class PairTables(Protocol):
+    """Parts of a `Run` that tell what happens to a pair in each future."""
+
+    @property
+    def children(self) -> int:
+        """Number of futures."""
+
+    @property
+    def collisions(self) -> pa.Table:
+        """Collisions by future and pair."""
+
+    @property
+    def pair_outcomes(self) -> pa.Table:
+        """Values of the events by future and pair."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +74,7 @@ class Probability:
 
 
 def probability_of(
-    run: Run, sampled: Interval, event: str, pair: tuple[int, int] | None = None
+    run: PairTables, sampled: Interval, event: str, pair: tuple[int, int] | None = None
 ) -> Probability:
     """Return the probability of an event of a pair, or of any pair: exact where an extra knows it."""
     found = (extra.exact_probability(run, event, pair) for extra in extras_results())
@@ -83,7 +96,7 @@ class Encounter:
     """
 
     row: Mapping[str, Any]
-    run: Run = field(repr=False)
+    run: PairTables = field(repr=False)
 
     @property
     def pair(self) -> tuple[int, int]:
