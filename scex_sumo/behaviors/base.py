@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, Protocol, TypeAlias, TypeGuard, runtime_checkable
 
 import numpy as np
 
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 PLAN_STEPS = 30
 MIN_PARAMETER, MAX_PARAMETER = 1e-6, 1e6  # beyond them sums and squares could overflow
@@ -80,7 +81,20 @@ def layer_with(model: Any, attribute: str) -> Any:
     return model
 
 
-def is_driven_by_sumo(model: Any) -> bool:
+class DrivenBySumo(Protocol):
+    """Model whose vehicles SUMO moves, by one of its own car-following models."""
+
+    model: str
+    parameters: Mapping[str, str]
+
+    def routes(
+        self, scene: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
+    ) -> list[tuple[int, ...]]:
+        """Return the lane ids of the vehicles' routes; empty off the mapped lanes."""
+        ...
+
+
+def is_driven_by_sumo(model: Any) -> TypeGuard[DrivenBySumo]:
     """Return whether SUMO moves the model's vehicles; the model then gives their routes."""
     return bool(getattr(model, "driven_by_sumo", False))
 

@@ -191,7 +191,7 @@ def place_name(map_path: Path) -> str:
 
 def _recognised(kind: type[_Format], path: Path) -> Iterator[_Format]:
     """Formats that recognise a file, the first one first; only their readers are imported."""
-    return (_read_by(kind, entry) for entry in _entries(kind) if entry.is_mine(path))
+    return (_read_by(kind, entry) for entry in _entries(kind) if entry.is_mine(path))  # type: ignore[arg-type]
 
 
 @cache

@@ -57,9 +57,9 @@ def extrapolate(
             f"extrapolate: got {type(scene).__name__}, needs a seed scene; make one with "
             "scex_sumo.read_seed(map, tracks=...) or synthetic_seed(map, vehicles=...)"
         )
-    values, how, *own = split_options(options, run_options())
+    values, others, *own = split_options(options, run_options())
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
-    how = RunOptions(bar=partial(progress_of, progress), **how)
+    how = RunOptions(bar=partial(progress_of, progress), **others)
     extras = [*extras_of({name: value for given in own for name, value in given.items()})]
     extras += [extra_named(one) for one in how.extra]
     with Workers(1 if how.gui else min(how.workers, settings.count or how.workers)) as pool:

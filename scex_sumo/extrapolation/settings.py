@@ -239,7 +239,7 @@ class RunSettings:
         if self.children == "all":
             return None
         try:
-            return int(self.children)
+            return None if self.children is None else int(self.children)
         except ValueError:
             raise UsageError(f"--children: got {self.children!r}, needs a number or 'all'") from None
 

@@ -91,7 +91,7 @@ class Severity:
 
 def masses(types: Sequence[str], length: FloatArray) -> FloatArray:
     """Return the mass (V,) of vehicles by type and length in m, kg; NaN for types not in `MASSES_KG`."""
-    known = [zip(*MASSES_KG.get(road_user(kind), _NO_MASS), strict=True) for kind in types]
+    known: list[Any] = [tuple(zip(*MASSES_KG.get(road_user(kind), _NO_MASS), strict=True)) for kind in types]
     return np.array([np.interp(long, *points) for long, points in zip(length, known, strict=True)])
 
 

@@ -74,7 +74,7 @@ def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path |
     if tracks is not None:
         given = tracks.resolve()
         named = [one for one in recordings if given in (file.resolve() for file in one.track_paths)]
-        recordings = named or recordings
+        recordings = tuple(named) or recordings
     maps = sorted({one.map_path for one in recordings} or filter(is_map, files))
     if not maps:
         raise MapError(f"{path}: a folder without a map or recording; {_why_none(files, results)}")
