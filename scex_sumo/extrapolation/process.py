@@ -64,7 +64,7 @@ class WorkerProcess:
         report = self.open(work)
         if report[0] == "failed":
             return report
-        self._send(("task", task))
+        self._send(("task", pickled(task)))
         return self._answer(on_step)
 
     def _send(self, content: Any) -> None:
@@ -133,7 +133,7 @@ def serve() -> None:
                     do = opened.enter_context(pickle.loads(packed)())
                     report("done", None)
                 else:
-                    report("done", do(content, partial(report, "step")))
+                    report("done", do(pickle.loads(content), partial(report, "step")))
             except (EOFError, BrokenPipeError):
                 raise
             except Exception as error:

@@ -14,7 +14,8 @@ import pytest
 
 import scex_sumo
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.scene import SeedScene
+from scex_sumo.road import Road
+from scex_sumo.scene import SceneHistory, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import pack_road
 from scex_sumo.studies.moments.workers import LocalWorkers
@@ -172,3 +173,21 @@ def test_plans_that_are_not_the_models_own_are_counted(
             workers, task(scene, "s", children=2, run=RunSettings(models="lazy_drivers:lazy", children=96))
         )
     assert part.children["fallbacks"].to_pylist() == [6, 6]
+
+
+def test_an_object_of_ones_own_script_drives_in_the_workers(scene: SeedScene) -> None:
+    """Its class is in no module, so that it travels by value."""
+
+    class Standing:
+        def plan_one(
+            self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+        ) -> States:
+            now = history.now[child, vehicle]
+            x, y, heading = (np.full(30, float(value)) for value in (now.x, now.y, now.heading))
+            return States(x=x, y=y, heading=heading, speed=np.zeros(30))
+
+    run = RunSettings(models=[Standing()], children=96)
+    with closing(LocalWorkers(1, run_moment)) as workers:
+        part = part_of(workers, task(scene, "s", children=2, run=run))
+    assert part.children["model"].to_pylist() == [["Standing"] * scene.vehicles] * 2
+    assert part.children["fallbacks"].to_pylist() == [0, 0]
