@@ -117,7 +117,8 @@ function makeMap(run, state, canvas) {
     inMetres(pen, size.map((part) => part / 2));
     for (const { path, kind, width: wide } of road) {
       const ink = ROAD_COLORS[kind];
-      pen.paint(path, kind === 1 ? { fill: ink } : { stroke: ink, width: wide || Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
+      // Lanes and areas are drawn a little larger: that hides the seams between them.
+      pen.paint(path, kind === 1 ? { fill: ink, stroke: ink, width: 0.2 } : { stroke: ink, width: wide ? wide + 0.05 : Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
     }
     const isOne = state.child >= 0;
     for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : ghosts.map(([ghost]) => ghost)) {
