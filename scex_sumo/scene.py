@@ -7,7 +7,7 @@ n (vehicles that plan in one call).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -111,6 +111,51 @@ class Obstacles:
     present: BoolArray
 
 
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """Planned stop of a vehicle, as SUMO counts along its lanes.
+
+    Attributes:
+        lane: SUMO's name of the lane.
+        start_m: begin of the place on the lane; ``end_m`` its end, where the front bumper stands.
+        duration_s: time from the arrival on; of a vehicle that stands there already, the rest.
+        until_s: earliest departure, s after the seed moment; negative without one.
+        flags: of SUMO's ``setStop``.
+    """
+
+    lane: str
+    start_m: float
+    end_m: float
+    duration_s: float
+    until_s: float = -1.0
+    flags: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Intention:
+    """What a SUMO simulation knows of one of its vehicles: its route, type and stops.
+
+    Attributes:
+        edges: SUMO's edges of the route from the vehicle's on.
+        model: SUMO's name of its car-following model.
+        vehicle_class: SUMO's class, e.g. ``taxi``.
+        parameters: attributes of its ``vType`` that make no driver random.
+        speed_factor: desired speed over the limit.
+        stops: the next ones, in order.
+        change: 1 (-1) while it changes to the left (right) and is on its old lane, else 0.
+        lanes: lanes of the road along the route, those within junctions included.
+    """
+
+    edges: tuple[str, ...]
+    model: str = "Krauss"
+    vehicle_class: str = "passenger"
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    speed_factor: float = 1.0
+    stops: tuple[Stop, ...] = ()
+    change: int = 0
+    lanes: frozenset[int] = frozenset()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeedScene:
     """Seed scene, one moment of traffic: pose, speed, size and last second of every vehicle.
@@ -128,6 +173,7 @@ class SeedScene:
         notes: repairs and omissions, one short sentence each.
         source: origin of the data, for ``run.json``.
         road: the map, if the scene was read together with one.
+        intentions: (V,) what SUMO knows of each vehicle of its simulation; () for recordings.
 
     Example:
         >>> scene.name, scene.vehicles, scene.history.x.shape
@@ -149,6 +195,7 @@ class SeedScene:
     notes: tuple[str, ...] = ()
     source: dict[str, Any] = field(default_factory=dict)
     road: Road | None = None
+    intentions: tuple[Intention | None, ...] = ()
 
     def __repr__(self) -> str:
         future = 0 if self.future is None else self.future.shape[1]
@@ -176,7 +223,12 @@ class SeedScene:
             recorded_steps=self.recorded_steps[index],
             future=None if self.future is None else self.future[index],
             future_valid=None if self.future_valid is None else self.future_valid[index],
+            intentions=tuple(self.intentions[i] for i in index) if self.intentions else (),
         )
+
+    def intention(self, vehicle: int) -> Intention | None:
+        """Return what SUMO knows of a vehicle by its index; None for recordings."""
+        return self.intentions[vehicle] if self.intentions else None
 
     @property
     def now(self) -> States:

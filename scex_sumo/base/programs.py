@@ -90,10 +90,14 @@ def user_sumo() -> Path | None:
     return own
 
 
+OWN_MODEL = "own"
+"""In the place of a model's name: each vehicle's own one, in scenes of a SUMO simulation."""
+
+
 def check_driver(model: str, parameters: Mapping[str, str]) -> None:
     """Check a SUMO model's name and parameters."""
-    if model not in SUMO_MODELS:
-        raise UsageError(f"unknown SUMO model {model!r}; known: {', '.join(SUMO_MODELS)}")
+    if model not in (*SUMO_MODELS, OWN_MODEL):
+        raise UsageError(f"unknown SUMO model {model!r}; known: {', '.join((*SUMO_MODELS, OWN_MODEL))}")
     for key, value in parameters.items():
         if key in RANDOM_PARAMETERS and value not in ("0", "0.0"):
             raise UsageError(
@@ -106,6 +110,13 @@ def check_driver(model: str, parameters: Mapping[str, str]) -> None:
             float(value)
         except ValueError:
             raise UsageError(f"sumo:{model}: {key}={value} is not a number") from None
+
+
+def usable_parameters(attributes: Mapping[str, str]) -> dict[str, str]:
+    """Return the attributes of a ``vType`` that are parameters of its driver and make it not random."""
+    left_out = {*_REFUSED, *RANDOM_PARAMETERS, "speedFactor", "probability"}
+    known = {key: value for key, value in attributes.items() if key in _known_parameters() - left_out}
+    return {key: value for key, value in known.items() if re.fullmatch(r"-?\d+(\.\d+)?(e[+-]?\d+)?", value)}
 
 
 @cache

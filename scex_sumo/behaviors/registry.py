@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object, own_error_reason
-from scex_sumo.base.programs import SUMO_MODELS, check_driver
+from scex_sumo.base.programs import OWN_MODEL, SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver, IdmProfile
 from scex_sumo.behaviors.models.simple import (
@@ -162,7 +162,7 @@ def known_models() -> list[ModelInfo]:
 def known_entries() -> dict[str, ModelEntry]:
     """Return the entries of all models; one that cannot be loaded says why in its summary."""
     found = dict(_CORE)
-    for model in SUMO_MODELS:
+    for model in (*SUMO_MODELS, OWN_MODEL):
         found[f"{SUMO}:{model}"] = entry_of(f"{SUMO}:{model}")
     for name in sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *_MIXES}):
         try:

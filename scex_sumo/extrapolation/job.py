@@ -230,15 +230,15 @@ def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
         child, vehicle = np.nonzero(batch.assignment == index)
         routes = model.routes(job.scene, job.road, vehicle, batch.route_draw[child, vehicle])
         for c, v, lanes in zip(child.tolist(), vehicle.tolist(), routes, strict=True):
-            edges = job.net.lanes.edges(lanes)
+            intention = job.scene.intention(v) if model.path in ("straight", "random") else None
+            edges = job.net.lanes.edges(lanes) if intention is None else intention.edges
             if not edges:
                 raise ScexError(
                     f"{batch.names[index]}: vehicle {job.scene.track_ids[v]} is not on a mapped lane, "
                     "so SUMO cannot drive it; give it another model with --assign"
                 )
+            name, parameters = model.driving(job.scene, v)
             driven.append(
-                SumoDriven(
-                    child=c, vehicle=v, model=model.model, parameters=model.parameters, edges=tuple(edges)
-                )
+                SumoDriven(child=c, vehicle=v, model=name, parameters=parameters, edges=tuple(edges))
             )
     return driven

@@ -142,6 +142,9 @@ def digest(scene: SeedScene) -> str:
             for array in (states.x, states.y, states.heading, states.speed):
                 digest.update(np.ascontiguousarray(array).tobytes())
     digest.update(repr(scene.types).encode())
+    for intention in scene.intentions:
+        known = None if intention is None else {**vars(intention), "lanes": sorted(intention.lanes)}
+        digest.update(repr(known).encode())
     for lane in scene.road.lanes.values() if scene.road is not None else ():
         digest.update(repr((lane.lane_id, lane.kind, lane.speed_limit_mps, lane.successors)).encode())
         digest.update(np.ascontiguousarray(lane.centreline).tobytes())

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -28,6 +29,7 @@ from scex_sumo.scene import SeedScene
 
 CHANGE_LENGTH_M = 40.0  # at the end of a lane
 MAX_ROUTES = 32
+MAX_LOOK_AHEAD = 12  # lanes of a route whose changes are avoided
 HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path
 
 
@@ -41,12 +43,14 @@ class CandidatePath:
         s: arc length of the vehicle's foot point on the first lane, m.
         probability: match probability, shared equally at every fork.
         angle: from the vehicle to the end of the path in the vehicle's frame, rad, left positive.
+        intended: whether it is the route that SUMO's simulation has for the vehicle.
     """
 
     lanes: tuple[int, ...]
     s: float
     probability: float
     angle: float
+    intended: bool = False
 
 
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
@@ -115,8 +119,59 @@ def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, 
         paths = [
             path for lane, s, p in starts for path in _paths_from(road, lane, s, p / total, horizon, pose)
         ]
+        if (intention := scene.intention(v)) is not None:
+            paths = _with_intended(road, paths, starts, intention.lanes, horizon, pose)
         result.append(tuple(sorted(paths, key=lambda path: (-round(path.angle, 9), path.lanes))))
     return tuple(result)
+
+
+def _with_intended(
+    road: Road,
+    paths: list[CandidatePath],
+    starts: list[tuple[int, float, float]],
+    allowed: frozenset[int],
+    horizon: float,
+    pose: tuple[float, float, float],
+) -> list[CandidatePath]:
+    """Mark the path along the lanes of a vehicle's route as intended; add it if it is none of them."""
+    start = next(((lane, s) for lane, s, _ in starts if lane in allowed), None)
+    if start is None:
+        return paths
+    lane, s = start
+    route = _along(road, lane, s, allowed, horizon)
+    for k, path in enumerate(paths):
+        if path.lanes == route:
+            paths[k] = replace(path, intended=True)
+            return paths
+    angle = _angle(road, route, s, horizon, pose)
+    return [*paths, CandidatePath(lanes=route, s=s, probability=0.0, angle=angle, intended=True)]
+
+
+def _along(road: Road, lane: int, s: float, allowed: frozenset[int], horizon: float) -> tuple[int, ...]:
+    """Return the lanes of a route over a distance, with as few lane changes as its lanes allow."""
+    lanes, length = _known(road), _lengths(road)
+
+    def ahead(lane: int) -> list[int]:
+        return [i for i in lanes[lane].successors if i in allowed and i in lanes]
+
+    @cache
+    def reach(lane: int, edges: int = MAX_LOOK_AHEAD) -> float:
+        """Return how far the route leads on from the begin of a lane without a change."""
+        return length[lane] + max((reach(i, edges - 1) for i in ahead(lane) if edges), default=0.0)
+
+    route: tuple[int, ...] = (lane,)
+    covered = length[lane] - s
+    while covered < horizon:
+        options = ahead(route[-1])
+        gain = bool(options)
+        if not gain:
+            beside = {lanes[route[-1]].left, lanes[route[-1]].right} - {*route}
+            options = [i for i in beside if i in allowed and i in lanes and reach(i) > length[i]]
+        if not options:
+            break
+        best = max(options, key=lambda i: (reach(i), -i))
+        route, covered = (*route, best), covered + (length[best] if gain else 0.0)
+    return route
 
 
 def _past(scene: SeedScene, vehicle: int) -> FloatArray:
@@ -159,17 +214,23 @@ def _paths_from(
     road: Road, lane: int, s: float, probability: float, horizon: float, pose: tuple[float, float, float]
 ) -> list[CandidatePath]:
     options = routes(road, lane, s, horizon)
-    x, y, heading = pose
     paths = []
     for route in options:
         share = probability
         for i in range(1, len(route)):  # alternatives at each fork
             share /= len({other[i] for other in options if other[:i] == route[:i] and len(other) > i})
-        points, _ = centreline(road, route, s, 0.0, horizon)
-        dx, dy = points[-1] - (x, y)
-        angle = float(wrap(np.arctan2(dy, dx) - heading))
+        angle = _angle(road, route, s, horizon, pose)
         paths.append(CandidatePath(lanes=route, s=s, probability=share, angle=angle))
     return paths
+
+
+def _angle(
+    road: Road, route: tuple[int, ...], s: float, horizon: float, pose: tuple[float, float, float]
+) -> float:
+    x, y, heading = pose
+    points, _ = centreline(road, route, s, 0.0, horizon)
+    dx, dy = points[-1] - (x, y)
+    return float(wrap(np.arctan2(dy, dx) - heading))
 
 
 def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, ...]:

@@ -131,7 +131,7 @@ class SumoSession:
             self._template.window_layout(count, margin_m=_GUI_MARGIN_M) if gui else self._template.layout()
         )
         self._sumo: Any = None
-        self._errors: tuple[type[Exception], ...] = ()
+        self.errors: tuple[type[Exception], ...] = ()
 
     def ready(self, module: Any) -> Any:
         """Return libsumo or traci, connected to an empty simulation with all vehicle types."""
@@ -153,7 +153,7 @@ class SumoSession:
         """End the simulation."""
         global _open
         if self._sumo is not None:
-            with suppress(*self._errors):
+            with suppress(*self.errors):
                 (self._sumo if self._gui else self._sumo.simulation).close()
             self._sumo, _open = None, False
 
@@ -162,7 +162,7 @@ class SumoSession:
         """Turn SUMO's errors into a `SimulationError`: SUMO refused to do ``what``."""
         try:
             yield
-        except self._errors as error:
+        except self.errors as error:
             reason = str(error).strip() or type(error).__name__
             raise SimulationError(f"SUMO refused to {what}: {reason}") from error
 
@@ -188,11 +188,11 @@ class SumoSession:
         if self._gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
         binary = program("sumo-gui") if self._gui else "sumo"
-        self._errors = (module.TraCIException, module.FatalTraCIError)
+        self.errors = (module.TraCIException, module.FatalTraCIError)
         with silence() as messages:
             try:
                 (module if self._gui else module.simulation).start([binary, *options, *_OPTIONS])
-            except self._errors as error:
+            except self.errors as error:
                 reason = next((line for line in messages() if line.startswith("Error: ")), f"Error: {error}")
                 raise SimulationError(f"SUMO does not start: {reason.removeprefix('Error: ')}") from error
         self._sumo, _open = module, True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,7 @@ __all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
 # Distance of a vehicle to its lane. Faster than SUMO's 100 m; 5 m misses some forking lanes.
 _MATCH_M = 20.0
 _NO_LANE = -1
+_AS_TOLD = 0b0001010101  # SUMO's lane change mode: its own decisions, and told ones without regard of gaps
 
 
 class SumoWorld:
@@ -74,6 +76,7 @@ class SumoWorld:
         self._running: RunningBatch | None = None
         self._speeds: list[tuple[str, float, float]] = []
         self._routes = 0
+        self._changing: dict[str, int] = {}
 
     def __enter__(self) -> SumoWorld:
         return self
@@ -99,9 +102,10 @@ class SumoWorld:
         if missing := sorted(set(wanted) - set(tiles)):
             raise SimulationError(f"no tile for slots {missing}; this world has tiles for {tiles}")
         for d in driven:
-            self._types.enter(d.model, d.parameters)
+            self._types.enter(d.vehicle, d.model, d.parameters)
         self._running = None
         self._speeds.clear()
+        self._changing.clear()
         self._sumo = self._session.ready(load_sumo(gui=self._gui))
         self._call = VehicleCalls.of(self._sumo)
         ids = vehicle_ids(wanted, self._scene.track_ids)
@@ -118,6 +122,37 @@ class SumoWorld:
         self._advance(batch)
         with self._session.refusals("hand vehicles over to its drivers"):
             batch.hand_over(driven, self._sumo)
+            self._plan_stops(batch, driven)
+            self._go_on_changing(batch, driven)
+
+    def _plan_stops(self, batch: RunningBatch, driven: Sequence[SumoDriven]) -> None:
+        for d in driven:
+            intention = self._scene.intention(d.vehicle)
+            key, slot = batch.id_of(d.child, d.vehicle), batch.slots[d.child]
+            for stop in () if intention is None else intention.stops:
+                edge, _, lane = stop.lane.rpartition("_")
+                begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
+                with suppress(*self._session.errors):  # too near to brake, or off the route
+                    self._sumo.vehicle.setStop(
+                        key,
+                        tile_id(slot, edge),
+                        stop.end_m,
+                        int(lane),
+                        stop.duration_s,
+                        stop.flags,
+                        stop.start_m,
+                        stop.until_s + begin_s,
+                    )
+
+    def _go_on_changing(self, batch: RunningBatch, driven: Sequence[SumoDriven]) -> None:
+        """Let vehicles go on that change their lanes, whoever is beside them, as SUMO had decided."""
+        for d in driven:
+            intention, key = self._scene.intention(d.vehicle), batch.id_of(d.child, d.vehicle)
+            if intention is not None and intention.change:
+                with suppress(*self._session.errors):  # no lane there
+                    self._changing[key] = self._sumo.vehicle.getLaneChangeMode(key)
+                    self._sumo.vehicle.setLaneChangeMode(key, _AS_TOLD)
+                    self._sumo.vehicle.changeLaneRelative(key, intention.change, STEP_S)
 
     def move(self, states: States, mask: BoolArray) -> None:
         """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive."""
@@ -165,6 +200,9 @@ class SumoWorld:
                 self._speeds.append((pose.key, pose.speed, 0.0))
         self._advance(batch)
         with self._session.refusals("follow routes"):
+            for key, mode in self._changing.items():
+                self._sumo.vehicle.setLaneChangeMode(key, mode)
+            self._changing.clear()
             batch.watch_route_ends(self._sumo)
 
     def read(self) -> States:
@@ -247,6 +285,8 @@ class SumoWorld:
                 route = f"route{self._routes}"
                 self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
                 self._sumo.vehicle.add(key, route, self._types.driven(v, d.model, d.parameters))
+                if (intention := self._scene.intention(v)) is not None:
+                    self._sumo.vehicle.setSpeedFactor(key, intention.speed_factor)
             else:
                 self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
                 if batch.mixed[child]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeAlias
 from xml.sax.saxutils import quoteattr as quoted
 
 from scex_sumo.base.colors import OTHER_RGB
@@ -13,6 +14,7 @@ from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.scene import SeedScene
 
 _GUI_SHAPES = {"van": "delivery", "car": "passenger", "tram": "rail/railcar"}
+_Driver: TypeAlias = tuple[str, tuple[tuple[str, str], ...], str]  # model, parameters, SUMO's class
 _CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
 
 
@@ -33,10 +35,11 @@ def given_type(
 
 
 def _driven_type(
-    name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str]
+    name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str], own: str
 ) -> str:
     shape = gui_shape(kind)
-    attributes = {"vClass": _CLASSES.get(shape, "passenger"), "guiShape": shape, "carFollowModel": model}
+    attributes = {"vClass": own or _CLASSES.get(shape, "passenger"), "guiShape": shape}
+    attributes["carFollowModel"] = model
     attributes |= dict.fromkeys(RANDOM_PARAMETERS, "0")
     return _element(name, length, width, {**attributes, **parameters})
 
@@ -58,7 +61,8 @@ class TypeBook:
             self._obstacles = list(
                 zip(others.types, others.length.tolist(), others.width.tolist(), strict=True)
             )
-        self._drivers: dict[tuple[str, tuple[tuple[str, str], ...]], int] = {}
+        self._intentions = scene.intentions
+        self._drivers: dict[_Driver, int] = {}
         self._written: set[int] = set()
 
     @property
@@ -69,14 +73,19 @@ class TypeBook:
     @property
     def random(self) -> bool:
         """Whether a driver uses SUMO's random numbers."""
-        return any(model in RANDOM_MODELS for model, _ in self._drivers)
+        return any(model in RANDOM_MODELS for model, _, _ in self._drivers)
 
-    def enter(self, model: str, parameters: Mapping[str, str]) -> None:
+    def enter(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> None:
         """Enter a SUMO driver; raises a `UsageError` as `check_driver`."""
-        key = (model, tuple(sorted(parameters.items())))
+        key = self._driver(vehicle, model, parameters)
         if key not in self._drivers:
             check_driver(model, parameters)
             self._drivers[key] = len(self._drivers)
+
+    def _driver(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> _Driver:
+        intention = self._intentions[vehicle] if self._intentions else None
+        own = "" if intention is None else intention.vehicle_class
+        return model, tuple(sorted(parameters.items())), own
 
     def overridden(self, vehicle: int) -> str:
         """Return the type of a moved vehicle."""
@@ -84,7 +93,7 @@ class TypeBook:
 
     def driven(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> str:
         """Return the type of a SUMO-driven vehicle."""
-        index = self._drivers[model, tuple(sorted(parameters.items()))]
+        index = self._drivers[self._driver(vehicle, model, parameters)]
         return f"{self.overridden(vehicle)}_{model}{index}"
 
     def obstacle(self, obstacle: int) -> str:
@@ -96,10 +105,10 @@ class TypeBook:
         lines = {_type_name(*size): given_type(_type_name(*size), *size) for size in self._vehicles}
         for size in self._obstacles:
             lines[_type_name(*size)] = given_type(_type_name(*size), *size, OTHER_RGB)
-        for (model, parameters), index in self._drivers.items():
+        for (model, parameters, own), index in self._drivers.items():
             for size in self._vehicles:
                 name = f"{_type_name(*size)}_{model}{index}"
-                lines[name] = _driven_type(name, *size, model, dict(parameters))
+                lines[name] = _driven_type(name, *size, model, dict(parameters), own)
         path.write_text(f"<additional>\n{''.join(lines.values())}</additional>\n", encoding="utf-8")
         self._written = set(self._drivers.values())
 

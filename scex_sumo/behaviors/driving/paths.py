@@ -5,7 +5,7 @@ A path depends on the vehicle's pose in the seed scene and is the same in all ch
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 from math import ceil
@@ -138,7 +138,13 @@ def seed_paths(
             options = [_given(road, given, pose, ahead)]
         else:
             options = [
-                _Line(*centreline(road, p.lanes, p.s, BEHIND_M, ahead), p.lanes, p.probability, p.angle)
+                _Line(
+                    *centreline(road, p.lanes, p.s, BEHIND_M, ahead),
+                    p.lanes,
+                    p.probability,
+                    p.angle,
+                    intended=p.intended,
+                )
                 for p in candidates[v]
             ] or [_straight(pose, ahead)]
         lines.append(options)
@@ -148,7 +154,12 @@ def seed_paths(
         ]
     count = np.array([len(some) for some in lines], dtype=np.int64)
     every, samples = list(chain.from_iterable(lines)), int((BEHIND_M + ahead) / DS_M) + 1
-    return _tabulate(road, every, np.repeat(now.speed, count), samples, count)
+    paths = _tabulate(road, every, np.repeat(now.speed, count), samples, count)
+    if not scene.intentions:
+        return paths
+    factor = [1.0 if known is None else known.speed_factor for known in scene.intentions]
+    driven = [factor[v] if line.on_road else 1.0 for v, some in enumerate(lines) for line in some]
+    return replace(paths, speed_limit=paths.speed_limit * np.array(driven)[:, None])
 
 
 @dataclass(frozen=True)
@@ -159,6 +170,7 @@ class _Line:
     share: float = 1.0
     angle: float = 0.0
     on_road: bool = True
+    intended: bool = False
 
 
 def _straight(pose: tuple[float, float, float], ahead: float) -> _Line:
@@ -225,8 +237,8 @@ def _tabulate(
     centre = even.reshape(-1, 2).mean(axis=0)
     some = even[:, ::COARSE] - centre
     first = np.cumsum(count) - count
-    shares = np.array([line.share for line in lines])
     parts = [slice(f, f + n) for f, n in zip(first, count, strict=True)]
+    shares = np.concatenate([_shares(lines[part]) for part in parts])
     return SeedPaths(
         first=first,
         count=count,
@@ -243,7 +255,16 @@ def _tabulate(
     )
 
 
+def _shares(lines: list[_Line]) -> FloatArray:
+    """Return the share of each path of a vehicle in random draws: an intended one has all."""
+    intended = np.array([float(line.intended) for line in lines])
+    return intended if intended.any() else np.array([line.share for line in lines])
+
+
 def _straightest(lines: list[_Line]) -> int:
+    """Return the index of the intended path, else of the straightest from the most probable lane."""
+    if any(line.intended for line in lines):
+        return next(k for k, line in enumerate(lines) if line.intended)
     by_lane: dict[tuple[int, ...], float] = {}
     for line in lines:
         by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share

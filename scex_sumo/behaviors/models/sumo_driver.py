@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.programs import check_driver
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.programs import OWN_MODEL, SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Sight, check_path
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice, planned_lanes
@@ -20,7 +21,7 @@ class SumoDriver:
     """A SUMO car-following model: the world leaves the vehicle to SUMO, this class gives its route.
 
     Attributes:
-        model: SUMO's name of the model, e.g. ``EIDM``.
+        model: SUMO's name of the model, e.g. ``EIDM``; ``own`` for each vehicle's own in a SUMO simulation.
         parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
         path: as in `IdmProfile`.
 
@@ -49,6 +50,24 @@ class SumoDriver:
             draw: (n,) `SceneHistory.route_draw`.
         """
         return planned_lanes(scene, road, self.path, vehicle, draw)
+
+    def driving(self, scene: SeedScene, vehicle: int) -> tuple[str, dict[str, str]]:
+        """Return SUMO's model and its parameters for a vehicle: those of its own type, then the given ones.
+
+        Raises:
+            UsageError: ``own``, and the scene is not of a SUMO simulation.
+        """
+        intention = scene.intention(vehicle)
+        if intention is None and self.model == OWN_MODEL:
+            raise UsageError(
+                f"sumo:{OWN_MODEL}: vehicle {scene.track_ids[vehicle]} is not of a SUMO simulation; "
+                f"name a model, one of {', '.join(SUMO_MODELS)}"
+            )
+        if intention is None:
+            return self.model, self.parameters
+        own = intention.model if intention.model in SUMO_MODELS else SUMO_MODELS[0]
+        model = own if self.model == OWN_MODEL else self.model
+        return model, {**intention.parameters, **self.parameters}
 
     @property
     def sight(self) -> Sight | None:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import sys
 from array import array
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
 from xml.etree import ElementTree
@@ -21,13 +23,17 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.programs import usable_parameters
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS
 from scex_sumo.converters.net.files import net_root
+from scex_sumo.converters.net.lanelets import lane_places
+from scex_sumo.converters.net.sumo_net import read_ends
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.imported import kept_net
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Intention, SeedScene, Stop
 
 _NOWHERE_M = 1e8  # SUMO's coordinates of vehicles that are not in the network are beyond
 _PARKED = 2  # bit of a stop's state
@@ -36,6 +42,10 @@ _RAILS = ("rail", "rail_urban", "rail_electric", "rail_fast", "subway", "cable_c
 _RAIL_SIGNALS = (1, 2)
 _STATIC, _BY_TRAFFIC = 0, (3, 5)  # types with known phases: fixed ones; actuated and delay-based ones
 _HELD_S = 1000.0
+_SIDEWAYS = 1e-4  # m²/s: speed times offset of a vehicle that leaves the middle of its lane
+_PARKS, _TRIGGERED = 1, 2 + 4  # bits of a planned stop's flags
+MAX_EDGES, MAX_STOPS = 50, 3  # of a vehicle that are kept
+INTENTIONS_S = 1.0  # between records of intentions
 
 Frame: TypeAlias = tuple[float, list[str], "array[float]"]
 
@@ -71,6 +81,8 @@ class Recorded:
         absent: time, teleporting vehicles, parked ones, and number of those that wait to be inserted.
         lights: changes of each traffic light, in order of time.
         programmes: by light and name.
+        intentions: changes of what each vehicle is to do, in order of time; stops count from time 0.
+        asked_s: times at which all of them were recorded.
         notes: on the simulation, one sentence each.
     """
 
@@ -79,6 +91,8 @@ class Recorded:
     absent: deque[tuple[float, tuple[str, ...], tuple[str, ...], int]] = field(default_factory=deque)
     lights: dict[str, list[Light]] = field(default_factory=dict)
     programmes: dict[tuple[str, str], Programme] = field(default_factory=dict)
+    intentions: dict[str, list[tuple[float, Intention]]] = field(default_factory=dict)
+    asked_s: set[float] = field(default_factory=set)
     notes: tuple[str, ...] = ()
 
     @property
@@ -116,8 +130,45 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
             notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
     notes += on_lights
     vehicles = {str(track): names[str(track)] for track in scene.track_ids}
+    intentions = [_intention_at(recorded, name, time_s) for name in vehicles.values()]
+    if road is not None and road.net is not None and any(intentions):
+        scene = dataclasses.replace(scene, intentions=with_lanes(road.net, intentions))
     source = {"kind": "simulation", "simulation": str(path), "time_s": time_s, "vehicles": vehicles}
     return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
+
+
+def _intention_at(recorded: Recorded, name: str, time_s: float) -> Intention | None:
+    """Return the last intention before a time, else the first one after it; stops count from the time."""
+    changes = recorded.intentions.get(name, ())
+    if not changes:
+        return None
+    known = [intention for since_s, intention in changes if since_s <= time_s + 1e-6]
+    intention = known[-1] if known else changes[0][1]
+    stops = [
+        dataclasses.replace(stop, until_s=stop.until_s - time_s if stop.until_s >= 0 else -1.0)
+        for stop in intention.stops
+    ]
+    change = intention.change if round(time_s, 3) in recorded.asked_s else 0
+    return dataclasses.replace(intention, stops=tuple(stops), change=change)
+
+
+def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Intention | None, ...]:
+    """Return intentions with the lanes of the net's road along their routes."""
+    root = net_root(net)
+    under = {name: [number for number, _ in places] for name, places in lane_places(root)}
+    of_edge: dict[str, set[int]] = {}
+    for name, numbers in under.items():
+        of_edge.setdefault(name.rpartition("_")[0], set()).update(numbers)
+    within: dict[tuple[str, str], set[int]] = {}
+    for name, ends in read_ends(root).items():
+        within.setdefault(ends, set()).update(under.get(name, ()))
+
+    def lanes(edges: Sequence[str]) -> frozenset[int]:
+        parts = [of_edge.get(edge, set()) for edge in edges]
+        parts += [within.get(ends, set()) for ends in pairwise(edges)]
+        return frozenset().union(*parts)
+
+    return tuple(known and dataclasses.replace(known, lanes=lanes(known.edges)) for known in intentions)
 
 
 class Recorder:
@@ -131,9 +182,11 @@ class Recorder:
     def __init__(self, sumo: Any, keep_s: float | None = None) -> None:
         """Find the lights that have programmes."""
         self._sumo, self._keep_s = sumo, keep_s
+        self._model = str(sumo.simulation.getOption("default.carfollowmodel"))
         self.recorded = Recorded()
         self._labels: dict[tuple[bool, str], str] = {}  # a person may have the name of a vehicle
         self._present: set[tuple[bool, str]] = set()
+        self._types: dict[str, dict[str, str]] = {}
         # SUMO makes rail signals of the trains.
         programmes = sumo.trafficlight.getAllProgramLogics
         self._lights = [
@@ -189,6 +242,33 @@ class Recorder:
             size = float(domain.getLength(name)), float(domain.getWidth(name))
             self.recorded.users[label] = "tram" if kind in _RAILS else kind, *size
 
+    def take_intentions(self) -> None:
+        """Record where the vehicles of the present step go, how they drive and where they stop."""
+        sumo, time_s = self._sumo, round(float(self._sumo.simulation.getTime()), 3)
+        ask = sumo.vehicle
+        types = {name: str(ask.getTypeID(name)) for name in ask.getIDList()}
+        if any(kind not in self._types for kind in types.values()):
+            self._types |= types_of(sumo)
+        self.recorded.asked_s.add(time_s)
+        for name, kind in types.items():
+            attributes = self._types.get(kind, {})
+            index = max(int(ask.getRouteIndex(name)), 0)
+            edges = ask.getRoute(name)[index : index + MAX_EDGES]
+            intention = Intention(
+                edges=tuple(map(sys.intern, edges)),
+                model=attributes.get("carFollowModel", self._model),
+                vehicle_class=str(ask.getVehicleClass(name)),
+                parameters=usable_parameters(attributes),
+                speed_factor=float(ask.getSpeedFactor(name)),
+                stops=tuple(_stop(ask, name, k, time_s) for k in range(len(ask.getStops(name, MAX_STOPS)))),
+                change=_change(ask, name),
+            )
+            changes = self.recorded.intentions.setdefault(self._labels[False, name], [])
+            while changes and changes[-1][0] >= time_s:
+                changes.pop()
+            if not changes or changes[-1][1] != intention:
+                changes.append((time_s, intention))
+
     def _take_light(self, light: str, time_s: float, before_s: float) -> None:
         ask, changes = self._sumo.trafficlight, self.recorded.lights.setdefault(light, [])
         while changes and changes[-1].since_s >= time_s:
@@ -218,6 +298,49 @@ class Recorder:
             # States set by TraCI, and those of other types, go on in ways that nobody knows.
             if logic.programID != "online" and (by_traffic or int(logic.type) == _STATIC):
                 known[light, logic.programID] = Programme(fixed=not by_traffic, phases=tuple(phases))
+
+
+def types_of(sumo: Any) -> dict[str, dict[str, str]]:
+    """Return the attributes of a simulation's vehicle types, as its saved state has them.
+
+    Empty if it cannot write one here.
+    """
+    with TemporaryFolder() as folder:
+        file = Path(folder, "state.xml")
+        sumo.simulation.saveState(str(file))
+        if not file.is_file():
+            return {}
+        found = {}
+        for _, element in ElementTree.iterparse(file):
+            if element.tag == "vType":
+                found[element.get("id", "")] = dict(element.attrib)
+            element.clear()
+    return found
+
+
+def _change(vehicles: Any, name: str) -> int:
+    speed, offset = vehicles.getLateralSpeed(name), vehicles.getLateralLanePosition(name)
+    return int(np.sign(speed)) if speed * offset > _SIDEWAYS else 0
+
+
+def _stop(vehicles: Any, name: str, index: int, time_s: float) -> Stop:
+    def asked(key: str) -> float:
+        value = vehicles.getStopParameter(name, index, key)
+        return float(value) if value else -1.0
+
+    stop = vehicles.getStops(name, index + 1)[index]
+    waits = stop.stopFlags & _TRIGGERED
+    duration, started = max(float(stop.duration), 0.0), asked("started")
+    if started >= 0:
+        duration = max(duration - (time_s - started), 0.0)
+    return Stop(
+        lane=str(stop.lane),
+        start_m=float(stop.startPos),
+        end_m=float(stop.endPos),
+        duration_s=_HELD_S if waits else duration,
+        until_s=float(stop.until) if stop.until >= 0 else -1.0,
+        flags=int(stop.stopFlags) & _PARKS,
+    )
 
 
 def with_lights(road: Road | None, recorded: Recorded, time_s: float) -> tuple[Road | None, list[str]]:

@@ -26,7 +26,7 @@ from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.extrapolation.workers import in_other_process
 from scex_sumo.formats.recognition import is_simulation
 from scex_sumo.formats.sumo.net import read_sumo_road
-from scex_sumo.formats.sumo.recorder import Recorded, Recorder
+from scex_sumo.formats.sumo.recorder import INTENTIONS_S, Recorded, Recorder
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
 
@@ -247,10 +247,13 @@ def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], 
     if begin + step_s < (before := first - step_s):
         while (now := tell()) < before - 5e-4:
             sumo.simulationStep(min(before, now + max((last - begin) / 200, step_s)))
-    recorder = Recorder(sumo)
-    while tell() < last - step_s / 2 and sumo.simulation.getMinExpectedNumber():
+    recorder, asked_s = Recorder(sumo), -INTENTIONS_S
+    while (now := tell()) < last - step_s / 2 and sumo.simulation.getMinExpectedNumber():
         sumo.simulationStep()
         recorder.take()
+        if (now + step_s) // INTENTIONS_S != asked_s // INTENTIONS_S:
+            recorder.take_intentions()
+            asked_s = now + step_s
     recorded = recorder.recorded
     if not any(kind != "pedestrian" for kind, *_ in recorded.users.values()):
         only = "only pedestrians" if recorded.users else "no vehicle"

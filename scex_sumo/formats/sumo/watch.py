@@ -121,6 +121,7 @@ class Watch:
         if self._is_open():
             with _asking("read"):
                 self._take()  # steps that no listener was told of, and vehicles removed since
+                self._recorder.take_intentions()
         recorded = self._recorder.recorded
         if not any(recorded.users[name][0] != "pedestrian" for name in recorded.frames[-1][1]):
             raise TrackError(f"no vehicle on the road at {self.time_s:g} s; step the simulation first")

@@ -1,0 +1,96 @@
+"""Futures of SUMO simulations against SUMO itself, from the same moment on and without random driving.
+
+    python -m benchmarks.what_if A.sumocfg B.sumocfg --times 60,120 [--models sumo:own,standard_driver]
+
+Each vehicle's position 3 s later in a future and in the simulation that goes on: number, median, 95 % and
+largest distance in m. Vehicles that arrive, are inserted or teleport within the 3 s are left out. Without
+files: the simulations of SUMO's own games with cars.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from scex_sumo.base.programs import sumo_home
+
+STEPS = 30
+GAMES = ("cross", "square", "ramp", "corridor", "grid6", "fkk_in", "A10KW", "fokr_bs_demo")
+# As the futures have them: steps, and lane changes that take their time.
+OPTIONS = ("--step-length", "0.1", "--lanechange.duration", "3", "--no-step-log", "--no-warnings")
+
+
+def positions(sumo, names):  # type: ignore[no-untyped-def]
+    """Return (x, y) of the centre of each vehicle that is still driving."""
+    found = {}
+    for name in set(names) & set(sumo.vehicle.getIDList()):
+        (x, y), heading = sumo.vehicle.getPosition(name), np.radians(90 - sumo.vehicle.getAngle(name))
+        half = sumo.vehicle.getLength(name) / 2
+        found[name] = (x - half * np.cos(heading), y - half * np.sin(heading))
+    return {name: place for name, place in found.items() if abs(place[0]) < 1e8}
+
+
+def compare(config: str, time_s: float, model: str) -> None:
+    """Print one line of JSON: the distances of one simulation's vehicles at one time."""
+    import libsumo as sumo
+
+    import scex_sumo as scex
+
+    warnings.simplefilter("ignore")
+    sumo.start(["sumo", "-c", config, *OPTIONS, "--xml-validation", "never"])
+    watch = scex.watch(sumo)
+    while sumo.simulation.getTime() < time_s and sumo.simulation.getMinExpectedNumber():
+        sumo.simulationStep()
+    for name in sumo.vehicle.getIDList():
+        sumo.vehicle.setImperfection(name, 0.0)
+    run = watch.extrapolate(children=1, models=model, steps=STEPS, exact=False, reference="none")
+    names = {int(track): name for track, name in watch.scene().source["vehicles"].items()}
+    for _ in range(STEPS):
+        sumo.simulationStep()
+        for name in sumo.simulation.getDepartedIDList():
+            sumo.vehicle.setImperfection(name, 0.0)
+    there = positions(sumo, names.values())
+    last = run.tracks.filter(run.tracks["frame_id"].to_numpy() == run.tracks["frame_id"].to_numpy().max())
+    off = {
+        names[track]: float(np.hypot(x - there[names[track]][0], y - there[names[track]][1]))
+        for track, x, y in zip(*(last[key].to_pylist() for key in ("track_id", "x", "y")), strict=True)
+        if names[track] in there
+    }
+    print(json.dumps(off))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("configs", nargs="*", type=Path)
+    parser.add_argument("--times", default="60,120")
+    parser.add_argument("--models", default="sumo:own,standard_driver")
+    parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.one:
+        config, at, model = given.one
+        return compare(config, float(at), model)
+    games = sumo_home() / "tools" / "game"
+    for config in given.configs or [games / f"{name}.sumocfg" for name in GAMES]:
+        for model in given.models.split(","):
+            off: list[float] = []
+            for at in given.times.split(","):
+                one = ["-m", "benchmarks.what_if", "--one", str(config.resolve()), at, model]
+                done = subprocess.run([sys.executable, *one], capture_output=True, text=True)
+                if done.returncode:
+                    print(f"{config.stem} {at} s: {done.stderr.strip().splitlines()[-1]}")
+                    continue
+                found = json.loads(done.stdout.splitlines()[-1])
+                off += found.values()
+            if off:
+                middle, high = np.quantile(off, [0.5, 0.95])
+                print(f"{config.stem:12} {model:16} {len(off):5} {middle:7.3f} {high:7.2f} {max(off):7.2f}")
+
+
+if __name__ == "__main__":
+    main()
