@@ -80,14 +80,16 @@ def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path |
         raise MapError(f"{path}: a folder without a map or recording; {_why_none(files, results)}")
     known = f"{path}: {len(recordings)} recordings on {len(maps)} maps"
     if len(maps) > 1:
-        raise MapError(f"{known}; give one of the maps: {listed(file.relative_to(path) for file in maps)}")
+        raise MapError(
+            f"{known}; give one of the maps: {listed(os.path.relpath(file, path) for file in maps)}"
+        )
     if tracks is not None or not recordings:
         return maps[0], tracks
     parts = [
         one.track_paths[0] if len(one.track_paths) == 1 else one.track_paths[0].parent for one in recordings
     ]
     if len(parts) > 1:
-        shown = listed(part.relative_to(path) for part in parts)
+        shown = listed(os.path.relpath(part, path) for part in parts)
         raise MapError(f"{path}: {len(parts)} recordings; give one of them with --tracks: {shown}")
     return maps[0], parts[0]
 

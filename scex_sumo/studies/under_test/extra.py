@@ -32,10 +32,9 @@ class Baseline(Extra):
         return int(self.baseline and any(model is not None for model in settings.under_test.values()))
 
     def after(self, work: Work) -> Sequence[Row]:
-        """Run the baseline; a finished one is kept."""
+        """Run the baseline."""
         job = work.job
-        folder = job.folder / BASELINE
-        if self.repeats(job.settings) and not (folder / "run.json").is_file():
+        if self.repeats(job.settings):
             settings = dataclasses.replace(
                 job.settings,
                 children="all" if job.settings.count is None else len(job.assignment),
@@ -43,7 +42,7 @@ class Baseline(Extra):
                 until_band=None,
             )
             options = dataclasses.replace(
-                work.options, gui=False, out=folder, overwrite=True, bar=work.bar_of_repeat
+                work.options, gui=False, out=job.folder / BASELINE, overwrite=True, bar=work.bar_of_repeat
             )
             run_scene(job.scene, settings, workers=work.workers, options=options)
         return ()

@@ -61,6 +61,17 @@ def test_several_recordings_are_listed(folder: Path) -> None:
         map_and_tracks(folder)
 
 
+def test_maps_outside_of_the_folder_are_listed_too(tmp_path: Path) -> None:
+    """SinD keeps its maps beside the folders of its recordings."""
+    for site in ("a", "b"):
+        (tmp_path / "SinD" / site / "8_2_1").mkdir(parents=True)
+        (tmp_path / "SinD" / site / "8_2_1" / "Veh_smoothed_tracks.csv").touch()
+        (tmp_path / "SinD" / site / f"{site}.osm").touch()
+    with pytest.raises(MapError, match=r"give one of the maps: a/a\.osm, b/b\.osm"):
+        map_and_tracks(tmp_path / "SinD")
+    assert map_and_tracks(tmp_path / "SinD" / "a" / "8_2_1")[0] == tmp_path / "SinD" / "a" / "a.osm"
+
+
 def test_several_recordings_of_one_map_are_listed(folder: Path) -> None:
     tracks = folder / "recorded_trackfiles" / "a"
     tracks.mkdir(parents=True)
