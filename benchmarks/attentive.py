@@ -35,13 +35,9 @@ from recorded_scenes import NGSIM_TEST
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.converters.datasets.moment import Part, Split, split_moments
-from scex_sumo.converters.datasets.recordings import (
-    find_recordings,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
+from scex_sumo.evaluation.split import Part, Split, split_moments
 from scex_sumo.extrapolation.assignments import child_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out

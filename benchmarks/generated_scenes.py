@@ -28,9 +28,10 @@ from scipy.stats import wasserstein_distance
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.converters.datasets.moment import Part, Split
-from scex_sumo.converters.datasets.recordings import find_recordings, load_recording
+from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.net.convert import converted
+from scex_sumo.evaluation.recordings import load_recording
+from scex_sumo.evaluation.split import Part, Split
 from scex_sumo.generators.generate import generated_scene
 from scex_sumo.generators.scene_context import Placed, lane_cells, placed_on_lanes, states_of
 from scex_sumo.generators.scene_model import KINDS, SHIPPED, SceneModel, load_scenes, save_scenes

@@ -13,14 +13,10 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.converters.datasets.moment import Split
-from scex_sumo.converters.datasets.recordings import (
-    Recording,
-    find_recordings,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.converters.registries import Recording
+from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
+from scex_sumo.evaluation.split import Split
 from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.learned.decoding import plan_along, way_of

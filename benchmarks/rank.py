@@ -22,12 +22,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import scex_sumo
-from scex_sumo.converters.datasets.recordings import (
-    find_recordings,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.cut import list_moments, moment_tasks
 from scex_sumo.studies.moments.run import MomentTask

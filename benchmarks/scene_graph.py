@@ -19,8 +19,8 @@ import numpy as np
 
 import scex_sumo as scex
 from scex_sumo.base.errors import ScexError
+from scex_sumo.generators.relations import RoadIndex, road_index
 from scex_sumo.roads.matching import lane_segments
-from scex_sumo.roads.relations import RoadIndex, road_index
 from scex_sumo.scene import SceneHistory, SeedScene
 
 DATA = Path(os.environ.get("SCEX_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))

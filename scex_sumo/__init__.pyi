@@ -10,10 +10,6 @@ from .certainty.results import Exact as Exact
 from .certainty.results import exact_of as exact_of
 from .certainty.results import weighted_probability as weighted_probability
 from .converters.datasets.find import find_recordings as find_recordings
-from .converters.datasets.recordings import LoadedRecording as LoadedRecording
-from .converters.datasets.recordings import load_recording as load_recording
-from .converters.datasets.recordings import recording_moments as recording_moments
-from .converters.datasets.recordings import seed_at as seed_at
 from .converters.lanelet.reader import read_road as read_road
 from .converters.maps import read_map as read_map
 from .converters.net.convert import convert as convert
@@ -21,6 +17,10 @@ from .converters.net.sumo_net import SumoNet as SumoNet
 from .converters.registries import Recording as Recording
 from .converters.tracks.rows import TrackTable as TrackTable
 from .converters.tracks.rows import track_rows as track_rows
+from .evaluation.recordings import LoadedRecording as LoadedRecording
+from .evaluation.recordings import load_recording as load_recording
+from .evaluation.recordings import recording_moments as recording_moments
+from .evaluation.recordings import seed_at as seed_at
 from .exporters.scene_graph import plot_scene_graph as plot_scene_graph
 from .exporters.scene_graph import to_hetero_data as to_hetero_data
 from .exporters.scene_graph import to_networkx as to_networkx

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scex_sumo.converters.datasets.moment import busiest
 from scex_sumo.metrics.registry import critical_columns, metric_of, side_of
 from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import extra_rows
@@ -16,9 +14,6 @@ from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.datasets.moment import Moment
-    from scex_sumo.converters.datasets.recordings import LoadedRecording
-    from scex_sumo.scene import SeedScene
     from scex_sumo.statistics.density import Interval
 
 
@@ -71,35 +66,3 @@ def _metric(run: Run, column: str) -> dict[str, Any]:
 def interval(share: Interval | None) -> dict[str, float] | None:
     """Return a share and its 95 % interval."""
     return None if share is None else {"value": share.value, "low": share.low, "high": share.high}
-
-
-def inspect_answer(
-    loaded: LoadedRecording, moments: list[Moment], scene: SeedScene | None, page: Path | None
-) -> dict[str, Any]:
-    """Return the answer of ``inspect --json``; ``scene`` is that of ``--time`` or ``--case``."""
-    rows = loaded.table.vehicles
-    return {
-        "recording": loaded.recording.name,
-        "page": page,
-        "seconds": (int(rows.timestamp_ms.max()) - int(rows.timestamp_ms.min())) / 1000,
-        "vehicles": len(set(rows.track_id.tolist())),
-        "findings": loaded.findings,
-        "notes": loaded.notes,
-        "checks": [vars(check) for check in loaded.checks],
-        "moments": [_moment(moment) for moment in moments],
-        "busiest": _moment(busiest(moments)) if moments else None,
-        "scene": None if scene is None else _scene(scene),
-    }
-
-
-def _moment(moment: Moment) -> dict[str, Any]:
-    there = {"vehicles": moment.vehicles, "complete": moment.complete}
-    return {"time_s": moment.time_s, "case": moment.case or None, **there}
-
-
-def _scene(scene: SeedScene) -> dict[str, Any]:
-    now = {"x": scene.now.x, "y": scene.now.y, "speed": scene.now.speed, "length": scene.length}
-    ids, kinds = scene.track_ids.tolist(), scene.types
-    columns = {"track_id": ids, "type": kinds, **{name: values.tolist() for name, values in now.items()}}
-    each = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    return {"name": scene.name, "time_s": scene.time_s, "vehicles": each}

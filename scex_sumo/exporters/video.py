@@ -23,8 +23,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import replacing
-from scex_sumo.converters.net.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.exporters.request import Request
+from scex_sumo.lanelet2sumo.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.page.drawing import STYLE, vehicle_outlines
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.children import colors_of, event_of

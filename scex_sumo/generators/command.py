@@ -127,7 +127,7 @@ def _drawn(
 ) -> tuple[list[SeedScene], dict[str, Any]]:
     """Return scenes drawn by their critical encounters, and the content of the file of weights."""
     from scex_sumo.generators.critical_scenes import FUTURES, MODELS, encounter_scores
-    from scex_sumo.statistics.sampling import sample_by_score
+    from scex_sumo.generators.sampling import sample_by_score
 
     scores = encounter_scores(candidates, seed=seed, progress=tick)
     if not scores.any():

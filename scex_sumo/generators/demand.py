@@ -13,8 +13,8 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.converters.net.files import points_of
-from scex_sumo.converters.net.reader import NetContent, read_net
 from scex_sumo.geometry.polylines import begin_inside
+from scex_sumo.lanelet2sumo.reader import NetContent, read_net
 
 LATERAL_MPS2 = 2.5  # usual in curves: 2 to 3
 CURVE_WINDOW_M = 6.0  # shorter bends are kinks of the map

@@ -15,10 +15,10 @@ from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.beside import offsets_beside
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle
 from scex_sumo.behaviors.driving.projection import foot_points
+from scex_sumo.humans.beside import offsets_beside
 from scex_sumo.humans.guard.conflicts import StopLines
 from scex_sumo.humans.guard.corridors import SAMPLE_S, expected
 from scex_sumo.humans.guard.guarded import arriving_later, line_motion, needed_braking, retimed

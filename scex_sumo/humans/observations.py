@@ -8,7 +8,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.driving.leaders import Leaders, find_ahead
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
@@ -19,6 +18,7 @@ from scex_sumo.behaviors.models.idm import (
     idm_acceleration,
 )
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.humans.beside import box_distances
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 

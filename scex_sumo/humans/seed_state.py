@@ -12,11 +12,11 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.humans.beside import box_distances
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.converters.net.road_lines import AREA, SURFACE, RoadLine
+from scex_sumo.lanelet2sumo.road_lines import AREA, SURFACE, RoadLine
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.packing import UNITS, coded_motion, decoded_motion, quantized, smallest
 from scex_sumo.results.run import Run

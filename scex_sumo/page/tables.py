@@ -11,6 +11,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
+from scex_sumo.page.encounter_table import HEADS, encounter_cells
 from scex_sumo.page.study import table
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
@@ -20,7 +21,6 @@ from scex_sumo.reports.encounter_rows import (
     probability_in,
     worst_of,
 )
-from scex_sumo.reports.encounter_table import HEADS, encounter_cells
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.encounters import event_of
 from scex_sumo.results.outcomes import COLLISIONS

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.errors import ScexError
+from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.datasets.reader import read_recorded
-from scex_sumo.converters.datasets.recordings import LoadedRecording, find_recordings, load_recording
 from scex_sumo.converters.tracks.evidence import evidence, lane_distance
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackRows
+from scex_sumo.evaluation.recordings import LoadedRecording, load_recording
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 

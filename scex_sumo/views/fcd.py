@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
-from scex_sumo.converters.net.reader import read_net
+from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.world.batch import to_sumo
 from scex_sumo.world.tiles import tile_id

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, seed_at
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.evaluation.recordings import load_recording, seed_at
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.seed_state import estimated_history, estimated_scene, heading_scatter
 from scex_sumo.scene import SeedScene, States

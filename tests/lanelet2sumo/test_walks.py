@@ -14,8 +14,8 @@ import pytest
 
 from scex_sumo import example_path, read_map
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.converters.net.reader import read_net
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
+from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import SUMO, NetFile, lane, load, road
 from tests.lanelet2sumo.walkers import ROUNDABOUT_ARMS, contacts, crosswalk, with_lanes

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from scex_sumo.converters.net.reader import NetContent, read_net
 from scex_sumo.lanelet2sumo.judge.driving import border_routes
+from scex_sumo.lanelet2sumo.reader import NetContent, read_net
 from scex_sumo.road import Lane, Road
 from tests.converters.sumo_roads import SUMO, lane
 

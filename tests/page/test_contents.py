@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 
-from scex_sumo.converters.net.road_lines import SURFACE, road_lines
+from scex_sumo.lanelet2sumo.road_lines import SURFACE, road_lines
 from scex_sumo.page.contents import report_contents
 from scex_sumo.page.packing import decoded_motion
 from scex_sumo.page.report import report_html, write_report

@@ -11,7 +11,8 @@ import pytest
 
 from scex_sumo import example_path
 from scex_sumo.base.errors import UsageError
-from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, seed_at
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.evaluation.recordings import load_recording, seed_at
 from scex_sumo.page.packing import UNITS
 from scex_sumo.studies.inspection.command import inspect_command
 from tests.page.packed import unpack

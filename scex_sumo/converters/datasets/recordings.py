@@ -5,147 +5,24 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.base.errors import TrackError, listed
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.datasets.checks import Check, doubts, refuse_implausible
-from scex_sumo.converters.datasets.find import find_recordings, find_tracks
-from scex_sumo.converters.datasets.moment import Moment, find_moments
+from scex_sumo.converters.datasets.checks import doubts, refuse_implausible
+from scex_sumo.converters.datasets.find import find_tracks
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.datasets.repairs import doubt_place, explain_mismatch
-from scex_sumo.converters.datasets.scene import FUTURE_STEPS, CleanRecording, take_scene
-from scex_sumo.converters.lanelet.origin import recorded_origin
-from scex_sumo.converters.maps import LANELET2, read_map
-from scex_sumo.converters.registries import Recording, Window, dataset_of, map_format, place_name
+from scex_sumo.converters.datasets.scene import FUTURE_STEPS, take_scene
+from scex_sumo.converters.registries import Recording, Window, dataset_of, place_name
 from scex_sumo.converters.tracks.evidence import Evidence, evidence, on_closed_lanes, on_lanes
-from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 
 MIN_SHARE_ON_LANES = 0.1  # a recording with less of its driving on lanes does not belong to its map
-
-__all__ = [
-    "LoadedRecording",
-    "Recording",
-    "find_recordings",
-    "load_recording",
-    "recorded_scene",
-    "recording_moments",
-    "recording_of",
-    "seed_at",
-]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LoadedRecording:
-    """A recording with its map, cleaned.
-
-    Attributes:
-        road: the map; recordings of one site loaded one after the other share it.
-        table: the tracks at 10 Hz; cases of INTERACTION v1.2 are only aligned.
-        findings: one phrase for each kind of defect that was repaired.
-        notes: warnings that all its seed scenes have: an implausible recording, a wrong place of the map.
-        checks: plausibility of the recording before repairs.
-
-    Example:
-        >>> (recording,) = scex.find_recordings([scex.example_path("roundabout")])
-        >>> scex.load_recording(recording).table.step_s
-        0.1
-    """
-
-    recording: Recording
-    road: Road
-    table: TrackTable
-    findings: tuple[str, ...]
-    notes: tuple[str, ...] = ()
-    checks: tuple[Check, ...] = ()
-
-
-def load_recording(
-    recording: Recording, origin: tuple[float, float] | None = None, *, force: bool = False
-) -> LoadedRecording:
-    """Read a recording and its map, repair it and align it to the map.
-
-    Args:
-        origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
-        force: accept sizes that no vehicle has, and vehicles that would drive backwards.
-
-    Raises:
-        MapError: the map is missing or cannot be read, or its origin is not known.
-        TrackError: the tracks cannot be read, hold no vehicle, are impossible, or do not lie on the map.
-
-    Example:
-        >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
-        >>> len(loaded.road.lanes) > 0
-        True
-    """
-    map_path, track_path = recording.map_path, recording.track_paths[0]
-    stamp = map_path.stat().st_mtime_ns if map_path.exists() else 0
-    if origin is None and map_format(map_path).read is LANELET2.read:
-        origin = recorded_origin(map_path, tracks_path=track_path)
-    road = _read_road(map_path, stamp, origin)
-    clean = read_clean(recording.track_paths, road, window=_with_history(recording.window))
-    if not force:
-        refuse_implausible(track_path, clean.checks, "repair the recording")
-    _check(clean.table, road, map_path)
-    return LoadedRecording(
-        recording=recording,
-        road=road,
-        table=clean.table,
-        findings=clean.findings,
-        notes=(*doubts(clean.checks), *_doubts(evidence(clean.table.vehicles), road, track_path)),
-        checks=clean.checks,
-    )
-
-
-def seed_at(
-    loaded: LoadedRecording, time_s: float, *, case: str | None = None, min_history: int = 0
-) -> SeedScene:
-    """Cut out the seed scene of one moment, the same as `scex_sumo.read_seed` gives for that file and time.
-
-    Args:
-        time_s: the moment in the recording's clock.
-        case: id of a case, if the file holds cases; None takes the first one.
-        min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
-
-    Raises:
-        TrackError: no vehicle at that moment, or an unknown case.
-
-    Example:
-        >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
-        >>> scex.seed_at(loaded, 4.0).time_s
-        4.0
-    """
-    scene = take_scene(
-        CleanRecording(table=loaded.table, findings=loaded.findings, repair=True),
-        name=loaded.recording.name,
-        location=place_name(loaded.recording.map_path),
-        case=case,
-        time_s=time_s,
-        min_history=min_history,
-    )
-    twice = [note for note in doubts(loaded.checks, _labels(scene)) if note not in loaded.notes]
-    scene = _warned(scene, off_road(loaded.road, scene), (*twice, *loaded.notes))
-    return loaded.table.complete(dataclasses.replace(scene, road=loaded.road))
-
-
-def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment]:
-    """List all moments that can be seed scenes, at least ``every_s`` apart; one for each case.
-
-    Only those in the recording's window count.
-
-    Example:
-        >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
-        >>> len(scex.recording_moments(loaded, every_s=1.0))
-        19
-    """
-    return find_moments(loaded.table, every_s=every_s, window=loaded.recording.window)
 
 
 def recorded_scene(
@@ -188,7 +65,7 @@ def recorded_scene(
         road,
         repair=repair,
         align=align,
-        window=_with_history((at, at)),
+        window=window_with_history((at, at)),
         progress=progress,
     )
     if not force:
@@ -201,13 +78,15 @@ def recorded_scene(
         time_s=time_s,
         min_history=min_history,
     )
-    implausible = doubts(clean.checks, _labels(scene))
+    implausible = doubts(clean.checks, labels_of(scene))
     if road is None:
         return dataclasses.replace(scene, notes=(*scene.notes, *implausible))
     samples, off = evidence(clean.table.vehicles), off_road(road, scene)
     simulated = dataset_of(recording.track_paths[0]).simulated
     _check_place(scene, off, samples, road, force=force, simulated=simulated)
-    scene = _warned(scene, off, (*implausible, *_doubts(samples, road, recording.track_paths[0])))
+    scene = with_warnings(
+        scene, off, (*implausible, *doubts_of_place(samples, road, recording.track_paths[0]))
+    )
     return clean.table.complete(dataclasses.replace(scene, road=road))
 
 
@@ -242,7 +121,7 @@ def _check_place(
     raise TrackError(f"{scene.name}: {beside}; {why}{forced}")
 
 
-def _warned(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> SeedScene:
+def with_warnings(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> SeedScene:
     """Return a seed scene with notes on its vehicles ``off`` the lanes, and on the recording's place."""
     notes = []
     if off:
@@ -251,11 +130,12 @@ def _warned(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> SeedScen
     return dataclasses.replace(scene, notes=(*scene.notes, *notes, *doubts))
 
 
-def _labels(scene: SeedScene) -> set[str]:
+def labels_of(scene: SeedScene) -> set[str]:
+    """Return the track ids of a seed scene as text."""
     return {str(track) for track in scene.track_ids}
 
 
-def _with_history(window: Window) -> Window:
+def window_with_history(window: Window) -> Window:
     """Return the part of a recording that seed scenes in a window need."""
     first, last = window
     return (
@@ -264,25 +144,8 @@ def _with_history(window: Window) -> Window:
     )
 
 
-def _doubts(samples: Evidence, road: Road, tracks: Path) -> tuple[str, ...]:
+def doubts_of_place(samples: Evidence, road: Road, tracks: Path) -> tuple[str, ...]:
+    """Return a warning if a map is likely at a wrong place, from where vehicles drive."""
     dataset = dataset_of(tracks)
     doubt = None if dataset.from_car or dataset.simulated else doubt_place(samples, road)
     return (doubt,) if doubt else ()
-
-
-def _check(table: TrackTable, road: Road, map_path: Path) -> None:
-    if not len(table.vehicles):
-        raise TrackError(f"{table.path}: no motor vehicle among the tracks; leave it out")
-    samples = evidence(table.vehicles)
-    share = on_lanes(samples, road)
-    if share < MIN_SHARE_ON_LANES:
-        raise TrackError(
-            f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; "
-            f"{on_closed_lanes(samples, road) or explain_mismatch(samples, road)}"
-        )
-
-
-@lru_cache(maxsize=4)
-def _read_road(map_path: Path, _changed_ns: int, origin: tuple[float, float] | None) -> Road:
-    """One object for all recordings of a site, so that everything remembered by road is shared."""
-    return read_map(map_path, origin=origin, own_corner=False)

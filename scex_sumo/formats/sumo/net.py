@@ -20,10 +20,10 @@ from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import allowed_copy, prune
 from scex_sumo.converters.net.files import net_root
 from scex_sumo.converters.net.lanelets import BEYOND, LaneletPart, lane_names, lanelet_places, named_parts
-from scex_sumo.converters.net.reader import DEFAULT_WIDTH_M, MAX_M
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net
 from scex_sumo.geometry.polylines import arc_lengths, cut, length_of
+from scex_sumo.lanelet2sumo.reader import DEFAULT_WIDTH_M, MAX_M
 from scex_sumo.road import Area, Lane, Marking, Regulation, Road
 from scex_sumo.roads.conflicts import overlapping
 

@@ -12,9 +12,9 @@ from scex_sumo.base.errors import ScexError, SimulationError, TrackError, UsageE
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors import registry as behaviors
 from scex_sumo.converters.datasets.reader import repaired
-from scex_sumo.converters.datasets.recordings import LoadedRecording, seed_at
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Recording
+from scex_sumo.evaluation.recordings import LoadedRecording, seed_at
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.extrapolation.workers import in_other_process
 from scex_sumo.formats.sumo.net import read_sumo_road

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, between
-from scex_sumo.behaviors.driving.beside import box_distances
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.humans.beside import box_distances
 from scex_sumo.humans.guard.corridors import (
     SAMPLE_S,
     SAMPLES,

@@ -16,9 +16,9 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError, reason_of
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.net.reader import NetContent, SumoLane, read_net
 from scex_sumo.geometry.polylines import cut, heading, length_of, turn
 from scex_sumo.lanelet2sumo.judge.loading import run
+from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane, read_net
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1

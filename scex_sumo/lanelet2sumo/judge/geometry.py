@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.reader import NetContent, SumoLane
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.lanelet2sumo.judge.matching import COVERED, Matching, sample_line
+from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane
 from scex_sumo.road import Lane
 
 PRESENT_M = 1.0  # from a lanelet to SUMO lanes that stand for it

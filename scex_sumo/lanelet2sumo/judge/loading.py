@@ -22,9 +22,9 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.programs import checked_path, program
-from scex_sumo.converters.net.reader import NetContent
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.lanelet2sumo.judge.matching import AHEAD_RAD, Matching, sample_headings, sample_line
+from scex_sumo.lanelet2sumo.reader import NetContent
 from scex_sumo.road import Road
 
 PROBE_STEP_M = 2.0

@@ -9,9 +9,9 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.reader import NetContent
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.geometry.polylines import samples, wrap
+from scex_sumo.lanelet2sumo.reader import NetContent
 from scex_sumo.road import Lane, Road
 
 SAMPLE_M = 0.5

@@ -14,10 +14,10 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.converters.net.reader import SumoLink
 from scex_sumo.geometry.polylines import heading, length_of, wrap
 from scex_sumo.lanelet2sumo.judge.conflicts import NEAR_M, find_conflicts
 from scex_sumo.lanelet2sumo.judge.matching import Matching
+from scex_sumo.lanelet2sumo.reader import SumoLink
 
 Pair: TypeAlias = tuple[int, int]
 LinkPair: TypeAlias = tuple[SumoLink, SumoLink]

@@ -12,7 +12,6 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from scex_sumo.converters.net.reader import read_net
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.lanelet2sumo.judge.driving import EMERGENCY, STANDOFF, Driving
 from scex_sumo.lanelet2sumo.judge.geometry import Shapes
@@ -20,6 +19,7 @@ from scex_sumo.lanelet2sumo.judge.loading import Loading
 from scex_sumo.lanelet2sumo.judge.matching import match_lanelets
 from scex_sumo.lanelet2sumo.judge.priority import RightOfWay
 from scex_sumo.lanelet2sumo.judge.topology import Moves
+from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Road
 
 NAMED = 6  # ids named in one problem; the rest are counted

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray, least_of
-from scex_sumo.roads.relations import BESIDE_M, CONFLICT_M, LaneRelations
+from scex_sumo.generators.relations import BESIDE_M, CONFLICT_M, LaneRelations
 from scex_sumo.scene import States
 
 KINDS = ("ahead", "behind", "lateral", "intersecting")

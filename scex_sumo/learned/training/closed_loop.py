@@ -11,7 +11,8 @@ import numpy as np
 
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
 from scex_sumo.behaviors.registry import ModelSpec, build
-from scex_sumo.converters.datasets.recordings import Recording, load_recording
+from scex_sumo.converters.registries import Recording
+from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, map_shift, part_scenes
 from scex_sumo.learned.training.data.obstacles import add_obstacles

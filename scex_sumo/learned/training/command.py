@@ -17,8 +17,8 @@ from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Seed
 
 if TYPE_CHECKING:
-    from scex_sumo.converters.datasets.moment import Split
-    from scex_sumo.converters.datasets.recordings import Recording
+    from scex_sumo.converters.registries import Recording
+    from scex_sumo.evaluation.split import Split
     from scex_sumo.learned.training.train import Progress, Trainer
 
 NETWORKS = ("graph", "hybrid", "joint")
@@ -86,7 +86,7 @@ def train_command(
         raise UsageError(f"train scenes: has no {given}; only {', '.join(NETWORKS)} do")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
-    from scex_sumo.converters.datasets.moment import Split
+    from scex_sumo.evaluation.split import Split
 
     words = [  # the options on which the result depends
         f"scex-sumo train {kind}",

@@ -15,8 +15,9 @@ from torch import Tensor, nn
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.moment import Part, Split
-from scex_sumo.converters.datasets.recordings import Recording, load_recording
+from scex_sumo.converters.registries import Recording
+from scex_sumo.evaluation.recordings import load_recording
+from scex_sumo.evaluation.split import Part, Split
 from scex_sumo.generators.scene_context import (
     COLUMNS,
     LaneCells,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from scex_sumo.converters.datasets.moment import Moment
-    from scex_sumo.converters.datasets.recordings import LoadedRecording
+    from scex_sumo.evaluation.recordings import LoadedRecording
     from scex_sumo.scene import SeedScene
 
 EVERY_S = 1.0
@@ -37,19 +37,15 @@ def inspect_command(
     ] = None,
 ) -> Answer:
     """List the moments of a recording, or the vehicles of one."""
-    from scex_sumo.commands.answers import inspect_answer
     from scex_sumo.commands.console import output_console
     from scex_sumo.converters.datasets.find import left_out, map_and_tracks
     from scex_sumo.converters.datasets.moment import busiest
-    from scex_sumo.converters.datasets.recordings import (
-        load_recording,
-        recording_moments,
-        recording_of,
-        seed_at,
-    )
+    from scex_sumo.converters.datasets.recordings import recording_of
     from scex_sumo.converters.lanelet.origin import parse_origin
+    from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.scene import STEP_S
+    from scex_sumo.studies.inspection.answer import inspect_answer
 
     if every <= 0:
         raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
@@ -104,7 +100,7 @@ def _checks_table(loaded: LoadedRecording) -> Table:
 
 
 def _time_of(loaded: LoadedRecording, case: str | None) -> float:
-    from scex_sumo.converters.datasets.recordings import recording_moments
+    from scex_sumo.evaluation.recordings import recording_moments
 
     times = {moment.case: moment.time_s for moment in recording_moments(loaded, every_s=EVERY_S)}
     if case not in times:

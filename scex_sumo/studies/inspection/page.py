@@ -15,9 +15,9 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.registry import known_models
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, recorded_throughout
-from scex_sumo.converters.datasets.recordings import LoadedRecording
-from scex_sumo.converters.net.road_lines import AREA, MARKING, RoadLine
 from scex_sumo.converters.tracks.rows import STANDING_MPS
+from scex_sumo.evaluation.recordings import LoadedRecording
+from scex_sumo.lanelet2sumo.road_lines import AREA, MARKING, RoadLine
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.page.packing import UNITS, quantized
 from scex_sumo.page.scene import road_paths

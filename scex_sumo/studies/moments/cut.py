@@ -10,13 +10,8 @@ from typing import TypeAlias, TypeVar
 
 from scex_sumo.base.errors import one_line, reason_of
 from scex_sumo.converters.datasets.moment import Moment
-from scex_sumo.converters.datasets.recordings import (
-    LoadedRecording,
-    Recording,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
+from scex_sumo.converters.registries import Recording
+from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, recording_moments, seed_at
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, moment_name, plain
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, pack_road
 

@@ -17,9 +17,9 @@ from scex_sumo.base.errors import TrackError, UsageError, reason_of
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.spec import ModelSpec
-from scex_sumo.converters.datasets.recordings import Recording
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.metrics.registry import describe_metrics, thresholds_of

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.datasets.recordings import Recording
+from scex_sumo.converters.registries import Recording
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask

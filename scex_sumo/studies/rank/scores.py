@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.converters.datasets.recordings import Recording
+from scex_sumo.converters.registries import Recording
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.encounters import answers_of
 from scex_sumo.results.outcomes import encounters_of_rows

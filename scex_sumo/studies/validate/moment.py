@@ -17,9 +17,11 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError, UsageError
-from scex_sumo.converters.datasets.moment import PARTS, Moment, Split, split_moments
-from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording, recording_moments
+from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.converters.registries import Recording
+from scex_sumo.evaluation.recordings import LoadedRecording, recording_moments
+from scex_sumo.evaluation.split import PARTS, Split, split_moments
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet

@@ -18,8 +18,10 @@ from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings, left_out
-from scex_sumo.converters.datasets.moment import Moment, Split
-from scex_sumo.converters.datasets.recordings import LoadedRecording, Recording
+from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.converters.registries import Recording
+from scex_sumo.evaluation.recordings import LoadedRecording
+from scex_sumo.evaluation.split import Split
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead

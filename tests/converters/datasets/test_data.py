@@ -9,14 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.datasets.reader import read_recorded
-from scex_sumo.converters.datasets.recordings import (
-    LoadedRecording,
-    find_recordings,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
+from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, recording_moments, seed_at
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.studies.dataset_report import track_quality

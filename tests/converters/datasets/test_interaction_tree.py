@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.converters.datasets.recordings import find_recordings
+from scex_sumo.converters.datasets.find import find_recordings
 from tests.command import scex
 from tests.converters.datasets.test_recordings import town
 from tests.converters.track_files import CASE_COLUMNS, in_case, straight, write_rows

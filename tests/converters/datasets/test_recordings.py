@@ -10,12 +10,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from scex_sumo.base.errors import MapError, ScexError, TrackError
-from scex_sumo.converters.datasets.recordings import (
-    find_recordings,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.road import Road
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.converters.datasets.moment import PARTS, Moment, Split, split_moments
+from scex_sumo.converters.datasets.moment import Moment
+from scex_sumo.evaluation.split import PARTS, Split, split_moments
 
 
 def _moments(times: list[float], case: str = "") -> list[Moment]:

@@ -14,11 +14,12 @@ from lanelet2.projection import UtmProjector
 from numpy.testing import assert_allclose
 
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.datasets.recordings import find_recordings, load_recording, seed_at
+from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.lanelet.projection import to_degrees, to_local
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.evaluation.recordings import load_recording, seed_at
 from scex_sumo.formats.levelx import read_levelx
 from scex_sumo.formats.recognition import is_levelx
 from scex_sumo.roads.matching import match

@@ -11,12 +11,8 @@ import pytest
 
 from scex_sumo.base.errors import MapError, ScexError, SimulationError, TrackError
 from scex_sumo.base.programs import program, user_sumo
-from scex_sumo.converters.datasets.recordings import (
-    find_recordings,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Light, Programme, Recorded, with_lights
 from scex_sumo.formats.sumo.scenario import PrivateRun

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.converters.net.reader import read_net
 from scex_sumo.lanelet2sumo.judge.matching import match_lanelets
 from scex_sumo.lanelet2sumo.judge.topology import Moves
+from scex_sumo.lanelet2sumo.reader import read_net
 from tests.converters.sumo_roads import arc, lane, road
 
 

@@ -14,8 +14,10 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from scex_sumo.base.errors import MapError, MissingExtraError, ResultError, TrackError, UsageError  # noqa: E402
-from scex_sumo.converters.datasets.moment import Split  # noqa: E402
-from scex_sumo.converters.datasets.recordings import Recording, find_recordings, load_recording  # noqa: E402
+from scex_sumo.converters.datasets.find import find_recordings  # noqa: E402
+from scex_sumo.converters.registries import Recording  # noqa: E402
+from scex_sumo.evaluation.recordings import load_recording  # noqa: E402
+from scex_sumo.evaluation.split import Split  # noqa: E402
 from scex_sumo.generators.scene_model import load_scenes  # noqa: E402
 from scex_sumo.learned.training.command import train_command  # noqa: E402
 from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402

@@ -16,7 +16,8 @@ import pyarrow as pa
 import pytest
 
 import scex_sumo
-from scex_sumo.converters.datasets.recordings import Recording, find_recordings
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.workers import Done

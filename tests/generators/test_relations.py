@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.generators.relations import LaneRelations, lane_relations, road_index
 from scex_sumo.road import Lane
-from scex_sumo.roads.relations import LaneRelations, lane_relations, road_index
 from tests.behaviors.roads import lane, road
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.reader import read_net
-from scex_sumo.converters.net.road_lines import SURFACE, road_lines
 from scex_sumo.lanelet2sumo.judge.report import check_net
+from scex_sumo.lanelet2sumo.reader import read_net
+from scex_sumo.lanelet2sumo.road_lines import SURFACE, road_lines
 from scex_sumo.views.fcd import LaneFinder
 from tests.converters.plain_net import Table, crossing, write_net
 
