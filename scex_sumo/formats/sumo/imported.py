@@ -24,6 +24,7 @@ from scex_sumo.converters.net.files import unpacked
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.recognition import is_open_street_map, is_opendrive
 from scex_sumo.formats.sumo.net import read_sumo_road
+from scex_sumo.formats.sumo.opendrive import repaired_opendrive
 from scex_sumo.road import Road
 
 MAX_NETS = 64  # in the cache; the oldest one goes first
@@ -55,7 +56,10 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     content = unpacked(path)
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise MapError(f"{path}: has a DOCTYPE, which could read other files; remove it")
-    kind, options = ("opendrive", _OPENDRIVE) if is_opendrive(path) else ("osm", _OPEN_STREET_MAP)
+    kind, options, repairs = "osm", _OPEN_STREET_MAP, tuple[str, ...]()
+    if is_opendrive(path):
+        kind, options = "opendrive", _OPENDRIVE
+        content, repairs = repaired_opendrive(path, content)
     made_with = repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items())))
     net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, kind, content, options))
     try:
@@ -63,7 +67,7 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     except MapError as error:
         raise MapError(f"{path}: netconvert cannot convert it to a usable net ({error})") from None
     note = f"{path.name}: read by way of netconvert, as {net}"
-    return replace(road, notes=(note, *road.notes))
+    return replace(road, notes=(note, *repairs, *road.notes))
 
 
 def kept_net(path: Path, made_of: bytes, make: Callable[[], bytes]) -> Path:
@@ -123,7 +127,8 @@ def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) 
         net = Path(folder, "made.net.xml")
         if done.returncode or not net.is_file():
             said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
-            raise MapError(f"{path}: netconvert cannot read it: {said[0] if said else done.returncode}")
+            reason = said[0] if said else "it crashes; leave roads out until it can"
+            raise MapError(f"{path}: netconvert cannot read it: {reason}")
         made = net.read_bytes()
     if not made.rstrip().endswith(b"</net>"):
         raise MapError(f"{path}: netconvert's net is cut short; make room in {tempfile.gettempdir()}")
