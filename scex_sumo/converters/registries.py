@@ -191,16 +191,17 @@ def place_name(map_path: Path) -> str:
 
 def _recognised(kind: type[_Format], path: Path) -> Iterator[_Format]:
     """Formats that recognise a file, the first one first; only their readers are imported."""
-    return (_read_by(kind, entry) for entry in _entries(kind) if entry.is_mine(path))  # type: ignore[arg-type]
+    key: Any = kind
+    return (_read_by(key, entry) for entry in _entries(key) if entry.is_mine(path))
 
 
 @cache
-def _entries(kind: type[_Format]) -> tuple[_Format | Declaration, ...]:
+def _entries(kind: type[Any]) -> tuple[Any, ...]:
     """All formats: those of other packages, then the wings', then the built-in one, which takes the rest."""
     registry = {MapFormat: MAPS, Dataset: DATASETS, SignalFormat: SIGNALS}[kind]
     paths = registry.paths
     order = sorted(paths, key=lambda name: (name in registry.builtin, paths[name].startswith("scex_sumo.")))
-    entries: list[_Format | Declaration] = []
+    entries: list[Any] = []
     for name in order:
         try:
             entry = import_object(paths[name])
@@ -212,10 +213,10 @@ def _entries(kind: type[_Format]) -> tuple[_Format | Declaration, ...]:
 
 
 @cache
-def _read_by(kind: type[_Format], entry: _Format | Declaration) -> _Format:
-    return (
-        _checked(kind, entry.reader, import_object(entry.reader)) if isinstance(entry, Declaration) else entry
-    )
+def _read_by(kind: type[Any], entry: Any) -> Any:
+    if not isinstance(entry, Declaration):
+        return entry
+    return _checked(kind, entry.reader, import_object(entry.reader))
 
 
 def _checked(kind: type[_Format], said: str, entry: Any) -> _Format:
