@@ -47,10 +47,6 @@ Origin = Annotated[
 Tracks = Annotated[
     Path | None, typer.Option(metavar="CSV", help="Recorded tracks; default: those beside the map.")
 ]
-Fcd = Annotated[
-    Path | None,
-    typer.Option(metavar="FCD", help="Tracks of a SUMO simulation (fcd-output .xml, .xml.gz, .parquet)."),
-]
 State = Annotated[
     Path | None, typer.Option(metavar="STATE", help="Saved state of a SUMO simulation (.xml, .xml.gz).")
 ]
@@ -58,10 +54,6 @@ Case = Annotated[str | None, typer.Option(metavar="ID", help="Case of a file wit
 Time = Annotated[float | None, typer.Option(metavar="S", help="Moment in seconds; default: the busiest.")]
 Synthetic = Annotated[
     int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
-]
-Like = Annotated[
-    str | None,
-    typer.Option("--as", metavar="sumo|recorded", help="Of --synthetic: what its scenes look like."),
 ]
 Speed = Annotated[
     float | None,
@@ -81,13 +73,6 @@ Models = Annotated[
 Preset = Annotated[
     str, typer.Option(metavar="paper|path|both", help="Metrics: the paper's, those along paths, or both.")
 ]
-RunPreset = Annotated[
-    str | None,
-    typer.Option(
-        metavar="paper|path|both",
-        help="Metrics: the paper's, those along paths, or both (default: main ones are shown).",
-    ),
-]
 Metrics = Annotated[
     str | None, typer.Option(metavar="NAME,...", help="Metrics, built-in or your own; default: the preset's.")
 ]
@@ -103,13 +88,6 @@ Every = Annotated[float, typer.Option(metavar="S", help="Least time between two 
 MinVehicles = Annotated[int, typer.Option(help="Smallest number of moving vehicles of a seed scene.")]
 Cluster = Annotated[
     str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers run the futures.")
-]
-Force = Annotated[
-    bool,
-    typer.Option(
-        "--force",
-        help="Run a moment with over half of its vehicles on no lane, impossible sizes or headings, too.",
-    ),
 ]
 Cache = Annotated[bool, typer.Option(help="Keep converted maps and assignments for the next run.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
