@@ -229,78 +229,77 @@ class PathObservations:
 @owner_cache
 def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> PathObservations:
     """Observe vehicles along each of their paths."""
-    history = SceneHistory.of_scene(scene)
-    vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-    row, shown = np.arange(len(vehicle)), last_second(scene, human)
+    history, vehicle = SceneHistory.of_scene(scene), np.repeat(np.arange(scene.vehicles), paths.count)
+    row, shown, idm = np.arange(len(vehicle)), last_second(scene, human), human.idm
     who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
-    now, lateral = scene.now[vehicle], _lateral(scene, paths, vehicle, row, human)
+    now, speed = scene.now[vehicle], shown.speed[vehicle]
     s, _, _ = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
     view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
+    lateral = _lateral(view)
     leaders = leaders_of(view, lateral[:, 0])
-    speed, acceleration = shown.speed[vehicle], shown.acceleration[vehicle]
-    free = np.full_like(speed, np.inf)
-    opening = leaders.speed - speed
-    coupled = (speed > human.coupled_mps[0]) & (np.abs(opening) < human.coupled_mps[1])
+    coupled = (speed > human.coupled_mps[0]) & (np.abs(leaders.speed - speed) < human.coupled_mps[1])
     slack = np.where(coupled, np.clip(human.coupled_m - leaders.gap, 0.0, human.max_slack_m), 0.0)
-    slack[_overlaps(scene, vehicle, leaders, human)] = human.overlap_slack_m
-    gap = leaders.gap + slack
-    following = idm_acceleration(human.idm, speed, free, gap, leaders.speed)
-    near = leaders.gap < human.far_leader_m
-    opening = np.where(near, opening, 0.0)
-    ahead = int((BEHIND_M + human.limit_ahead_m) / DS_M)
-    mean_features = (
-        acceleration,
-        following,
-        opening,
-        shown.line_error[vehicle],
-        _of_leader(leaders, near, shown.acceleration),
-        paths.speed_limit[row, ahead] - speed,
-        _second_opening(scene, paths, leaders, near, shown.speed, speed),
-        acceleration_around(scene, human)[vehicle],
-    )
-    limited = (np.clip(v, *most) for v, most in zip(mean_features, human.mean_ranges, strict=True))
-    size = np.minimum(np.abs(acceleration), human.max_size_mps2)
+    slack[_overlaps(view, leaders)] = human.overlap_slack_m
+    gap, near = leaders.gap + slack, leaders.gap < human.far_leader_m
+    size = np.minimum(np.abs(shown.acceleration[vehicle]), human.max_size_mps2)
     scatter = np.minimum(shown.scatter[vehicle], human.max_scatter_mps2)
-    first, last = row * paths.samples, paths.samples - 1
-
-    def at(s: FloatArray) -> IntArray:
-        return first + np.clip(s / DS_M, 0, last).astype(np.int64)
-
-    curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
+    curves = curve_speeds(paths, idm.curve_acceleration, idm.curve_deceleration)
     return PathObservations(
         leader=leaders.index,
         slack=slack,
         gap=gap,
         leader_speed=leaders.speed,
-        limit=desired_speeds(paths, human.idm.speed, human.idm.speed_factor)[at(s)],
-        curve=curves[at(s + speed * CURVE_TIME_S)],
-        headway=(gap - human.idm.minimum_gap) / np.maximum(speed, 1.0),
+        limit=desired_speeds(paths, idm.speed, idm.speed_factor)[_sample(paths, row, s)],
+        curve=curves[_sample(paths, row, s + speed * CURVE_TIME_S)],
+        headway=(gap - idm.minimum_gap) / np.maximum(speed, 1.0),
         lateral=lateral,
-        mean_features=np.column_stack([np.ones_like(speed), *limited]),
+        mean_features=_mean_features(view, leaders, gap, near),
         spread_features=np.column_stack([scatter, size, near.astype(np.float64)]),
     )
 
 
-def _overlaps(scene: SeedScene, vehicle: IntArray, leaders: Leaders, human: HumanParameters) -> BoolArray:
+def _sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> IntArray:
+    """Return (n,) index of the nearest sample before each place."""
+    return row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
+
+
+def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArray) -> FloatArray:
+    """Return (P, 9); see `PathObservations`."""
+    human, shown, vehicle = view.human, view.shown, view.who.vehicle
+    speed, ahead = shown.speed[vehicle], int((BEHIND_M + human.limit_ahead_m) / DS_M)
+    features = (
+        shown.acceleration[vehicle],
+        idm_acceleration(human.idm, speed, np.full_like(speed, np.inf), gap, leaders.speed),
+        np.where(near, leaders.speed - speed, 0.0),
+        shown.line_error[vehicle],
+        _of_leader(leaders, near, shown.acceleration),
+        view.paths.speed_limit[view.row, ahead] - speed,
+        _second_opening(view, leaders, near),
+        acceleration_around(view.scene, human)[vehicle],
+    )
+    limited = (np.clip(v, *most) for v, most in zip(features, human.mean_ranges, strict=True))
+    return np.column_stack([np.ones_like(speed), *limited])
+
+
+def _overlaps(view: View, leaders: Leaders) -> BoolArray:
     """Return (P,) whether the leader is a vehicle tracked twice."""
-    known = (leaders.index >= 0) & (leaders.index < scene.vehicles) & (leaders.gap < -human.overlap_m)
+    known = (leaders.index >= 0) & (leaders.index < view.scene.vehicles)
+    known &= leaders.gap < -view.human.overlap_m
     at = np.where(known, leaders.index, 0)
-    return np.asarray(known & (box_distances(scene)[vehicle, at] <= 0))
+    return np.asarray(known & (box_distances(view.scene)[view.who.vehicle, at] <= 0))
 
 
-def _lateral(
-    scene: SeedScene, paths: SeedPaths, vehicle: IntArray, row: IntArray, human: HumanParameters
-) -> FloatArray:
-    now, speed = scene.now[vehicle], last_second(scene, human).speed[vehicle]
+def _lateral(view: View) -> FloatArray:
+    scene, vehicle, paths, human = view.scene, view.who.vehicle, view.paths, view.human
+    now, speed = scene.now[vehicle], view.shown.speed[vehicle]
     x, y = rear_axle(now, scene.length[vehicle])
-    s, offset, along = foot_points(paths, row, x, y, np.full(len(row), BEHIND_M))
+    s, offset, along = foot_points(paths, view.row, x, y, np.full(len(vehicle), BEHIND_M))
     before = scene.history[vehicle, -1 - HABIT_STEPS].heading
     turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
     swerve = speed * np.sin(now.heading - along)
-    turning = speed * (turn_rate - speed * bend_at(paths, row, s))
+    turning = speed * (turn_rate - speed * bend_at(paths, view.row, s))
     limit = np.array([human.max_offset_m, human.max_lateral, human.max_lateral])
-    lateral: FloatArray = np.clip(np.column_stack([offset, swerve, turning]), -limit, limit)
-    return lateral
+    return np.asarray(np.clip(np.column_stack([offset, swerve, turning]), -limit, limit))
 
 
 def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
@@ -309,19 +308,12 @@ def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatAr
     return np.where(is_vehicle, values[np.where(is_vehicle, leaders.index, 0)], 0.0)
 
 
-def _second_opening(
-    scene: SeedScene,
-    paths: SeedPaths,
-    leaders: Leaders,
-    near: BoolArray,
-    speeds: FloatArray,
-    speed: FloatArray,
-) -> FloatArray:
+def _second_opening(view: View, leaders: Leaders, near: BoolArray) -> FloatArray:
     """Return (P,) speed differences to the near leaders of near leaders, m/s; 0 without."""
-    straight = paths.first + paths.straight
-    second = np.where(near & (leaders.index < scene.vehicles), leaders.index, -1)[straight]
+    straight, speed = view.paths.first + view.paths.straight, view.shown.speed
+    second = np.where(near & (leaders.index < view.scene.vehicles), leaders.index, -1)[straight]
     there = _of_leader(leaders, near, (second >= 0).astype(np.float64))
-    return there * (_of_leader(leaders, near, speeds[second]) - speed)
+    return there * (_of_leader(leaders, near, speed[second]) - speed[view.who.vehicle])
 
 
 def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
@@ -343,11 +335,10 @@ def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) ->
     shown_braking = np.clip(shown.acceleration[vehicle], *human.missing_range_mps2)
     missing = np.where(needed > 0, needed + shown_braking, 0.0)
     allowed = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
-    at = row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
     return np.column_stack(
         [
             np.clip(missing, 0.0, human.max_missing_mps2),
-            np.maximum(now.speed - allowed[at], 0.0),
+            np.maximum(now.speed - allowed[_sample(paths, row, s)], 0.0),
             np.abs(offset),
             np.abs(wrap(now.heading - heading)),
         ]
