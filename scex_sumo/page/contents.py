@@ -28,7 +28,7 @@ from scex_sumo.page.tables import (
     metric_values,
     pair_events,
 )
-from scex_sumo.reports.run_table import always_critical, human_above
+from scex_sumo.reports.run_table import always_critical, extra_rows, human_above
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
@@ -122,6 +122,7 @@ def _words(
         "likely_collisions": None if run.reference is None else collision_share(run.reference),
         "always": always_critical(run),
         "above": human_above(run),
+        "rows": extra_rows(run),
     }
 
 

@@ -77,7 +77,15 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     parts = [_big(share, "stress test", "p-collision", "drawn")]
     if likely is not None:
         parts.append(_big(likely, "human-like", "likely-collision", "likely"))
-    return element("div.card", element("h2", "P(collision)"), element("div.sets", *parts))
+    rows = [element("p.soft", _row(name, values)) for name, values in info["rows"].items()]
+    return element("div.card", element("h2", "P(collision)"), element("div.sets", *parts), *rows)
+
+
+def _row(name: str, values: Sequence[float | None]) -> str:
+    """Return the row of an extra: its value in the stress test, then in the human-like futures."""
+    shown = ["–" if value is None else f"{value:.3g}" for value in values]
+    both = [f"{value} {kind}" for value, kind in zip(shown, ("stress test", "human-like"), strict=False)]
+    return f"{name}: {', '.join(both)}"
 
 
 def _big(share: Mapping[str, Any], what: str, name: str, kind: str) -> Html:
