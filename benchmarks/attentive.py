@@ -122,7 +122,7 @@ def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
     assert recorded is not None
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
     real = np.concatenate([values, recorded.overlaps.any_of(1)[:, None]], axis=1)[0]
-    straight = futures(scene, "constant_velocity", range(1))
+    straight = simulated(scene, "constant_velocity", range(1))
     return Case(
         site=site,
         scene=scene,
@@ -133,7 +133,7 @@ def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
     )
 
 
-def futures(scene: SeedScene, model: str, children: range, seed: int = 0) -> Rollout:
+def simulated(scene: SeedScene, model: str, children: range, seed: int = 0) -> Rollout:
     """Drive all vehicles of a seed scene by a model, in a world without SUMO."""
     road = scene.road
     assert road is not None
@@ -161,7 +161,7 @@ def measured(scene: SeedScene, rollout: Rollout) -> FloatArray:
 
 
 def figures(case: Case, model: str, children: int) -> Figures:
-    rollout = futures(case.scene, model, range(children))
+    rollout = simulated(case.scene, model, range(children))
     rng = np.random.default_rng(zlib.crc32(case.scene.name.encode()))
     seen = as_recorded(case.scene, rollout, case.noise, rng)
     return Figures(

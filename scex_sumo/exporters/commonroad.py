@@ -152,9 +152,9 @@ def _task(request: Request, child: int, ego: int, number: int) -> ET.Element:
 
 def add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
     """Append an element, and return it."""
-    child = ET.SubElement(parent, tag)
-    child.text = text
-    return child
+    element = ET.SubElement(parent, tag)
+    element.text = text
+    return element
 
 
 def number_text(value: float) -> str:

@@ -151,10 +151,10 @@ class Film:
         return PolyCollection(list(vehicle_outlines(self._scene, states, outline)), linewidths=1, **style)
 
     def _recorded(self, frame: float) -> list[Artist]:
-        future, at = self._scene.future, round(frame) - LOGGED_HISTORY
-        if future is None or not 0 <= at < future.shape[1]:
+        recorded, at = self._scene.future, round(frame) - LOGGED_HISTORY
+        if recorded is None or not 0 <= at < recorded.shape[1]:
             return []
-        states = _between(future, min(frame - LOGGED_HISTORY, future.shape[1] - 1.0))
+        states = _between(recorded, min(frame - LOGGED_HISTORY, recorded.shape[1] - 1.0))
         valid = self._scene.future_valid
         there = np.ones(len(self._names), dtype=bool) if valid is None else valid[:, at]
         outlines = vehicle_outlines(self._scene, states, _BODY)[there]

@@ -75,9 +75,9 @@ def test_six_children_are_the_modalities_of_an_interpret_case(run: Run, tmp_path
     mine = rows[rows["track_id"] == track]
     assert mine["frame_id"].tolist() == list(range(11, 41)) and (mine["timestamp_ms"] % 100 == 0).all()
     for number, child in enumerate(children, start=1):
-        future = run.states(child)[1, 10:40]
-        assert np.array_equal(mine[f"x{number}"], future.x)
-        assert np.array_equal(mine[f"psi_rad{number}"], future.heading)
+        states = run.states(child)[1, 10:40]
+        assert np.array_equal(mine[f"x{number}"], states.x)
+        assert np.array_equal(mine[f"psi_rad{number}"], states.heading)
 
 
 def of_case(run: Run, case: str, tracks: Path) -> Run:

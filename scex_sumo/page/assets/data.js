@@ -43,20 +43,20 @@ function posesOf({ shape: [, rows, steps], values }, start, ownerOf) {
 // `packed` the page has tracks, rows of `poses`.
 function runOf({ info, arrays }) {
   const { start, motion, owner, which, levels, values, recorded, events } = arrays, vehicles = levels.shape[1];
-  const futures = info.children + info.human, place = new Map(info.packed.map((future, i) => [future, i]));
+  const total = info.children + info.human, place = new Map(info.packed.map((future, i) => [future, i]));
   const first = Array.from({ length: vehicles }, (_, v) => owner.values.indexOf(v));
   return {
-    info, arrays, vehicles, futures, children: info.children, owner: owner.values,
+    info, arrays, vehicles, total, children: info.children, owner: owner.values,
     frames: motion.shape[2] + 1,
     poses: posesOf(motion, start, (row) => owner.values[row]),
     recorded: recorded && posesOf(recorded, start, (row) => row),
-    columns: info.metrics.map((_, m) => values.values.subarray(m * futures, (m + 1) * futures)),
+    columns: info.metrics.map((_, m) => values.values.subarray(m * total, (m + 1) * total)),
     radius: (vehicle) => Math.hypot(...info.sizes[vehicle]) / 2,
     id: (vehicle) => info.track_ids[vehicle],
     isPacked: (future) => place.has(future),
     track: (future, vehicle) => first[vehicle] + which.values[place.get(future) * vehicles + vehicle],
     model: (future, vehicle) => levels.values[future * vehicles + vehicle],
-    events: (pair, future) => events.values[pair * futures + future], // of info.bits
+    events: (pair, future) => events.values[pair * total + future], // of info.bits
     isHuman: (future) => future >= info.children,
     number: (future) => future < info.children ? future : future - info.children,
     nameOf: (future) => `${future < info.children ? "" : "human-like "}future ${future < info.children ? future : future - info.children}`,

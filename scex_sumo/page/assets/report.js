@@ -112,7 +112,7 @@ function runReport(run) {
       get: () => ({ "": state.child < 0 ? "" : `${run.isHuman(state.child) ? "h" : ""}${run.number(state.child)}` }),
       set({ "": text = "" }) {
         const [, isHuman, number] = /^(h?)(\d+)$/.exec(text) || [];
-        state.show(number === undefined ? -1 : isHuman ? Math.min(run.children + Number(number), run.futures - 1) : Math.min(number, run.children - 1));
+        state.show(number === undefined ? -1 : isHuman ? Math.min(run.children + Number(number), run.total - 1) : Math.min(number, run.children - 1));
       },
     },
     t: { get: () => ({ "": (state.step / 10).toFixed(1) }), set: ({ "": text = 0 }) => state.seek(10 * (Number(text) || 0)) },

@@ -5,7 +5,7 @@ function makeState(run) {
   const state = {
     step: 0, child: -1, pair: null, vehicle: null, focus: -1, playing: false, filters,
     thresholds: run.info.metrics.map((metric) => metric.threshold),
-    selection: 0, mask: new Uint8Array(run.futures).fill(1), count: run.children, human: run.futures - run.children,
+    selection: 0, mask: new Uint8Array(run.total).fill(1), count: run.children, human: run.total - run.children,
 
     // Takes values, and tells at most once per frame, with a test for names, what has changed since.
     change(values, ...names) {
@@ -45,7 +45,7 @@ function makeState(run) {
     },
     // Share of the selected futures of a set in which something happens.
     shareOf(happens, isHuman = false) {
-      const [first, stop, all] = isHuman ? [run.children, run.futures, state.human] : [0, run.children, state.count];
+      const [first, stop, all] = isHuman ? [run.children, run.total, state.human] : [0, run.children, state.count];
       let count = 0;
       for (let c = first; c < stop; c++) if (state.mask[c] && happens(c)) count++;
       const found = interval(count / all, all);

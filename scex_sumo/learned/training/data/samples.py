@@ -119,8 +119,8 @@ def scene_samples(
     if not len(usable):
         return None
     paths = seed_paths(scene, road)
-    recorded, future, valid = recorded_from(scene, step)
-    row, owner, right = right_paths(paths, usable, recorded[usable], future[usable], valid[usable])
+    recorded, later, valid = recorded_from(scene, step)
+    row, owner, right = right_paths(paths, usable, recorded[usable], later[usable], valid[usable])
     child = np.repeat(np.arange(children), len(row))
     vehicle = np.tile(usable[owner], children)
     who = VehicleIndex(child=child, vehicle=vehicle)
@@ -130,7 +130,7 @@ def scene_samples(
     history = history_at(scene, seen, np.arange(children), drawn, step=step)
     actual = states[:, :, -1][child, vehicle]
     gap = None if blocked is None else standing_gap(history, who, paths, rows)
-    goal = _goals(paths, rows, who, history, actual, recorded[vehicle], future[vehicle][:, :PLAN_STEPS], gap)
+    goal = _goals(paths, rows, who, history, actual, recorded[vehicle], later[vehicle][:, :PLAN_STEPS], gap)
     keep = goal.near
     who = who[keep]
     inputs = path_inputs(history, road, who, paths, rows[keep])
