@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from scex_sumo.base.errors import MissingExtraError, ScexError, UsageError, reason_of
 
@@ -80,6 +81,23 @@ def extra_for(need: str, extra: str) -> Iterator[None]:
         raise MissingExtraError(f"{need} ({error}); install it: pip install 'scex-sumo[{extra}]'") from None
 
 
+@contextmanager
+def staying() -> Iterator[None]:
+    """Turn ``os._exit`` of others' code into SystemExit: it would end the process without a line."""
+    leave, process = os._exit, os.getpid()
+
+    def refuse(status: int) -> NoReturn:
+        if os.getpid() != process:  # one that the code has forked
+            leave(status)
+        raise SystemExit(f"os._exit({status})")
+
+    os._exit = refuse
+    try:
+        yield
+    finally:
+        os._exit = leave
+
+
 def _raised(error: BaseException) -> str:
     return f"raised {type(error).__name__}: {error}"
 
@@ -100,14 +118,15 @@ def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException]
         # A console script has its own folder in the path instead.
         sys.path.append(here)
     try:
-        module = importlib.import_module(name)
+        with staying():
+            module = importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is None or not (name == error.name or name.startswith(f"{error.name}.")):
             raise UsageError(f"{path}: {name} imports {error.name}, which is not installed") from None
         raise UsageError(
             f"{path}: no module {error.name} in {here} or among the installed packages{hint}"
         ) from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UsageError(f"{path}: importing {name} {reason(error)}") from error
     if not attribute:
         return module

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, Final, TypeVar
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
-from scex_sumo.base.importing import Registry, import_object, own_error_reason
+from scex_sumo.base.importing import Registry, import_object, own_error_reason, staying
 from scex_sumo.base.programs import OWN_MODEL, SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver, IdmProfile
@@ -367,10 +367,11 @@ def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
 
 def _made(name: str, entry: ModelEntry, make: Callable[[], Any]) -> Behavior:
     try:
-        model = make()
+        with staying():
+            model = make()
     except ScexError:
         raise
-    except Exception as error:  # whatever a user's constructor raises
+    except (Exception, SystemExit) as error:  # whatever a user's constructor raises
         if not entry.is_own:
             raise
         raise UsageError(f"{name}: making it {own_error_reason(error)}") from error

@@ -13,13 +13,14 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.base.importing import own_error_reason
+from scex_sumo.base.importing import own_error_reason, staying
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
 from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
+MAX_NAME = 80  # characters of a model's name in an error
 JUMP_M = 5.0  # from the straight motion within one step: 500 m/s², beyond any vehicle
 STATES = ("x", "y", "heading", "speed")
 
@@ -66,11 +67,14 @@ class Fallible:
         made = self.plan(history, road, who, rng)
         if len(who) == 0 or made.fallback is None or not made.fallback.all():
             return
-        raise ScexError(
-            f"{self.name}: no usable plan for any of {len(who)} vehicles of the seed scene: "
-            f"{made.reasons[0]}; it is {describe_source(self.inner)}; needs a Plan of x, y, heading, speed, "
-            f"each (n, {PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
-        )
+        name = self.name if len(self.name) <= MAX_NAME else f"{self.name[:MAX_NAME]}..."
+        why = f"{name}: no usable plan for any of {len(who)} vehicles of the seed scene: {made.reasons[0]}"
+        if not is_ours(self.inner):
+            why += (
+                f"; it is {describe_source(self.inner)}; needs a Plan of x, y, heading, speed, each "
+                f"(n, {PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
+            )
+        raise ScexError(why)
 
     def _ask(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -80,7 +84,9 @@ class Fallible:
         children = np.unique(who.child).tolist() if len(who) > 1 else []
         before = [rng[child].bit_generator.state for child in children]
         try:
-            made = plan_arrays(self.inner.plan(history, road, who, rng), len(who))
+            with staying():
+                planned = self.inner.plan(history, road, who, rng)
+            made = plan_arrays(planned, len(who))
             defects = plan_defects(made, history, who)
         except (Exception, SystemExit) as error:  # of a user's code
             if len(who) == 1:
@@ -169,6 +175,12 @@ def describe_source(model: Any) -> str:
     kind = "function" if inspect.isfunction(made) else "class"
     file = source_file(model)
     return f"{kind} {made.__qualname__} of {made.__module__ if file is None else file}"
+
+
+def is_ours(model: Any) -> bool:
+    """Return whether a model's class is of this package, as that of a program is."""
+    made = _unwrapped(model)
+    return not hasattr(made, "file") and made.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def source_file(model: Any) -> Path | None:

@@ -12,6 +12,8 @@ import os
 import selectors
 import shlex
 import subprocess
+import sys
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -48,7 +50,9 @@ _SIZES: Final = {
 
 PROCESS_NAME = "process"
 START_S = 30.0  # time for a program to get ready
+QUIET_S = 2.0  # after which a line says that the run waits for it
 MAX_STARTS = 5  # of one program in one worker
+MAX_COMMAND = 60  # characters of a command in messages
 _PIPE = 1 << 16  # bytes that a pipe holds
 _MAX_ANSWER = 1 << 22  # bytes; a plan takes 3000
 _KEYS = ("x", "y", "heading", "speed")
@@ -70,6 +74,7 @@ class ProcessDriver:
         self.command, self.deadline_s = command, deadline_s
         self._program: _Program | None = None
         self._starts = 0
+        self._given_up = ""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_program": None, "_starts": 0}  # each worker starts its own
@@ -78,21 +83,34 @@ class ProcessDriver:
         self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
     ) -> States:
         """Ask the program; raise a `ScexError` if it gives no plan in time."""
+        if self._given_up:
+            raise ScexError(self._given_up)
         if self._program is None:
             if self._starts >= MAX_STARTS:
                 raise ScexError(
-                    f"{self.command}: the program ended or missed its deadline {MAX_STARTS} times; "
-                    "it is not started again"
+                    f"the program ended or missed its deadline {MAX_STARTS} times; it is not started again"
                 )
             self._starts += 1
-            self._program = _Program(self.command, _setup(road))
+            try:
+                self._program = _Program(self.command, _setup(road))
+            except _NeverReadyError as error:
+                self._given_up = str(error)
+                raise
         try:
             answer = self._program.ask(_question(history, child, vehicle), self.deadline_s)
         except ScexError:
             self._program.end()
             self._program = None
             raise
-        return _states(self.command, answer)
+        return _states(answer)
+
+
+class _NoAnswerError(ScexError):
+    """No answer in time."""
+
+
+class _NeverReadyError(ScexError):
+    """No answer to the road."""
 
 
 class _Program:
@@ -103,23 +121,33 @@ class _Program:
                 shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
             )
         except OSError as error:
-            raise ScexError(f"{command}: cannot be started: {error.strerror or error}") from None
+            raise ScexError(f"the program cannot be started: {error.strerror or error}") from None
         assert self._process.stdin is not None and self._process.stdout is not None
         self._in, self._out = self._process.stdin, self._process.stdout
         os.set_blocking(self._in.fileno(), False)  # a program that does not read must not stop the run
         self._ready, self._selector = selectors.DefaultSelector(), selectors.DefaultSelector()
         self._ready.register(self._in, selectors.EVENT_WRITE)
         self._selector.register(self._out, selectors.EVENT_READ)
+        waits = threading.Timer(QUIET_S, self._say_that_it_waits)
+        waits.start()
         try:
             self.ask(setup, START_S)
+        except _NoAnswerError as error:
+            self.end()
+            raise _NeverReadyError(f"{error}; it must answer the first line with {{}} to be ready") from None
         except ScexError:
             self.end()
             raise
+        finally:
+            waits.cancel()
+
+    def _say_that_it_waits(self) -> None:
+        print(f"waiting up to {START_S:g} s for the program {_brief(self._command)}", file=sys.stderr)
 
     def ask(self, line: str, deadline_s: float) -> Any:
         """Send a line and read one."""
         until = time.monotonic() + deadline_s
-        late = ScexError(f"{self._command}: no answer within {deadline_s:g} s")
+        late = _NoAnswerError(f"no answer within {deadline_s:g} s")
         left = memoryview(f"{line}\n".encode())
         try:
             while left:
@@ -127,24 +155,24 @@ class _Program:
                     raise late
                 left = left[os.write(self._in.fileno(), left) :]
         except OSError:
-            raise ScexError(f"{self._command}: the program has ended{self._status()}") from None
+            raise ScexError(f"the program has ended{self._status()}") from None
         read = b""
         while b"\n" not in read[-_PIPE:]:
             if not _wait(self._selector, until):
                 raise late
             part = os.read(self._out.fileno(), _PIPE)
             if not part:
-                raise ScexError(f"{self._command}: the program has ended{self._status()}")
+                raise ScexError(f"the program has ended{self._status()}")
             read += part
             if len(read) > _MAX_ANSWER:
-                raise ScexError(f"{self._command}: answered {_MAX_ANSWER} bytes without the end of a line")
+                raise ScexError(f"the program answered {_MAX_ANSWER} bytes without the end of a line")
         answer, _, more = read.partition(b"\n")
         if more:
-            raise ScexError(f"{self._command}: answered with more than one line: {more[:60]!r}")
+            raise ScexError(f"the program answered with more than one line: {more[:60]!r}")
         try:
             return json.loads(answer)
         except ValueError:
-            raise ScexError(f"{self._command}: its answer is not JSON: {answer[:60]!r}") from None
+            raise ScexError(f"its answer is not JSON: {answer[:60]!r}") from None
 
     def _status(self) -> str:
         try:
@@ -163,6 +191,10 @@ class _Program:
     def __del__(self) -> None:
         if hasattr(self, "_selector") and not self._out.closed:
             self.end()
+
+
+def _brief(command: str) -> str:
+    return command if len(command) <= MAX_COMMAND else f"{command[:MAX_COMMAND]}..."
 
 
 def _wait(selector: selectors.BaseSelector, until: float) -> bool:
@@ -205,16 +237,14 @@ def _question(history: SceneHistory, child: int, vehicle: int) -> str:
     return json.dumps({**asked, "vehicle": described(vehicle), "others": others})
 
 
-def _states(command: str, answer: Any) -> States:
+def _states(answer: Any) -> States:
     try:
         rows = {key: np.array(answer[key], dtype=np.float64) for key in _KEYS}
     except (KeyError, TypeError, ValueError):
         keys = ", ".join(_KEYS)
-        raise ScexError(
-            f"{command}: its answer is not a plan; needs {keys}, {PLAN_STEPS} numbers each"
-        ) from None
+        raise ScexError(f"its answer is not a plan; needs {keys}, {PLAN_STEPS} numbers each") from None
     if any(row.shape != rows["x"].shape or row.ndim != 1 or len(row) < PLAN_STEPS for row in rows.values()):
-        raise ScexError(f"{command}: answered fewer than {PLAN_STEPS} steps, or not as many of each")
+        raise ScexError(f"the program answered fewer than {PLAN_STEPS} steps, or not as many of each")
     return States(**rows)
 
 

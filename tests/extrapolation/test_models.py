@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -131,6 +132,21 @@ def test_a_model_without_any_usable_plan_is_refused_before_the_run() -> None:
         r"it is class Parked of .*test_models.py; needs a Plan",
     ):
         tried("standard_driver,parked:not_for=99", {})
+
+
+def leaves(*_: object) -> None:
+    os._exit(3)
+
+
+def test_a_driver_that_leaves_the_process_is_an_error_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    real, left = os._exit, r"raised SystemExit: os._exit\(3\) \(test_models.py"
+    with monkeypatch.context() as patched, pytest.raises(ScexError, match=left):
+        patched.setattr(Parked, "plan", leaves)
+        tried("parked", {})
+    monkeypatch.setattr(Parked, "__init__", leaves)
+    with pytest.raises(UsageError, match=f"parked: making it {left}"):
+        tried("parked", {})
+    assert os._exit is real
 
 
 def test_a_model_is_tried_on_the_vehicles_that_it_may_get_only() -> None:

@@ -96,6 +96,20 @@ def test_a_program_that_reads_nothing_does_not_stop_the_run(
         driver.plan_one(SceneHistory.of_scene(straight_seed()), road, 0, 0, np.random.default_rng(0))
 
 
+def test_a_program_that_never_gets_ready_is_waited_for_once_and_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("scex_sumo.plug_in.files.START_S", 0.5)
+    monkeypatch.setattr("scex_sumo.plug_in.files.QUIET_S", 0.1)
+    driver = ProcessDriver("sleep 60")
+    for _ in range(2):
+        start = time.monotonic()
+        with pytest.raises(ScexError, match=r"no answer within 0.5 s; it must answer the first line"):
+            ask(driver)
+    assert time.monotonic() - start < 0.3  # it was not started again
+    assert capsys.readouterr().err == "waiting up to 0.5 s for the program sleep 60\n"
+
+
 def test_a_program_that_keeps_crashing_is_given_up(tmp_path: Path) -> None:
     driver = ProcessDriver(program(tmp_path, "os._exit(1)"))
     for _ in range(5):
@@ -120,7 +134,9 @@ def test_a_run_counts_what_the_program_did_not_answer(tmp_path: Path) -> None:
     fine = extrapolate(scene, children=2, assign={track: f"process:{PYTHON}"}, out=tmp_path / "a")
     assert fine.models_of(0)[0].startswith("process:") and not fine.info["run_notes"]
     does = "sys.stdin.readline(); print('{}', flush=True)"  # the try before the run is answered with no plan
-    with pytest.raises(ScexError, match="no usable plan for any of"):
+    with pytest.raises(ScexError, match="no usable plan for any of") as refused:
         extrapolate(
             scene, children=2, assign={track: f"process:{program(tmp_path, does)}"}, out=tmp_path / "b"
         )
+    text = str(refused.value)
+    assert "plug_in" not in text and "needs a Plan" not in text and len(text) < 300

@@ -30,12 +30,15 @@ from scex_sumo.formats.sumo.recorder import INTENTIONS_S, Recorded, Recorder
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
 
+MAX_SCALE = 100.0  # of the traffic; a larger one loads vehicles for minutes before the first step
+MAX_VEHICLES = 20_000  # driving and waiting to be inserted
 WITHOUT_END_S = 600.0  # simulated if neither a time is given nor the configuration has an end
 _QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-validation", "never")
 SUBLANE = "the sublane model simulated it; futures with SUMO drivers keep to the middle of their lanes"
 
 Window = tuple[float | None, float | None]
 
+SCALE = "scale"
 NET, ROUTES, ADDITIONAL, STATE = "net-file", "route-files", "additional-files", "load-state"
 _INPUTS = (NET, ROUTES, ADDITIONAL, STATE, "weight-files", "device.fcd-replay.files", "phemlight-path")
 _LEFT_OUT = ("configuration", "output", "report", "traci_server", "gui_only", "ssm_device")
@@ -91,6 +94,8 @@ class PrivateRun:
         given: dict[str, str] = {}
         for name, value in options_of(config).items():
             option, section, kind = known.get(name, (name, "", ""))
+            if option == SCALE:
+                _check_scale(config, value)
             if option in _INPUTS:
                 files = [self._input(option, file) for file in _files(config, value)]
                 given[option] = ",".join(map(checked_path, files))
@@ -156,6 +161,16 @@ def _known_options(binary: str) -> dict[str, tuple[str, str, str]]:
     return known
 
 
+def _check_scale(file: Path, value: str) -> None:
+    """Raise a `MapError` for a scale of the traffic that SUMO would not finish to load."""
+    try:
+        too_large = not float(value) <= MAX_SCALE
+    except ValueError:
+        return  # SUMO says so
+    if too_large:
+        raise MapError(f"{file}: scales the traffic by {value}, at most {MAX_SCALE:g} is run; lower scale")
+
+
 def _files(config: Path, value: str) -> list[Path]:
     names = [name.strip() for name in re.split("[,;]", value) if name.strip()]
     return [(config.parent / _expanded(name)).absolute() for name in names]
@@ -175,6 +190,8 @@ def _names_files(file: Path) -> bool:
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal found
+        if tag == "vType":
+            _check_scale(file, attributes.get(SCALE, "1"))
         found |= tag in _READERS or _is_output_parameter(tag, attributes)
         found |= any(name in attributes for name in _WRITERS)
 
@@ -240,6 +257,12 @@ def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], 
     first, last = (begin if window[0] is None else window[0]), (end if window[1] is None else window[1])
 
     def tell() -> float:
+        waiting = len(sumo.simulation.getPendingVehicles())
+        if (count := sumo.vehicle.getIDCount() + waiting) > MAX_VEHICLES:
+            raise SimulationError(
+                f"{config}: {count:,} vehicles at {sumo.simulation.getTime():g} s, {waiting:,} of them wait "
+                f"to be inserted; at most {MAX_VEHICLES:,} are run; lower scale, or the flows"
+            )
         now = float(sumo.simulation.getTime())
         on_step(int(1000 * (now - begin) / max(last - begin, step_s)))
         return now

@@ -15,7 +15,7 @@ from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Light, Programme, Recorded, with_lights
-from scex_sumo.formats.sumo.scenario import PrivateRun
+from scex_sumo.formats.sumo.scenario import PrivateRun, simulate
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.batch import RunningBatch
@@ -180,6 +180,24 @@ def test_a_configuration_that_does_not_load_says_why(grid: Simulation, tmp_path:
     fails(here.format(net + '<route-files value="r.rou.xml"/>'), "nowhere", SimulationError)
     (tmp_path / "r.rou.xml").write_text("<!DOCTYPE routes><routes/>")
     fails(here.format(net + '<route-files value="r.rou.xml"/>'), "DOCTYPE")
+
+
+def test_more_traffic_than_can_be_run_is_refused_before_or_when_it_comes(
+    grid: Simulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scaled = tmp_path / "scaled.sumocfg"
+    files = f'<net-file value="{grid.net}"/><route-files value="r.rou.xml"/>'
+    scaled.write_text(f'<configuration><input>{files}</input><scale value="1e9"/></configuration>')
+    (tmp_path / "r.rou.xml").write_text('<routes><trip id="a" depart="0" from="A0A1" to="C1C2"/></routes>')
+    with pytest.raises(MapError, match="scales the traffic by 1e9, at most 100 is run; lower scale"):
+        read_seed(scaled, time=5.0)
+    scaled.write_text(f"<configuration><input>{files}</input></configuration>")
+    (tmp_path / "r.rou.xml").write_text('<routes><vType id="c" scale="1e9"/></routes>')
+    with pytest.raises(MapError, match="scales the traffic by 1e9"):
+        read_seed(scaled, time=5.0)
+    monkeypatch.setattr("scex_sumo.formats.sumo.scenario.MAX_VEHICLES", 5)
+    with pytest.raises(SimulationError, match=r"\d+ vehicles at \S+ s, \d+ of them wait .* at most 5"):
+        simulate(grid.config, (TIME_S, TIME_S))
 
 
 def test_a_time_before_the_first_vehicle_names_its_departure(tmp_path: Path) -> None:
