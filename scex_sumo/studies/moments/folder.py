@@ -161,6 +161,13 @@ class StudyFolder(OutputFolder):
         rows = [{"part": part, "files": files} for part, files in sorted(self._parts[moment].items())]
         self._save(_PARTS, moment, rows)
 
+    def _drop(self, moment: str, part: str) -> None:
+        """Remove a part."""
+        files = self._parts[moment].pop(part)
+        self._save_parts(moment)
+        for name in files:
+            (self.path / name).unlink()
+
     def _has(self, moment: str, part: str) -> bool:
         return part in self._parts.get(moment, {})
 

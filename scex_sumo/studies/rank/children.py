@@ -196,6 +196,13 @@ class RankFolder(StudyFolder):
         # Of so few rows, statistics and schema would be the larger part.
         self._add(ref.moment, _name(span), files, write_statistics=False, store_schema=False)
 
+    def drop(self, ref: MomentRef, span: range) -> None:
+        """Remove a part of a moment; its exact score for an empty span."""
+        if span:
+            self._drop(ref.moment, _name(span))
+        else:
+            self._record(_EXACT, ref.moment).unlink()
+
     def read(self, ref: MomentRef, span: range) -> pa.Table:
         """Read the children of a part of a moment."""
         return self._read(ref.moment, _name(span), _file(_CHILDREN, ref, span))

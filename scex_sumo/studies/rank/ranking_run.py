@@ -155,13 +155,14 @@ class RankingRun:
         return self._folder.has(ref, span) if span else self._folder.exact(ref) is not None
 
     def _count_kept(self, refs: Sequence[MomentRef], span: range, chosen: set[str] | None) -> None:
-        """Count the results of a round that an earlier, interrupted run kept."""
-        for ref in refs:
-            if (chosen is None or ref.moment in chosen) and self._has(ref, span):
-                if span:
-                    self._count(ref, self._folder.read(ref, span))
-                else:
-                    self._count(ref, exact=self._folder.exact(ref))
+        """Count the results of a round that an earlier, interrupted run kept, if the round needs them."""
+        for ref in (ref for ref in refs if self._has(ref, span)):
+            if chosen is not None and ref.moment not in chosen:
+                self._folder.drop(ref, span)
+            elif span:
+                self._count(ref, self._folder.read(ref, span))
+            else:
+                self._count(ref, exact=self._folder.exact(ref))
 
     def _pairs(self, ref: MomentRef) -> list[IntArray]:
         return [rows for part in self._drawn[ref.moment] for rows in pairs_of(part)]

@@ -257,6 +257,18 @@ def test_a_seed_whose_workers_died_is_tried_again(recordings: tuple[Recording, .
     assert not list((tmp_path / "out" / "failed").iterdir())
 
 
+@pytest.mark.parametrize("bad", ["roundabout_t6.1", "roundabout_t10.1", "motorway_merge_t10.1"])
+def test_after_a_death_it_goes_on_to_the_bytes_of_a_ranking_without_one(
+    recordings: tuple[Recording, ...], tmp_path: Path, bad: str
+) -> None:
+    """Moments that were undecided only because another one was missing lose their further children."""
+    whole = ranked(recordings, tmp_path / "whole", Instant())
+    assert bad in {ref.moment for ref in whole.refs}
+    ranked(recordings, tmp_path / "out", Instant(bad=bad, died=True))
+    ranked(recordings, tmp_path / "out", Instant())
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
 def test_at_most_five_children_of_a_seed_are_kept(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
     found = ranked(recordings, tmp_path / "out", Instant(), keep="critical")
     kept = [sum(tally.kept for tally in found.tallies[ref.moment]) for ref in found.refs]
