@@ -1,6 +1,6 @@
 """Human-like futures against recordings and constant velocity, by site.
 
-    python benchmarks/attentive.py [--data FOLDER] [--part test] [--most 5] [--children 32] [--models likely]
+    python benchmarks/attentive.py [--data FOLDER] [--part test] [--most 5] [--futures 32] [--models likely]
                                    [--kept FILE] [--raw]
 
 Seed scenes of the part of the time split are driven for 3 s in a world without SUMO. Columns:
@@ -38,7 +38,7 @@ from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Part, Split, split_moments
-from scex_sumo.extrapolation.assignments import child_generator, route_draws
+from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
@@ -53,7 +53,7 @@ from scex_sumo.world.plain import PlainWorld
 STEPS, REPLAN = 30, 5
 HARD_MPS2, OVER_STEPS = 3.0, 5
 STANDING_MPS, STARTED_M = 0.5, 1.0
-SETTINGS = RunSettings(children=1, preset="both")
+SETTINGS = RunSettings(futures=1, preset="both")
 DATASETS = ("mona", "taf_bw", "ngsim", "av2", "scenarionet")
 UNSEEN = ("av2", "nuscenes")  # nothing of them is fitted to: test parts
 SITES = ("MONA-East", "MONA-Merge", "MONA-West", "k729", "k733", "Lanker", "Peach", *UNSEEN)
@@ -133,19 +133,19 @@ def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
     )
 
 
-def simulated(scene: SeedScene, model: str, children: range, seed: int = 0) -> Rollout:
+def simulated(scene: SeedScene, model: str, futures: range, seed: int = 0) -> Rollout:
     """Drive all vehicles of a seed scene by a model, in a world without SUMO."""
     road = scene.road
     assert road is not None
-    count, one = len(children), build(parse_models(model)[0])
+    count, one = len(futures), build(parse_models(model)[0])
     batch = Batch(
-        children=np.array(children),
+        futures=np.array(futures),
         assignment=np.zeros((count, scene.vehicles), dtype=np.int64),
         models=(one,),
         names=(model,),
         overridden=np.array([True]),
-        route_draw=route_draws(children, scene.vehicles, seed=seed),
-        generators=[child_generator(seed, child) for child in children],
+        route_draw=route_draws(futures, scene.vehicles, seed=seed),
+        generators=[future_generator(seed, future) for future in futures],
     )
     return roll_out(PlainWorld(count, scene.vehicles), road, scene, batch, steps=STEPS, replan=REPLAN)
 
@@ -156,12 +156,12 @@ def measured(scene: SeedScene, rollout: Rollout) -> FloatArray:
     found = measure_outcome(scene, rollout, metrics=SETTINGS.measured, preset=SETTINGS.rule, counted=counted)
     values = np.where(found.values.defined, found.values.values, np.nan)
     hit = np.zeros(len(values))
-    hit[found.collisions.child] = 1.0
+    hit[found.collisions.future] = 1.0
     return np.concatenate([values, hit[:, None]], axis=1)
 
 
-def figures(case: Case, model: str, children: int) -> Figures:
-    rollout = simulated(case.scene, model, range(children))
+def figures(case: Case, model: str, futures: int) -> Figures:
+    rollout = simulated(case.scene, model, range(futures))
     rng = np.random.default_rng(zlib.crc32(case.scene.name.encode()))
     seen = as_recorded(case.scene, rollout, case.noise, rng)
     return Figures(
@@ -295,7 +295,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("--part", default="test", choices=("train", "validation", "test"))
     parser.add_argument("--most", type=int, default=5, help="seed scenes of each site")
-    parser.add_argument("--children", type=int, default=32)
+    parser.add_argument("--futures", type=int, default=32)
     parser.add_argument("--models", default="likely")
     parser.add_argument("--kept", type=Path)
     parser.add_argument("--raw", action="store_true", help="drivers plan from recorded headings and speeds")
@@ -311,14 +311,14 @@ def main() -> None:
             arguments.kept.write_bytes(pickle.dumps(found))
     begin = time.process_time()
     done = [
-        figures(case, arguments.models, arguments.children)
+        figures(case, arguments.models, arguments.futures)
         for case in found
         if case.site in arguments.sites.split(",")
     ]
     sites = {site: [f for f in done if f.case.site == site] for site in SITES}
     groups = {site: part for site, part in sites.items() if part} | {"all": done}
     print(table({site: row_of(part) for site, part in groups.items()}))
-    print(f"{len(done)} seed scenes, {arguments.children} futures each, {time.process_time() - begin:.0f} s")
+    print(f"{len(done)} seed scenes, {arguments.futures} futures each, {time.process_time() - begin:.0f} s")
 
 
 if __name__ == "__main__":

@@ -3,14 +3,14 @@
 Tiles are loaded, vehicles added, and at every step each is moved to a given pose (moveToXY), SUMO steps, and
 each pose is read back (getPosition, getAngle); poses are computed before. Three ways, slowest first:
 
-- *plain*: libsumo as its documentation has it, keepRoute=2 and matchThreshold=5, a tile for each child;
+- *plain*: libsumo as its documentation has it, keepRoute=2 and matchThreshold=5, a tile for each future;
 - *in tiles*: with what this project found: a route of the edge with the fewest points, lanes looked for on
   that route only (keepRoute=3), libsumo's inner functions without their Python wrappers;
-- *in one tile*: the same, all children in one copy of the map, as a run without drivers of SUMO's does it.
+- *in one tile*: the same, all futures in one copy of the map, as a run without drivers of SUMO's does it.
 
 *plain world* is `--world plain` alone: arrays in SUMO's place.
 
-    python benchmarks/bare_loop.py [MAP.osm] [--children 385] [--vehicles 11] [--steps 30]
+    python benchmarks/bare_loop.py [MAP.osm] [--futures 385] [--vehicles 11] [--steps 30]
 """
 
 from __future__ import annotations
@@ -65,14 +65,14 @@ def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, fl
 
     Args:
         net: SUMO net.
-        poses: where every vehicle of every child is at every step.
+        poses: where every vehicle of every future is at every step.
         way: one of `WAYS`.
     """
     import libsumo as sumo
 
     plain, tiles = way == "plain", 1 if way == "in one tile" else TILE_SLOTS
     keep_route, threshold = (2, 5.0) if plain else (3, 20.0)
-    children, states, vehicles = poses.x.shape
+    futures, states, vehicles = poses.x.shape
     spent: Counter[str] = Counter()
     clock = time.process_time()
 
@@ -99,11 +99,9 @@ def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, fl
             call = sumo.vehicle if plain else VehicleCalls.of(load_sumo())
             lap("load tiles")
             batch = (
-                tiles
-                if tiles > 1
-                else math.ceil(children / math.ceil(children * vehicles / VEHICLES_AT_ONCE))
+                tiles if tiles > 1 else math.ceil(futures / math.ceil(futures * vehicles / VEHICLES_AT_ONCE))
             )
-            for first in range(0, children, batch):
+            for first in range(0, futures, batch):
                 part = slice(first, first + batch)
                 count = len(poses.x[part])
                 if first:
@@ -137,10 +135,10 @@ def bare_loop(net: Path, poses: Poses, way: str = "in one tile") -> dict[str, fl
     return dict(spent)
 
 
-def straight_states(road: Road, children: int, vehicles: int, steps: int) -> States:
-    """(C, T + 1, V) vehicles that follow centrelines at 8 m/s, then straight on; all children alike."""
+def straight_states(road: Road, futures: int, vehicles: int, steps: int) -> States:
+    """(C, T + 1, V) vehicles that follow centrelines at 8 m/s, then straight on; all futures alike."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: -len(lane.centreline))
-    states = States.empty((children, steps + 1, vehicles))
+    states = States.empty((futures, steps + 1, vehicles))
     for v in range(vehicles):
         line = lanes[v % len(lanes)].centreline
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
@@ -156,10 +154,10 @@ def straight_states(road: Road, children: int, vehicles: int, steps: int) -> Sta
 
 def plain_world(states: States, length: FloatArray) -> float:
     """Seconds of processor time that `--world plain` takes for (C, T + 1, V) states."""
-    children, steps, vehicles = states.shape
+    futures, steps, vehicles = states.shape
     world, everybody = (
-        PlainWorld(children, vehicles, length=length),
-        np.ones((children, vehicles), dtype=bool),
+        PlainWorld(futures, vehicles, length=length),
+        np.ones((futures, vehicles), dtype=bool),
     )
     begin = time.process_time()
     for step in range(1, steps):
@@ -172,16 +170,16 @@ def plain_world(states: States, length: FloatArray) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("map", type=Path, nargs="?", default=DEFAULT_MAP)
-    parser.add_argument("--children", type=int, default=385)
+    parser.add_argument("--futures", type=int, default=385)
     parser.add_argument("--vehicles", type=int, default=11)
     parser.add_argument("--steps", type=int, default=30)
     parser.add_argument("--way", choices=WAYS, help="only this one")
     options = parser.parse_args()
     road = read_map(options.map, origin=None, own_corner=True)
-    states = straight_states(road, options.children, options.vehicles, options.steps)
+    states = straight_states(road, options.futures, options.vehicles, options.steps)
     length = np.full(options.vehicles, LENGTH_M)
     poses = poses_of(states, length)
-    total = options.children * options.vehicles * options.steps
+    total = options.futures * options.vehicles * options.steps
     with tempfile.TemporaryDirectory() as folder:
         net = convert(road, Path(folder) / "map.net.xml").path
         for way in [options.way] if options.way else WAYS:

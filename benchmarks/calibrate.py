@@ -124,7 +124,7 @@ def samples_of(scene: SeedScene, profile: IdmProfile) -> Samples | None:
     row, off = path_taken(scene, paths, vehicle)
     good = (off <= OFF_PATH_M) & paths.on_road[vehicle]
     vehicle, row = vehicle[good], row[good]
-    history, who = present(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    history, who = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now = scene.now[vehicle]
     s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
     leaders = find_leaders(
@@ -215,7 +215,7 @@ class StraightOn:
     def plan(
         self, history: SceneHistory, road: object, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        now = history.now[who.child, who.vehicle]
+        now = history.now[who.future, who.vehicle]
         way = now.speed[:, None] * STEP_S * np.arange(1, STEPS + 1)
         x, y = (
             now.x[:, None] + way * np.cos(now.heading)[:, None],
@@ -233,7 +233,7 @@ def displacement(scenes: Sequence[SeedScene], model: Behavior) -> tuple[float, f
         if not len(vehicle):
             continue
         assert scene.road is not None and scene.future is not None
-        who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+        who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
         plan = model.plan(present(scene), scene.road, who, [np.random.default_rng(0)])
         future = scene.future[vehicle]
         off.append(np.hypot(plan.x[:, :STEPS] - future.x[:, :STEPS], plan.y[:, :STEPS] - future.y[:, :STEPS]))

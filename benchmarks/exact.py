@@ -88,7 +88,7 @@ def scenes(data: Path, chosen: str) -> Iterator[tuple[str, SeedScene]]:
 def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float, ...]]:
     """A row of the table; numbers of pairs that collide, are exact, are wrong too often; seconds."""
     with tempfile.TemporaryDirectory() as folder:
-        scex_sumo.extrapolate(scene, children=2, out=Path(folder) / "warm")
+        scex_sumo.extrapolate(scene, futures=2, out=Path(folder) / "warm")
         spent = {}
         for exact in (False, True):
             begin = time.process_time()
@@ -101,7 +101,7 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float,
         rest = time.process_time() - begin - spent[False]
         fresh = scex_sumo.extrapolate(
             scene,
-            children=count,
+            futures=count,
             design="random",
             seed=4711,
             world="plain",
@@ -147,7 +147,7 @@ def collided(run: Run, one: int, other: int) -> BoolArray:
     table = run.collisions
     ids = np.sort([np.asarray(table["track_id"]), np.asarray(table["other_id"])], axis=0)
     rows = (ids[0] == one) & (ids[1] == other)
-    return np.isin(np.arange(run.children), np.asarray(table["child"])[rows])
+    return np.isin(np.arange(run.futures), np.asarray(table["future"])[rows])
 
 
 def predicted(table: InfluenceTable, run: Run) -> BoolArray:
@@ -158,7 +158,7 @@ def predicted(table: InfluenceTable, run: Run) -> BoolArray:
         np.array([table.models.index(model) for model in models[:, tracks.index(track)]])
         for track in table.track_ids
     )
-    return np.broadcast_to(table.outcomes[at], (run.children,))
+    return np.broadcast_to(table.outcomes[at], (run.futures,))
 
 
 if __name__ == "__main__":

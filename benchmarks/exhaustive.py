@@ -1,4 +1,4 @@
-"""Exhaustive study: every combination of six models for five vehicles, 7 776 children.
+"""Exhaustive study: every combination of six models for five vehicles, 7 776 futures.
 
 python benchmarks/exhaustive.py [--vehicles 5] [--models paper]
 """
@@ -33,8 +33,8 @@ def main() -> None:
             "-o",
             f"{folder}/out",
         ]
-        seconds, wall, _ = spent([*run, "--children", "all", "--reference", "none"])
-        memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        seconds, wall, _ = spent([*run, "--futures", "all", "--reference", "none"])
+        memory = resource.getrusage(resource.RUSAGE_FUTURES).ru_maxrss / 1024
         size = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()) / 1e6
     print(f"{seconds:.1f} s of processor time, {wall:.1f} s, at most {memory:.0f} MB, folder {size:.0f} MB")
 

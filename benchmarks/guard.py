@@ -13,7 +13,7 @@ moments of the recordings of TAF-BW and MONA in a part of the time split (``--da
 ``--replayed`` counts instead how often the default guard brakes a replayed vehicle harder than 3 m/s² in the
 half second after a moment. Vehicles whose recording brakes so hard or leaps are left out.
 
-``--cost`` measures the guard's processor time per vehicle and plan instead: 11 vehicles, 64 children that
+``--cost`` measures the guard's processor time per vehicle and plan instead: 11 vehicles, 64 futures that
 have come apart by some 0.3 m, best of 20.
 """
 
@@ -81,20 +81,20 @@ def cost() -> None:
     """Print what the guard costs on top of the model."""
     scene = synthetic_seed(REPOSITORY / "scenarios/data/urban_intersection.osm", vehicles=11, seed=0)
     assert scene.road is not None
-    children, rng = np.arange(64), np.random.default_rng(0)
+    futures, rng = np.arange(64), np.random.default_rng(0)
     whole, shape = scene.history.repeat(64), (64, scene.vehicles)
     window = dataclasses.replace(
         whole,
         x=whole.x + rng.normal(0, 0.3, (*shape, 1)),
         y=whole.y + rng.normal(0, 0.3, (*shape, 1)),
     )
-    child, vehicle = np.indices(shape).reshape(2, -1)
-    who = VehicleIndex(child=child, vehicle=vehicle)
+    future, vehicle = np.indices(shape).reshape(2, -1)
+    who = VehicleIndex(future=future, vehicle=vehicle)
     model = build(parse_models("constant_velocity")[0])
     spent = []
     for _ in range(20):
         # A new history each time, for what others are expected to do is remembered for one.
-        history = history_at(scene, window, children, np.full(shape, 0.5), step=5)
+        history = history_at(scene, window, futures, np.full(shape, 0.5), step=5)
         plan = model.plan(history, scene.road, who, [])
         begin = time.process_time()
         slowed(plan, history, scene.road, who, GuardProfile())
@@ -118,7 +118,7 @@ def replayed(data: Path) -> None:
                 if not len(vehicle):
                     continue
                 who, now = (
-                    VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle),
+                    VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle),
                     scene.now.speed[vehicle],
                 )
                 history, road = SceneHistory.of_scene(scene), scene.road

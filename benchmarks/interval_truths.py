@@ -44,7 +44,7 @@ class Truth:
         name: of the scene.
         columns: names of the metrics.
         values: (N, M), NaN where undefined.
-        questions: names of what is yes or no in a child; those of a pair of vehicles once for each pair.
+        questions: names of what is yes or no in a future; those of a pair of vehicles once for each pair.
         answers: (N, Q) the answers.
     """
 
@@ -134,7 +134,7 @@ def _run(scene: SeedScene, file: Path) -> None:
             run = scex_sumo.extrapolate(
                 scene,
                 models=DEFAULT_MODELS,
-                children="all",
+                futures="all",
                 world="plain",
                 reference=None,
                 report=False,
@@ -156,8 +156,8 @@ def _run(scene: SeedScene, file: Path) -> None:
 
 
 def _encounters(run: scex_sumo.Run, scene: SeedScene) -> Encounters:
-    """Encounters of every child, from the tracks and plans that the run kept."""
-    shape = (run.children, scene.vehicles, LOGGED_HISTORY + int(run.info["steps"]))
+    """Encounters of every future, from the tracks and plans that the run kept."""
+    shape = (run.futures, scene.vehicles, LOGGED_HISTORY + int(run.info["steps"]))
     x, y, vx, vy, heading = (
         np.asarray(run.tracks[name]).reshape(shape).swapaxes(1, 2)
         for name in ("x", "y", "vx", "vy", "psi_rad")
@@ -172,20 +172,20 @@ def _encounters(run: scex_sumo.Run, scene: SeedScene) -> Encounters:
     assert plans is not None
     there = np.ones(shape[:2], dtype=bool)
     ids = np.broadcast_to(plans.track_ids, shape[:2])
-    planned = plans.paths(plans.children.astype(str), ids, there, tracks.steps)
+    planned = plans.paths(plans.futures.astype(str), ids, there, tracks.steps)
     hits = find_collisions(tracks)
     batches = scene_batches(tracks, planned, preset="path", parameters=PAPER)
     return Encounters.join([encounters_of(scenes, hits, start) for start, scenes in batches])
 
 
-def _by_pair(found: Encounters, children: int) -> list[tuple[str, BoolArray]]:
-    """(N,) of each pair whether it collides, and whether its encounter is critical, in each child."""
+def _by_pair(found: Encounters, futures: int) -> list[tuple[str, BoolArray]]:
+    """(N,) of each pair whether it collides, and whether its encounter is critical, in each future."""
     answers, out = answers_of(found), []
     key = found.first * VEHICLES + found.second
     for pair in np.unique(key):
         for name in _PAIRS:
-            full = np.zeros(children, dtype=bool)
-            full[found.child[(key == pair) & answers[name]]] = True
+            full = np.zeros(futures, dtype=bool)
+            full[found.future[(key == pair) & answers[name]]] = True
             out.append((f"pair {name}", full))
     return out
 

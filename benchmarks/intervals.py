@@ -5,7 +5,7 @@ Run: python benchmarks/intervals.py CACHE [--set chosen|fresh] [--scenes N] [--r
 Every scene has five vehicles, each driven by one of four models: all 1024 assignments are run once and kept
 in CACHE (about 5 s a scene). Then designs are drawn again and again: P(critical) of all thresholds,
 P(collision), of every pair of vehicles P(collision) and P(critical), and the bands of all columns, against
-the truth. Shares whose truth is 0 or 1 are left out, and columns that fewer than a fifth of the children
+the truth. Shares whose truth is 0 or 1 are left out, and columns that fewer than a fifth of the futures
 define, or that have fewer than three values.
 """
 
@@ -27,7 +27,7 @@ from scex_sumo.statistics.intervals import DesignIntervals
 SIZES = (117, 385)
 SHAPE = (LEVELS,) * VEHICLES
 _NORMAL = 1.96
-_HEADINGS = ("design", "children", "question", "cases", "holds", "lowest 5 %", "worst")
+_HEADINGS = ("design", "futures", "question", "cases", "holds", "lowest 5 %", "worst")
 _HEADINGS += ("width", "true spread", "ratio", "ordinary")
 
 
@@ -73,7 +73,7 @@ def shares(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[Des
 
 
 def bands(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[DesignIntervals]) -> Found:
-    """Bands of all columns that enough children define."""
+    """Bands of all columns that enough futures define."""
     values = np.concatenate([truth.values for truth in found], axis=1)
     kept = [v for v in values.T if np.mean(~np.isnan(v)) >= 0.2 and len(np.unique(v[~np.isnan(v)])) >= 3]
     half = np.array([mine.half_widths(np.stack(kept)[:, r].T) for mine, r in zip(made, draws, strict=True)])

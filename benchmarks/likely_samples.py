@@ -125,7 +125,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     vehicle, row, off = vehicle[good], row[good], off[good]
     if not len(vehicle):
         return None
-    history, who = present(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    history, who = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now, future, seen = scene.now[vehicle], scene.future[vehicle], observations_of(scene, paths, HUMAN)
     s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
     view = View(history=history, who=who, paths=paths, row=row, s=s, human=HUMAN)
@@ -159,7 +159,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
         way=np.stack(ways, axis=1),
         side_features=side_features(scene, HUMAN)[vehicle],
         wave=behind_a_wave(
-            scene.now.speed[None], leaders, who.child, queue_leaders(scene, paths, HUMAN), HUMAN
+            scene.now.speed[None], leaders, who.future, queue_leaders(scene, paths, HUMAN), HUMAN
         ),
         beside=lanes_beside(scene, scene.road, paths, HUMAN)[row],
         occupied=lanes_occupied(scene, HUMAN)[vehicle],

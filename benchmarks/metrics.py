@@ -1,6 +1,6 @@
 """Ordered pair-steps per second of the metrics on one core, per metric and in total.
 
-    python benchmarks/metrics.py [--children 385] [--vehicles 11] [--steps 30] [--repeats 5] [--memory]
+    python benchmarks/metrics.py [--futures 385] [--vehicles 11] [--steps 30] [--repeats 5] [--memory]
 
 *random* scatters vehicles over a square, so that every path may cross every other; *smooth* drives them on
 straight and curved lanes through one intersection, as a run does.
@@ -70,22 +70,22 @@ def drive(
     return tracks, planned
 
 
-def random_scenes(children: int, vehicles: int, steps: int) -> tuple[SceneTracks, PlannedPaths]:
+def random_scenes(futures: int, vehicles: int, steps: int) -> tuple[SceneTracks, PlannedPaths]:
     rng = np.random.default_rng(0)
-    shape = (children, vehicles)
+    shape = (futures, vehicles)
     start = np.stack([*rng.uniform(0, 100, (2, *shape)), rng.uniform(-np.pi, np.pi, shape)])
     return drive(rng, start, rng.uniform(0, 20, shape), rng.normal(0, 0.02, shape), steps)
 
 
-def smooth_scenes(children: int, vehicles: int, steps: int) -> tuple[SceneTracks, PlannedPaths]:
-    """One seed scene driven differently in every child: four arms of an intersection, rotated by 30°."""
+def smooth_scenes(futures: int, vehicles: int, steps: int) -> tuple[SceneTracks, PlannedPaths]:
+    """One seed scene driven differently in every future: four arms of an intersection, rotated by 30°."""
     rng = np.random.default_rng(1)
     arm = np.arange(vehicles) % 4
     along = -15.0 - 14.0 * (np.arange(vehicles) // 4) - 3.0 * arm
     heading = np.pi / 6 + arm * np.pi / 2
     x = along * np.cos(heading) + 1.75 * np.sin(heading)
     y = along * np.sin(heading) - 1.75 * np.cos(heading)
-    shape = (children, vehicles)
+    shape = (futures, vehicles)
     start = np.stack([np.broadcast_to(a, shape) for a in (x, y, heading)])
     speed = np.broadcast_to(rng.uniform(5, 12, vehicles), shape)
     return drive(rng, start, speed, rng.choice([0.0, 0.0, 0.02, -0.05], shape), steps)
@@ -107,17 +107,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--children", type=int, default=385)
+    parser.add_argument("--futures", type=int, default=385)
     parser.add_argument("--vehicles", type=int, default=11)
     parser.add_argument("--steps", type=int, default=30)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--memory", action="store_true", help="print the peak memory beyond the inputs")
     options = parser.parse_args()
-    pair_steps = options.children * options.steps * options.vehicles * (options.vehicles - 1)
-    size = f"{options.children} children x {options.steps} steps x {options.vehicles} vehicles"
+    pair_steps = options.futures * options.steps * options.vehicles * (options.vehicles - 1)
+    size = f"{options.futures} futures x {options.steps} steps x {options.vehicles} vehicles"
     print(f"{size}: {pair_steps:,} ordered pair-steps")
     for name, make in (("random", random_scenes), ("smooth", smooth_scenes)):
-        tracks, planned = make(options.children, options.vehicles, options.steps)
+        tracks, planned = make(options.futures, options.vehicles, options.steps)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for metric in (*METRICS, None):
             took = seconds(tracks, planned, None if metric is None else (metric,), options.repeats)

@@ -4,7 +4,7 @@ Everything in one process, interleaved, processor time, medians: bare loops over
 (see `bare_loop`), then a whole run: map and tracks read, converted, simulated, measured, densities and files
 written.
 
-    python benchmarks/one_seed.py [MAP.osm] [--children 385] [--vehicles 11] [--steps 30] [--models all]
+    python benchmarks/one_seed.py [MAP.osm] [--futures 385] [--vehicles 11] [--steps 30] [--models all]
         [--repeat 5] [--workers 2] [--start]
 """
 
@@ -74,7 +74,7 @@ def whole_run(map_path: Path, tracks: Path, out: Path, options: argparse.Namespa
         models=options.models,
         reference=None,
         report=False,
-        children=options.children,
+        futures=options.futures,
         steps=options.steps,
         replan=options.replan,
         workers=workers,
@@ -85,9 +85,9 @@ def whole_run(map_path: Path, tracks: Path, out: Path, options: argparse.Namespa
 
 
 def poses_of_run(run: Run, scene: SeedScene) -> Poses:
-    """(C, T + 1, V) of all children of a run, the seed scene first."""
+    """(C, T + 1, V) of all futures of a run, the seed scene first."""
     frames = run.info["steps"] + 10
-    shape = (run.children, scene.vehicles, frames)
+    shape = (run.futures, scene.vehicles, frames)
     columns = {
         name: np.asarray(run.tracks[column]).reshape(shape)[:, :, 9:].swapaxes(1, 2)
         for name, column in (("x", "x"), ("y", "y"), ("heading", "psi_rad"))
@@ -120,7 +120,7 @@ def start_times(map_path: Path, tracks: Path) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("map", type=Path, nargs="?", default=DEFAULT_MAP)
-    parser.add_argument("--children", type=int, default=385)
+    parser.add_argument("--futures", type=int, default=385)
     parser.add_argument("--vehicles", type=int, default=11)
     parser.add_argument("--steps", type=int, default=30)
     parser.add_argument("--replan", type=int, default=5)
@@ -131,7 +131,7 @@ def main() -> None:
     options = parser.parse_args()
     options.models = SIX if options.models == "all" else options.models
     scene = synthetic_seed(options.map, vehicles=options.vehicles)
-    total = options.children * options.vehicles * options.steps
+    total = options.futures * options.vehicles * options.steps
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         tracks = write_tracks(folder / "tracks.csv", scene)
@@ -145,7 +145,7 @@ def main() -> None:
             for way, loops in bare.items():
                 loops.append(sum(bare_loop(net, poses, way).values()))
             runs.append(rooms(lambda: whole_run(options.map, tracks, folder / "out", options)))
-        size = f"{options.children} children x {options.vehicles} vehicles x {options.steps} steps"
+        size = f"{options.futures} futures x {options.vehicles} vehicles x {options.steps} steps"
         print(f"{options.map.stem}, {size}")
         print(f"models: {options.models}\n")
         report(bare, runs, total)

@@ -4,7 +4,7 @@
 
 Each is installed from the package index into a virtual environment of its own, which stays for the next time,
 and measured there: processor time of one process after a first round. Beside them, in the same run, what this
-project takes: its IDM driver for 64 children of 11 vehicles on the example roundabout, planned every 0.5 s,
+project takes: its IDM driver for 64 futures of 11 vehicles on the example roundabout, planned every 0.5 s,
 and its metrics for the same.
 """
 
@@ -136,7 +136,7 @@ def ours() -> None:
             scex_sumo.extrapolate(
                 seed,
                 models=["standard_driver"],
-                children=64,
+                futures=64,
                 reference=None,
                 report=False,
                 out=out,

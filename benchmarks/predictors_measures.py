@@ -103,7 +103,7 @@ def foreseen(scene: SeedScene, vehicle: IntArray, kept: float) -> FloatArray:
 
 def planned(test: TestScene, model: Behavior, vehicle: IntArray) -> FloatArray:
     """(k, H) distances of a model's plans to what the vehicles did, m."""
-    who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     plan = model.plan(SceneHistory.of_scene(test.scene), test.road, who, [np.random.default_rng(0)])
     return _distances(test.scene, vehicle, plan.x[:, :PLAN_STEPS], plan.y[:, :PLAN_STEPS])
 
@@ -116,12 +116,12 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     """
     seed, road = test.scene, test.road
     history = SceneHistory.of_scene(seed)
-    everyone = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    everyone = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     paths, _ = chosen_paths(history, road, everyone, "straight")
     count = paths.count[vehicle]
     owner = np.repeat(np.arange(len(vehicle)), count)
     row = paths.first[vehicle][owner] + np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
-    pairs = VehicleIndex(child=np.zeros_like(owner), vehicle=vehicle[owner])
+    pairs = VehicleIndex(future=np.zeros_like(owner), vehicle=vehicle[owner])
     _, modes = driver.predict(history, road, pairs, paths, row)
     logit, choice = modes.path_logit, modes.logits
     path = np.exp(logit - logit.max())
@@ -133,7 +133,7 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     )
     rank = np.arange(len(pair)) - np.searchsorted(owner[pair], owner[pair])
     pair, number = pair[rank < GUESSES], number[rank < GUESSES]
-    who = VehicleIndex(child=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
+    who = VehicleIndex(future=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
     offset = modes.offset[pair, number]
     plan = plan_along(history, who, paths, row[pair], modes.acceleration[pair, number], offset, road=road)
     off = _distances(seed, who.vehicle, plan.x, plan.y)[:, -1]
@@ -163,13 +163,13 @@ def drawn_futures(
     """(C, H, V) futures of a scene with a model that drives everybody, a new plan every `replan` steps."""
     vehicles = test.scene.vehicles
     batch = Batch(
-        children=np.arange(count),
+        futures=np.arange(count),
         assignment=np.zeros((count, vehicles), dtype=np.int64),
         models=(model,),
         names=("model",),
         overridden=np.array([True]),
         route_draw=np.random.default_rng(zlib.crc32(test.scene.name.encode())).random((count, vehicles)),
-        generators=[np.random.default_rng([0, child]) for child in range(count)],
+        generators=[np.random.default_rng([0, future]) for future in range(count)],
     )
     world = PlainWorld(count, vehicles)
     return roll_out(world, test.road, test.scene, batch, steps=steps, replan=replan).states

@@ -1,6 +1,6 @@
 """Ranking at scale: seeds per minute with processes and Dask workers, costs per seed, memory, sizes on disk.
 
-    python benchmarks/rank.py [DATASET] [--every S] [--children 32] [--repeat 3] [--what PART,...]
+    python benchmarks/rank.py [DATASET] [--every S] [--futures 32] [--repeat 3] [--what PART,...]
 
 Throughput is taken between the first and the last seed that comes back, without start, table and page; one
 and two workers take turns, medians. Costs, of the process that hands out the seeds, are processor time.
@@ -28,7 +28,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.cut import list_moments, moment_tasks
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import DaskWorkers, LocalWorkers, MomentWorkers
-from scex_sumo.studies.rank.children import RankFolder, RankTask, run_moment
+from scex_sumo.studies.rank.futures import RankFolder, RankTask, run_moment
 from scex_sumo.studies.rank.rank import rank
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import RankSettings
@@ -39,8 +39,8 @@ TEN_THOUSAND = 10_000
 
 
 def settings_of(args: argparse.Namespace) -> RankSettings:
-    run = RunSettings(models=MODELS, children=args.children)
-    return RankSettings(run=run, every=args.every, first=args.children)
+    run = RunSettings(models=MODELS, futures=args.futures)
+    return RankSettings(run=run, every=args.every, first=args.futures)
 
 
 def run_all(args: argparse.Namespace, workers: MomentWorkers, progress: Callable[[int, int], None]) -> None:
@@ -117,7 +117,7 @@ def throughput(args: argparse.Namespace) -> None:
             with dask_cluster(workers) as address:
                 rate, seeds, own_dask = seeds_per_minute(args, cluster_workers(address, workers))
             rates.setdefault(("dask", workers), []).append(rate)
-    print(f"throughput, {seeds} seeds of {args.children} children, median of {args.repeat}:")
+    print(f"throughput, {seeds} seeds of {args.futures} futures, median of {args.repeat}:")
     for kind in ("processes", "dask"):
         one, two = (statistics.median(rates[kind, n]) for n in (1, 2))
         print(
@@ -146,7 +146,7 @@ def costs(args: argparse.Namespace) -> None:
         [one.recording for one in loaded],
         listings,
         settings_of(args),
-        range(args.children),
+        range(args.futures),
         wanted=lambda listing: listing.moments[:: max(len(listing.moments) // 5, 1)],
     )
     tasks = [RankTask.of(task, spare=0) for task in items if isinstance(task, MomentTask)]
@@ -167,7 +167,7 @@ def costs(args: argparse.Namespace) -> None:
         for ref, part in parts:
             folder.append(ref, part)
         appending = (time.process_time() - begin) / len(parts)
-    print(f"costs per seed of {args.children} children, {len(refs)} seeds in {len(loaded)} recordings:")
+    print(f"costs per seed of {args.futures} futures, {len(refs)} seeds in {len(loaded)} recordings:")
     print(f"  worker: run and measure {1e3 * running:.0f} ms")
     print(f"  main process: load {1e3 * loading / len(refs):.1f} ms, build {1e3 * building:.1f} ms, ", end="")
     print(f"pack and unpack {1e3 * packing:.1f} ms, append {1e3 * appending:.1f} ms")
@@ -233,21 +233,21 @@ def sizes(args: argparse.Namespace) -> None:
                 args.dataset,
                 out=Path(out) / "out",
                 every=args.every,
-                children=args.children,
-                first=args.children,
+                futures=args.futures,
+                first=args.futures,
                 models=list(MODELS),
                 keep=keep,
             )
-            seeds = len(list(Path(out).glob("out/children/*/*")))
+            seeds = len(list(Path(out).glob("out/futures/*/*")))
             found = {
                 kind: sum(f.stat().st_size for f in Path(out, "out", kind).rglob("*.parquet"))
-                for kind in ("children", "tracks")
+                for kind in ("futures", "tracks")
             }
         each = {kind: size / seeds for kind, size in found.items()}
         whole = sum(each.values()) * TEN_THOUSAND / 1e9
         print(
-            f"sizes, --keep {keep:8}: children {each['children'] / 1e3:.1f} kB, "
-            f"tracks {each['tracks'] / 1e3:.1f} kB per seed of {args.children} children; "
+            f"sizes, --keep {keep:8}: futures {each['futures'] / 1e3:.1f} kB, "
+            f"tracks {each['tracks'] / 1e3:.1f} kB per seed of {args.futures} futures; "
             f"{whole:.2f} GB for {TEN_THOUSAND} seeds"
         )
 
@@ -267,7 +267,7 @@ def main() -> None:
     )
     parser.add_argument("dataset", nargs="?", type=Path, default=DATASET)
     parser.add_argument("--every", type=float, default=1.0)
-    parser.add_argument("--children", type=int, default=32)
+    parser.add_argument("--futures", type=int, default=32)
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--what", default=",".join(PARTS), help=f"some of {','.join(PARTS)}")
     args = parser.parse_args()

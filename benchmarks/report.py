@@ -1,8 +1,8 @@
-"""Time, size and frames per second of ``report.html``: of a real run, and of one whose children all differ.
+"""Time, size and frames per second of ``report.html``: of a real run, and of one whose futures all differ.
 
     python benchmarks/report.py [OUT]
 
-Without a result folder, 385 children of the example roundabout are run first. Measured is what ``run`` adds
+Without a result folder, 385 futures of the example roundabout are run first. Measured is what ``run`` adds
 after its table, whose intervals the report takes over: processor time, the best and the first of several
 repetitions. Frames are those of chromium without a GPU in two seconds of play at 1400 x 900: zoomed to the
 worst encounter, with the whole scene, and with all futures; they need playwright.
@@ -65,7 +65,7 @@ def measure(name: str, folder: Path) -> None:
         start = time.process_time()
         path = write_report(run)
         times.append(time.process_time() - start)
-    kept = f"{run.children} children of {len(run.info['seed_scene']['track_ids'])} vehicles"
+    kept = f"{run.futures} futures of {len(run.info['seed_scene']['track_ids'])} vehicles"
     print(f"{name}: {kept}: {path.stat().st_size / 1000:.0f} kB, {min(times):.3f} s (first {times[0]:.3f} s)")
 
 

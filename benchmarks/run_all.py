@@ -124,7 +124,7 @@ def main() -> None:
     parser.add_argument("--dataset", type=Path, help="recordings to rank")
     parser.add_argument("--before", type=Path, help="an older checkout, to rank with as well")
     parser.add_argument("--recording", type=Path, help="a crowded recorded moment")
-    parser.add_argument("--full", action="store_true", help="more repetitions, 10 000 children")
+    parser.add_argument("--full", action="store_true", help="more repetitions, 10 000 futures")
     parser.add_argument("--only", choices=BLOCKS)
     parser.add_argument("--peers", type=Path, help="folder of the peers' virtual environments")
     options = parser.parse_args()

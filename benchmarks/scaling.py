@@ -1,4 +1,4 @@
-"""How time and memory grow with children, vehicles, steps and the size of the map.
+"""How time and memory grow with futures, vehicles, steps and the size of the map.
 
 Every point is a process of its own: processor time of a whole run (without reading the map), also for each
 vehicle-step, and the peak of the process's memory above that before the run. Vehicles and maps grow on copies
@@ -6,7 +6,7 @@ of a map side by side, whose scenes are those of the map.
 
     python benchmarks/scaling.py [MAP.osm] [--full] [--recording FILE]
 
-``--recording`` adds the whole command, 385 children and their reference, on a crowded recorded moment.
+``--recording`` adds the whole command, 385 futures and their reference, on a crowded recorded moment.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def copied_scene(scene: SeedScene, road: Road, vehicles: int) -> SeedScene:
     )
 
 
-def measure(map_path: Path, vehicles: int, children: int, steps: int, copies: int) -> dict[str, float]:
+def measure(map_path: Path, vehicles: int, futures: int, steps: int, copies: int) -> dict[str, float]:
     """One run; for a process of its own."""
     import scex_sumo
     from scex_sumo.scenarios.seeds import synthetic_seed
@@ -115,19 +115,19 @@ def measure(map_path: Path, vehicles: int, children: int, steps: int, copies: in
     small = synthetic_seed(map_path, vehicles=PER_COPY)
     assert small.road is not None
     scene = copied_scene(small, copied_road(small.road, copies), vehicles)
-    scex_sumo.extrapolate(small, children=2, steps=5, reference=None, report=False)  # imports
+    scex_sumo.extrapolate(small, futures=2, steps=5, reference=None, report=False)  # imports
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     begin = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         scex_sumo.extrapolate(
-            scene, children=children, steps=steps, reference=None, report=False, out=Path(folder) / "out"
+            scene, futures=futures, steps=steps, reference=None, report=False, out=Path(folder) / "out"
         )
         spent = time.process_time() - begin
         size = sum(f.stat().st_size for f in (Path(folder) / "out").rglob("*") if f.is_file())
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {
         "cpu": spent,
-        "each": 1e6 * spent / (vehicles * children * steps),
+        "each": 1e6 * spent / (vehicles * futures * steps),
         "memory": (after - before) / 1024,
         "size": size / 1e6,
     }
@@ -148,7 +148,7 @@ def recorded(recording: Path) -> None:
         info = json.loads((out / "run.json").read_text())
         size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
     print(
-        f"\n{recording.name}: {info['seed_scene']['vehicles']} vehicles x {info['children']} children, whole "
+        f"\n{recording.name}: {info['seed_scene']['vehicles']} vehicles x {info['futures']} futures, whole "
         f"command: {used.ru_utime + used.ru_stime:.1f} s of processor time, {wall:.1f} s, peak memory "
         f"{used.ru_maxrss / 1024:.0f} MB, folder {size / 1e6:.0f} MB"
     )
@@ -183,7 +183,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("map", type=Path, nargs="?", default=DEFAULT_MAP)
     parser.add_argument(
-        "--full", action="store_true", help="to 10 000 children and 100 vehicles x 385 children"
+        "--full", action="store_true", help="to 10 000 futures and 100 vehicles x 385 futures"
     )
     parser.add_argument("--recording", type=Path, help="a crowded recorded moment to run as well")
     parser.add_argument("--one", help=argparse.SUPPRESS)
@@ -192,11 +192,11 @@ def main() -> None:
         print(json.dumps(measure(options.map, **json.loads(options.one))))
         return
     full = options.full
-    base = {"children": 96, "vehicles": 10, "steps": 30, "copies": 1}
-    children = [10, 30, 100, 300, 1000, *([3000, 10000] if full else [])]
-    series("children", options.map, children, base)
+    base = {"futures": 96, "vehicles": 10, "steps": 30, "copies": 1}
+    futures = [10, 30, 100, 300, 1000, *([3000, 10000] if full else [])]
+    series("futures", options.map, futures, base)
     series("steps", options.map, [15, 30, 60, 120, *([240] if full else [])], base)
-    crowd = {**base, "copies": math.ceil(100 / PER_COPY), "children": 385 if full else 96}
+    crowd = {**base, "copies": math.ceil(100 / PER_COPY), "futures": 385 if full else 96}
     series("vehicles", options.map, [2, 5, 10, 20, 50, 100], crowd)
     series("copies", options.map, [1, 4, 16], base)
     if options.recording:

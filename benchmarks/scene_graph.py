@@ -1,9 +1,9 @@
 """Time of the semantic scene graph per scene, and size and build time of the road index.
 
-    python benchmarks/scene_graph.py [--vehicles 11] [--children 1,64] [--repeats 9]
+    python benchmarks/scene_graph.py [--vehicles 11] [--futures 1,64] [--repeats 9]
 
 The example maps, and the real ones where SCEX_DATA or ../shared/data is there; each is populated by SUMO.
-The children of a batch are drawn half a metre apart, so that no two scenes are the same. Processor time of
+The futures of a batch are drawn half a metre apart, so that no two scenes are the same. Processor time of
 the one thread there is, best of the repetitions: other jobs on the machine do not count.
 """
 
@@ -33,10 +33,10 @@ def maps() -> list[Path]:
     return own + real + [sorted(site.glob("*.xml.gz"))[0] for site in sites]
 
 
-def batch(scene: SeedScene, children: int, draw: int) -> SceneHistory:
+def batch(scene: SeedScene, futures: int, draw: int) -> SceneHistory:
     rng = np.random.default_rng(draw)
-    states = scene.history.repeat(children)
-    shape = (children, scene.vehicles, 1)
+    states = scene.history.repeat(futures)
+    shape = (futures, scene.vehicles, 1)
     states = replace(
         states,
         x=states.x + rng.normal(0.0, 0.5, shape),
@@ -46,7 +46,7 @@ def batch(scene: SeedScene, children: int, draw: int) -> SceneHistory:
     return SceneHistory(
         scene=scene,
         states=states,
-        children=np.arange(children),
+        futures=np.arange(futures),
         step=0,
         route_draw=np.zeros(shape[:2]),
     )
@@ -68,16 +68,16 @@ def timed_index(scene: SeedScene) -> tuple[RoadIndex, int, float]:
     return index, _bytes_of(index) + _bytes_of(segments), time.process_time() - begin
 
 
-def seconds(scene: SeedScene, children: int, repeats: int) -> tuple[float, float]:
+def seconds(scene: SeedScene, futures: int, repeats: int) -> tuple[float, float]:
     """Per scene: processor time, and the mean number of edges."""
     best, edges = np.inf, 0
     for draw in range(repeats):
-        history = batch(scene, children, draw)
+        history = batch(scene, futures, draw)
         begin = time.process_time()
         graph = scex.scene_graph(history, scene.road)
         best = min(best, time.process_time() - begin)
         edges += len(graph.edge_kind)
-    return best / children, edges / repeats / children
+    return best / futures, edges / repeats / futures
 
 
 def main() -> None:
@@ -85,10 +85,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--vehicles", type=int, default=11)
-    parser.add_argument("--children", default="1,64")
+    parser.add_argument("--futures", default="1,64")
     parser.add_argument("--repeats", type=int, default=9)
     options = parser.parse_args()
-    counts = [int(count) for count in options.children.split(",")]
+    counts = [int(count) for count in options.futures.split(",")]
     heads = " ".join(f"{f'ms/scene, {count}':>13}" for count in counts)
     print(f"{'map':32} lanes index kB build ms vehicles {heads} edges/scene")
     for path in maps():

@@ -1,9 +1,9 @@
 """Our following TTC, DRAC and PET beside those of SUMO's SSM device, on the same motion.
 
-    python benchmarks/ssm.py OUT [--child N ...]
+    python benchmarks/ssm.py OUT [--future N ...]
 
-Replays children of a result folder in SUMO, from the FCD that ``scex-sumo view`` writes, with the SSM device
-on every vehicle, and evaluates the same children with preset ``path``.
+Replays futures of a result folder in SUMO, from the FCD that ``scex-sumo view`` writes, with the SSM device
+on every vehicle, and evaluates the same futures with preset ``path``.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ PRINTED = 0.005  # the device rounds to 0.01
 Values = dict[tuple[str, int, int, int], float]
 
 
-def replay(folder: Path, child: int, output: Path) -> None:
-    """Run SUMO on one child's FCD with the SSM device."""
+def replay(folder: Path, future: int, output: Path) -> None:
+    """Run SUMO on one future's FCD with the SSM device."""
     tools = Path(sys.executable).parent
-    view = [str(tools / "scex-sumo"), "view", str(folder), "--child", str(child), "--write-only"]
+    view = [str(tools / "scex-sumo"), "view", str(folder), "--future", str(future), "--write-only"]
     configuration = Path(subprocess.run(view, check=True, capture_output=True, text=True).stdout.strip())
     options = {
         "probability": "1",
@@ -72,9 +72,9 @@ def device_values(output: Path) -> Values:
     return values
 
 
-def our_values(folder: Path, child: int) -> Values:
+def our_values(folder: Path, future: int) -> Values:
     table, _ = read_source(folder)
-    case = table.case(table.cases.index(str(child)))
+    case = table.case(table.cases.index(str(future)))
     rows = recording_table(case, level="pair", preset="path", metrics=("ttc", "drac", "pet")).to_pylist()
     values: Values = {}
     for row in rows:
@@ -93,16 +93,16 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--child", type=int, nargs="*", default=[0])
+    parser.add_argument("--future", type=int, nargs="*", default=[0])
     options = parser.parse_args()
     pairs: dict[str, list[tuple[float, float]]] = {"ttc": [], "drac": [], "pet": []}
     only_device, only_ours, beyond = (dict.fromkeys(pairs, 0) for _ in range(3))
-    for child in options.child:
+    for future in options.future:
         with tempfile.TemporaryDirectory() as temporary:
             output = Path(temporary) / "ssm.xml"
-            replay(options.folder, child, output)
+            replay(options.folder, future, output)
             theirs = device_values(output)
-        ours = our_values(options.folder, child)
+        ours = our_values(options.folder, future)
         led = {key[:3] for key in ours}
         for key, value in theirs.items():
             if key not in ours:

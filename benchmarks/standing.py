@@ -64,7 +64,7 @@ def smallest_gap(model: Behavior, road: Road, scene: SeedScene) -> float:
     history: SceneHistory = history_at(
         scene, scene.history.repeat(1), np.zeros(1, dtype=np.int64), np.zeros((1, 2)), step=0
     )
-    driver = VehicleIndex(child=np.zeros(1, dtype=np.int64), vehicle=np.zeros(1, dtype=np.int64))
+    driver = VehicleIndex(future=np.zeros(1, dtype=np.int64), vehicle=np.zeros(1, dtype=np.int64))
     standing = scene.now[1:]
     smallest = np.inf
     for step in range(STEPS):

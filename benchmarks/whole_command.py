@@ -27,13 +27,13 @@ from bare_loop import DEFAULT_MAP
 COMMANDS = {
     "four rule-based models": ["--models", "rules"],
     "the paper's six": ["--models", "paper"],
-    "a run of one child": ["--children", "1"],
-    "a run of one child, --reference none": ["--children", "1", "--reference", "none"],
+    "a run of one future": ["--futures", "1"],
+    "a run of one future, --reference none": ["--futures", "1", "--reference", "none"],
 }
 GOALS = dict(zip(COMMANDS, (0.9, 1.6, 0.6, 0.4), strict=True))
 HERE = Path(__file__).resolve().parent
 STEPS, RANKED = 30, 32
-RANK = ["--models", "rules", "--every", "5", "--children", str(RANKED), "--first", str(RANKED)]
+RANK = ["--models", "rules", "--every", "5", "--futures", str(RANKED), "--first", str(RANKED)]
 
 
 def spent(command: list[str], tree: Path = HERE.parent) -> tuple[float, float, str]:
@@ -43,10 +43,10 @@ def spent(command: list[str], tree: Path = HERE.parent) -> tuple[float, float, s
     ``tree`` as well, since Python looks for packages there before anywhere else.
     """
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    before, begin = resource.getrusage(resource.RUSAGE_FUTURES), time.perf_counter()
     environment = {**kept, "PYTHONPATH": str(tree)}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tree)
-    wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+    wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_FUTURES)
     if done.returncode:
         raise SystemExit(f"{' '.join(command)}\n{done.stderr}")
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall, done.stdout
@@ -65,7 +65,7 @@ def ranked(dataset: Path, tree: Path, out: Path, extra: list[str]) -> float:
     seconds = spent([*command, "-o", str(out)], tree)[0]
     with (out / "ranking.csv").open() as file:
         rows = list(csv.DictReader(file))
-    return sum(int(row["vehicles"]) * int(row["children"] or 0) * STEPS for row in rows) / seconds
+    return sum(int(row["vehicles"]) * int(row["futures"] or 0) * STEPS for row in rows) / seconds
 
 
 def _absolute(path: str) -> Path:
@@ -115,7 +115,7 @@ def commands(options: argparse.Namespace, folder: Path) -> None:
                 if turn and workers == 1:
                     cpu[name].append(seconds)
     loop = statistics.median(loops[1:])
-    print(f"{options.map.stem}, 385 children x {vehicles} vehicles x {STEPS} steps")
+    print(f"{options.map.stem}, 385 futures x {vehicles} vehicles x {STEPS} steps")
     print(f"plain bare loop: {loop:.2f} s of processor time\n")
     print("| whole command | processor time | against the loop | to reach |\n|---|---|---|---|")
     for name, each in cpu.items():

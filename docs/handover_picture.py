@@ -1,4 +1,4 @@
-"""One child in sumo-gui beside the same child drawn from the files that were exported, for docs/handover.md.
+"""One future in sumo-gui beside the same future drawn from the files that were exported, for docs/handover.md.
 
 Run: ``python docs/handover_picture.py``; needs a screen or Xvfb, and the extra ``formats``.
 Right: nothing but the ``.xodr`` and ``.xosc``, read by the readers of the tests, which share no code with the
@@ -32,7 +32,7 @@ from scex_sumo.exporters.openscenario import write_openscenario  # noqa: E402
 from scex_sumo.exporters.request import Request  # noqa: E402
 from scex_sumo.results.run import Run  # noqa: E402
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S  # noqa: E402
-from scex_sumo.views.replay import ChildView, write_view  # noqa: E402
+from scex_sumo.views.replay import FutureView, write_view  # noqa: E402
 from tests.exporters.opendrive_reader import OpenDrive  # noqa: E402
 from tests.exporters.openscenario_reader import box_centres  # noqa: E402
 
@@ -44,37 +44,37 @@ MIDDLE, AROUND_M = np.array([1005.0, 1012.0]), 48.0
 def main() -> None:
     """Run, show, export, read, draw."""
     run = scex.extrapolate(
-        scex.read_seed(scex.example_path("urban_intersection")), children=40, reference=None
+        scex.read_seed(scex.example_path("urban_intersection")), futures=40, reference=None
     )
-    child = 3
+    future = 3
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         figure = Figure(figsize=(13, 6.2), layout="constrained")
         left, right = figure.subplots(1, 2)
-        shot = imread(in_sumo_gui(run, child, folder))
+        shot = imread(in_sumo_gui(run, future, folder))
         beside = max(shot.shape[1] - shot.shape[0], 0) // 2
         left.imshow(shot[:, beside : shot.shape[1] - beside])
         left.set_axis_off()
-        left.set_title("the child in sumo-gui", loc="left")
-        draw_export(right, run, child, folder)
+        left.set_title("the future in sumo-gui", loc="left")
+        draw_export(right, run, future, folder)
         figure.savefig(PICTURE, dpi=90)
 
 
-def in_sumo_gui(run: Run, child: int, folder: Path) -> Path:
-    """Picture that sumo-gui takes of a child."""
+def in_sumo_gui(run: Run, future: int, folder: Path) -> Path:
+    """Picture that sumo-gui takes of a future."""
     models = sorted(set(run.assignments["model"].unique().to_pylist()))
-    now = run.states(child)[:, STEP]
+    now = run.states(future)[:, STEP]
     near = np.flatnonzero(np.hypot(now.x - MIDDLE[0], now.y - MIDDLE[1]) < AROUND_M / 2)
-    view = ChildView(
-        number=child,
-        states=run.states(child),
-        models=run.models_of(child),
+    view = FutureView(
+        number=future,
+        states=run.states(future),
+        models=run.models_of(future),
         past=LOGGED_HISTORY,
         event=near.tolist(),
         stop=STEP,
     )
     colors = dict(zip(models, model_colors(models), strict=True))
-    shots = ((STEP * STEP_S, "child.png"),)
+    shots = ((STEP * STEP_S, "future.png"),)
     configuration = write_view(folder, run.net, run.scene, [view], colors, snapshots=shots)
     screen = [] if os.environ.get("DISPLAY") else ["xvfb-run", "-a", "-s", "-screen 0 1200x1100x24"]
     if screen and shutil.which(screen[0]) is None:
@@ -83,12 +83,12 @@ def in_sumo_gui(run: Run, child: int, folder: Path) -> Path:
     environment = {**os.environ, "SUMO_HOME": sumo.SUMO_HOME}
     command = [*screen, str(program), "-c", configuration.name, "--quit-on-end"]
     subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True)
-    return folder / "child.png"
+    return folder / "future.png"
 
 
-def draw_export(axes: Axes, run: Run, child: int, folder: Path) -> None:
-    """The same child from the exported files alone."""
-    road, scenario, *_ = write_openscenario(Request(run=run, children=(child,), out=folder / "export"))
+def draw_export(axes: Axes, run: Run, future: int, folder: Path) -> None:
+    """The same future from the exported files alone."""
+    road, scenario, *_ = write_openscenario(Request(run=run, futures=(future,), out=folder / "export"))
     for lane in OpenDrive(road.read_text()).lanes:
         surface = np.vstack([lane.left, lane.right[::-1]])
         axes.add_patch(Polygon(surface, facecolor="#d9dde2", edgecolor="#8a929c", linewidth=0.7))

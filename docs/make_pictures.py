@@ -292,20 +292,20 @@ def going_first() -> None:
         run = scex.extrapolate(
             scene,
             models="joint_predictor",
-            children=24,
+            futures=24,
             steps=70,
             exact=False,
             reference=None,
             out=Path(folder, "out"),
         )
         pair = [scene.track_ids.tolist().index(track) for track in CROSSING]
-        ways = np.array([[(v.x, v.y) for v in (run.states(c)[k] for k in pair)] for c in range(run.children)])
+        ways = np.array([[(v.x, v.y) for v in (run.states(c)[k] for k in pair)] for c in range(run.futures)])
         least = np.hypot(*(np.moveaxis(ways, 2, 0) - np.reshape(PLACE, (2, 1, 1, 1)))).min(axis=-1)
-        hit = set(run.collisions["child"].to_pylist())
-        meet = [c for c in range(run.children) if c not in hit and least[c].max() < WAITS_M]
+        hit = set(run.collisions["future"].to_pylist())
+        meet = [c for c in range(run.futures) if c not in hit and least[c].max() < WAITS_M]
         first = [next(c for c in meet if least[c, k] < NEAR_M < least[c, 1 - k]) for k in (0, 1)]
-        request = Request(run=run, children=tuple(first), encounter=CROSSING)
-        films = [Film(request, child, (400, 400)) for child in first]
+        request = Request(run=run, futures=tuple(first), encounter=CROSSING)
+        films = [Film(request, future, (400, 400)) for future in first]
         shots = [
             Image.fromarray(np.hstack([film.picture(float(k)) for film in films]))
             for k in range(LOGGED_HISTORY - 1, LOGGED_HISTORY + 70, 2)
@@ -323,7 +323,7 @@ def going_first() -> None:
 
 
 def handover() -> None:
-    """One child in sumo-gui beside what was exported of it; needs a screen or Xvfb."""
+    """One future in sumo-gui beside what was exported of it; needs a screen or Xvfb."""
     import handover_picture
 
     handover_picture.main()

@@ -2,7 +2,7 @@
 
 The references of the command line and of Python are generated from the code.
 
-Run: ``python docs/make_site.py [CHILDREN]``; needs ``pip install 'scex-sumo[docs]'``.
+Run: ``python docs/make_site.py [FUTURES]``; needs ``pip install 'scex-sumo[docs]'``.
 A dead link or anchor is an error.
 """
 
@@ -101,13 +101,13 @@ def page_of(notebook: dict[str, list[dict[str, Any]]]) -> str:
     return "\n\n".join([*cells, "The same [as a notebook](tutorial.ipynb).\n"])
 
 
-def gallery(children: int) -> None:
+def gallery(futures: int) -> None:
     """Run the example seeds and gather their reports and figures."""
     folder, lines = SOURCE / "gallery", [GALLERY]
     folder.mkdir()
     for name in EXAMPLES:
         seed, out = scex.example_path(name).relative_to(ROOT), (SITE / "runs" / name).relative_to(ROOT)
-        command = [sys.executable, "-m", "scex_sumo", "run", str(seed), "--children", str(children)]
+        command = [sys.executable, "-m", "scex_sumo", "run", str(seed), "--futures", str(futures)]
         subprocess.run(
             [*command, "-o", str(out), "--overwrite"], cwd=ROOT, check=True, stdout=subprocess.DEVNULL
         )
@@ -116,7 +116,7 @@ def gallery(children: int) -> None:
         run.plot(folder / f"{name}.svg")
         title, share = name.replace("_", " ").capitalize(), run.collision.estimate.value
         lines.append(
-            f"## {title}\n\n{run.children} futures, with a collision in {share:.0%} of them.\n\n"
+            f"## {title}\n\n{run.futures} futures, with a collision in {share:.0%} of them.\n\n"
             f"{REPORT.format(name=name)}\n\n![Densities of {name}](gallery/{name}.svg)\n\n"
         )
     (SOURCE / "gallery.md").write_text("".join(lines), encoding="utf-8")

@@ -69,7 +69,7 @@ def main() -> None:
     """Run the command line; errors become one line and an exit status."""
     # NumPy's products are small: threads cost more than they save.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # SIGTERM does the same as Ctrl-C: finished children stay, workers end.
+    # SIGTERM does the same as Ctrl-C: finished futures stay, workers end.
     signal.signal(signal.SIGTERM, _stop)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not ignored, as by nohup
         signal.signal(signal.SIGINT, _stop)
@@ -101,7 +101,7 @@ def main() -> None:
             _fail("interrupted", 130)
         if _is_out_of_memory(error):
             _fail(
-                "error: out of memory; ask for fewer --children, --steps or --workers, or a smaller --batch",
+                "error: out of memory; ask for fewer --futures, --steps or --workers, or a smaller --batch",
                 1,
             )
         shown = getattr(error, "format_message", None)

@@ -1,7 +1,7 @@
 """Data types that all parts share: states, seed scene, history, plan.
 
 Units are metres, radians, seconds. Positions are vehicle centres in the map's coordinates. ``heading`` is 0
-along +x and grows counter-clockwise. Axes: C (child), V (vehicle), T (step), O (obstacle), H (planned step),
+along +x and grows counter-clockwise. Axes: C (future), V (vehicle), T (step), O (obstacle), H (planned step),
 n (vehicles that plan in one call).
 """
 
@@ -238,14 +238,14 @@ class SeedScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneHistory:
-    """Input of behaviour models: all vehicles of a batch of children, now and 10 steps back.
+    """Input of behaviour models: all vehicles of a batch of futures, now and 10 steps back.
 
     Attributes:
-        scene: the seed scene: all that does not depend on the child.
+        scene: the seed scene: all that does not depend on the future.
         states: (C, V, 11) read back from SUMO, oldest first.
-        children: (C,) numbers.
+        futures: (C,) numbers.
         step: steps since the seed scene.
-        route_draw: (C, V) in [0, 1), fixed per vehicle of a child, for models with random routes.
+        route_draw: (C, V) in [0, 1), fixed per vehicle of a future, for models with random routes.
         obstacle_states: (O,) now; None without obstacles.
 
     Example:
@@ -255,7 +255,7 @@ class SceneHistory:
 
     scene: SeedScene
     states: States
-    children: IntArray
+    futures: IntArray
     step: int
     route_draw: FloatArray
     obstacle_states: States | None = None
@@ -263,12 +263,12 @@ class SceneHistory:
 
     @classmethod
     def of_scene(cls, scene: SeedScene) -> SceneHistory:
-        """Make a batch of one child from a seed scene; its ``route_draw`` is zero."""
+        """Make a batch of one future from a seed scene; its ``route_draw`` is zero."""
         others = scene.obstacles
         return cls(
             scene=scene,
             states=scene.history.repeat(1),
-            children=np.zeros(1, dtype=np.int64),
+            futures=np.zeros(1, dtype=np.int64),
             step=0,
             route_draw=np.zeros((1, scene.vehicles)),
             obstacle_states=None if others is None else others.states[:, HISTORY_STEPS],
@@ -286,23 +286,23 @@ class VehicleIndex:
     """Vehicles that plan in one call, as index arrays into (C, V).
 
     Attributes:
-        child: (n,) index into the batch, not the child's number.
+        future: (n,) index into the batch, not the future's number.
         vehicle: (n,) index into the seed scene's vehicles.
 
     Example:
-        >>> who = scex.VehicleIndex(child=np.array([0, 1]), vehicle=np.array([3, 3]))
+        >>> who = scex.VehicleIndex(future=np.array([0, 1]), vehicle=np.array([3, 3]))
         >>> len(who)
         2
     """
 
-    child: IntArray
+    future: IntArray
     vehicle: IntArray
 
     def __len__(self) -> int:
-        return len(self.child)
+        return len(self.future)
 
     def __getitem__(self, key: Any) -> VehicleIndex:
-        return VehicleIndex(child=self.child[key], vehicle=self.vehicle[key])
+        return VehicleIndex(future=self.future[key], vehicle=self.vehicle[key])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -22,7 +22,7 @@ NEEDS = {"to_hetero_data": "torch_geometric", "to_networkx": "networkx"}
 def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the examples use: the package, NumPy, a seed scene, a run of it."""
     scene = scex.read_seed(scex.example_path("roundabout"))
-    run = extrapolate(scene, children=4, seed=1, out=tmp_path_factory.mktemp("run") / "out")
+    run = extrapolate(scene, futures=4, seed=1, out=tmp_path_factory.mktemp("run") / "out")
     return {"scex": scex, "np": np, "Path": Path, "scene": scene, "run": run}
 
 

@@ -1,4 +1,4 @@
-"""Actor controller for CARLA's ScenarioRunner: replays a child, setting the transform at each tick.
+"""Actor controller for CARLA's ScenarioRunner: replays a future, setting the transform at each tick.
 
 ScenarioRunner drives FollowTrajectoryAction through a local planner, which is late and cuts curves. Assign
 this controller to each entity instead (AssignControllerAction with a Controller whose properties are

@@ -102,7 +102,7 @@ def check_driver(model: str, parameters: Mapping[str, str]) -> None:
         if key in RANDOM_PARAMETERS and value not in ("0", "0.0"):
             raise UsageError(
                 f"sumo:{model}: {key}={value} makes the driver random, and SUMO's random numbers depend on "
-                f"where a child is simulated; leave {key} at 0"
+                f"where a future is simulated; leave {key} at 0"
             )
         if key in _REFUSED or key not in _known_parameters():
             raise UsageError(f"sumo:{model}: unknown parameter {key!r}; SUMO's own names are meant, e.g. tau")

@@ -26,7 +26,7 @@ BY_ITSELF = "had no plan of its own"  # reason of a fallback if the model gives 
 
 @runtime_checkable
 class Behavior(Protocol):
-    """Behaviour model: pure, batched over vehicles and children.
+    """Behaviour model: pure, batched over vehicles and futures.
 
     Example:
         >>> isinstance(scex.parse_models, scex.Behavior)  # has it a method `plan`?
@@ -38,11 +38,11 @@ class Behavior(Protocol):
     ) -> Plan:
         """Plan at least 30 steps for the n vehicles in ``who``.
 
-        It is called once per replan, for all children of the batch, and changes none of its arguments.
+        It is called once per replan, for all futures of the batch, and changes none of its arguments.
 
         Args:
             history: states now and 10 steps back.
-            rng: (C,) one generator per child. Draw for a vehicle from its own child's generator only, so
+            rng: (C,) one generator per future. Draw for a vehicle from its own future's generator only, so
                 that the result does not depend on the batch.
         """
         ...
@@ -50,18 +50,18 @@ class Behavior(Protocol):
 
 @runtime_checkable
 class SingleVehicleBehavior(Protocol):
-    """A model that plans for one vehicle of one child."""
+    """A model that plans for one vehicle of one future."""
 
     def plan_one(
-        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+        self, history: SceneHistory, road: Road, future: int, vehicle: int, rng: np.random.Generator
     ) -> States:
         """Plan at least 30 steps for one vehicle.
 
         Args:
-            history: states of the vehicle's child alone. ``history.states[child, vehicle]`` (11,) are the
-                vehicle's, ``history.states[child]`` (V, 11) those of all.
+            history: states of the vehicle's future alone. ``history.states[future, vehicle]`` (11,) are the
+                vehicle's, ``history.states[future]`` (V, 11) those of all.
             road: the map; if the model has a `radius`, only the part around the vehicle.
-            child: index into the history, 0; ``history.children[child]`` is the child's number.
+            future: index into the history, 0; ``history.futures[future]`` is the future's number.
 
         Returns:
             (H,) states of the centre; column 0 is the next step.

@@ -116,7 +116,7 @@ def behavior(name: str) -> Callable[[T], T]:
         >>> @scex.behavior("parked")
         ... class Parked:
         ...     def plan(self, history, road, who, rng):
-        ...         now = history.now[who.child, who.vehicle]
+        ...         now = history.now[who.future, who.vehicle]
         ...         x, y, heading = (np.repeat(a[:, None], 30, axis=1) for a in (now.x, now.y, now.heading))
         ...         return scex.Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
         >>> [str(model) for model in scex.parse_models("parked")]

@@ -59,7 +59,7 @@ def encounters_command(
         rows = meeting_rows(found[:most])
         if asked is not None:
             rows = weighted_rows(run, found[:most], rows, asked)
-    return lambda: {"scene": name, "futures": run.children, "encounters": rows}
+    return lambda: {"scene": name, "futures": run.futures, "encounters": rows}
 
 
 def _meetings(run: Run, pair: str) -> list[Meeting]:

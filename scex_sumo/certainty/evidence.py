@@ -62,7 +62,7 @@ def _moment(run: Run) -> dict[str, str]:
     time = "" if scene.get("time_s") is None else f", {scene['time_s']:g} s"
     return {
         "scenario (6.4)": f"{scene['location']}{time}: {counted(scene['vehicles'], 'vehicle')}, "
-        f"{counted(run.children, 'future')} of {run.info['steps'] * STEP_S:g} s",
+        f"{counted(run.futures, 'future')} of {run.info['steps'] * STEP_S:g} s",
         "recording": ", ".join(str(source[key]) for key in ("tracks", "simulation") if source.get(key))
         or "none: a synthetic or stored scene",
         "exposure (6.4)": _exposure(run),
@@ -97,7 +97,7 @@ def _probability(run: Run) -> dict[str, str]:
         "stress test": f"{share.words}; drawn as {models}",
         "human-like": "not run"
         if human is None
-        else f"{human.collision.percent} of {counted(human.children, 'future')}, 95 % interval",
+        else f"{human.collision.percent} of {counted(human.futures, 'future')}, 95 % interval",
         "validity of the latter": "forecasts of this mix were scored on recordings of other sites, see "
         "docs/validity.md; of this site only if scex-sumo validate was run on it",
     }

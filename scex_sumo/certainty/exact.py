@@ -18,7 +18,7 @@ from scex_sumo.certainty.futures import DrawnModels, ExtraFutures
 from scex_sumo.certainty.results import Exact
 from scex_sumo.certainty.search import MAX_VEHICLES, Search
 from scex_sumo.certainty.tables import InfluenceTable, reduced
-from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
+from scex_sumo.extrapolation.assignments import EXACT_STREAM, future_generator
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
@@ -48,7 +48,7 @@ FOLDER: Final = "exact"
 _Key = tuple[int, int, str]
 
 
-def why_not_exact(settings: RunSettings, models: ModelSet, children: int) -> str | None:
+def why_not_exact(settings: RunSettings, models: ModelSet, futures: int) -> str | None:
     """Return why a run has no exact probabilities; None if it has."""
     for name, model in zip(models.names, models.built, strict=True):
         if sight_of(model) is None:
@@ -57,8 +57,8 @@ def why_not_exact(settings: RunSettings, models: ModelSet, children: int) -> str
             return f"{name} is driven by SUMO, and may draw at random"
     if settings.count is None:
         return "all assignments were run"
-    if children < MIN_CHECKED:
-        return f"{children} futures are too few to check tables; at least {MIN_CHECKED} are"
+    if futures < MIN_CHECKED:
+        return f"{futures} futures are too few to check tables; at least {MIN_CHECKED} are"
     if sum(spec.weight > 0 for spec in models.drawn) < 2:
         return "there is only one model to draw"
     return None
@@ -139,7 +139,7 @@ class _Futures:
                 self._answers[key] = np.concatenate([before, now])
 
     def answers(self, rows: pa.Table, first: int, stop: int) -> dict[_Key, BoolArray]:
-        """Return (C,) whether each event happens in children ``first`` to ``stop - 1``, if it does in any."""
+        """Return (C,) whether each event happens in futures ``first`` to ``stop - 1``, if it does in any."""
         encounters = encounters_of_rows(rows)
         ids = np.array(self._drawn.track_ids)
         low, high = (np.sort([ids[encounters.first], ids[encounters.second]], axis=0)).tolist()
@@ -150,7 +150,7 @@ class _Futures:
                 key = (low[row], high[row], event)
                 if key not in found:
                     found[key] = np.zeros(stop - first, dtype=np.bool_)
-                found[key][encounters.child[row] - first] = True
+                found[key][encounters.future[row] - first] = True
         return found
 
     def keep(self) -> None:
@@ -160,14 +160,14 @@ class _Futures:
         job = self._extra.job
         folder, own = job.folder, job.assignment[self._start :]
         table = assignments_table(job.scene, own, job.models.names)
-        child = np.asarray(table["child"]) + self._start
-        parquet.write_table(table.set_column(0, "child", pa.array(child)), folder / "assignments.parquet")
+        future = np.asarray(table["future"]) + self._start
+        parquet.write_table(table.set_column(0, "future", pa.array(future)), folder / "assignments.parquet")
         rows = [
-            {"child": self._start + at, "track_id": one, "other_id": other, "event": event}
+            {"future": self._start + at, "track_id": one, "other_id": other, "event": event}
             for (one, other, event), happens in sorted(self._answers.items())
             for at in np.flatnonzero(happens).tolist()
         ]
-        numbers = [(name, pa.int64()) for name in ("child", "track_id", "other_id")]
+        numbers = [(name, pa.int64()) for name in ("future", "track_id", "other_id")]
         schema = pa.schema([*numbers, ("event", pa.string())])
         parquet.write_table(pa.Table.from_pylist(rows, schema=schema), folder / "outcomes.parquet")
         shutil.rmtree(folder / PARTS, ignore_errors=True)
@@ -185,7 +185,7 @@ def _searched(
         else np.empty((len(never), 0), dtype=np.bool_),
         [[drawn.track_ids.index(track) for track in key[:2]] for key in keys],
         rank=[int(key[2] != COLLISION) for key in keys],
-        rng=child_generator(futures.seed, 0, EXACT_STREAM),
+        rng=future_generator(futures.seed, 0, EXACT_STREAM),
     )
     search.run(lambda rows: futures.run(rows, keys), most=most - SECOND)
     return search

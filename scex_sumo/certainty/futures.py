@@ -19,7 +19,7 @@ from scex_sumo.results.parts import PARTS, Parts
 PLAIN_WORLDS: Final = ("sumo", "checked")
 """Worlds with the same result as arrays alone, if SUMO drives nobody."""
 
-_AT_ONCE = 2000  # children that are read at once
+_AT_ONCE = 2000  # futures that are read at once
 
 
 class DrawnModels:
@@ -71,7 +71,7 @@ class ExtraFutures:
     def run(
         self, assignment: IntArray, route_draw: FloatArray | None = None
     ) -> Iterator[tuple[int, int, pa.Table]]:
-        """Run more futures, and return first child, child after the last, and encounters of some at a time.
+        """Run more futures, and return first future, future after the last, and encounters of some at a time.
 
         Those that an interrupted run has finished are not run again.
 
@@ -81,8 +81,8 @@ class ExtraFutures:
         """
         first, stop = len(self.job.assignment), len(assignment)
         self.job = dataclasses.replace(self.job, assignment=assignment, route_draw=route_draw)
-        done = set(Parts(self.job.folder).children.tolist())
-        left = [child for child in range(first, stop) if child not in done]
+        done = set(Parts(self.job.folder).futures.tolist())
+        left = [future for future in range(first, stop) if future not in done]
         few = dataclasses.replace(self.job, assignment=assignment[first:])
         size = batch_size(few, self._workers.processes if len(left) >= 64 else 1)
         for _ in self._workers.run(self.job, batches_of(left, size, apart=self.job.apart)):

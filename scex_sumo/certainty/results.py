@@ -143,8 +143,8 @@ def future_weights(run: Run, weights: Weights) -> FloatArray:
     shares = np.array(list(drawn.values())) / sum(drawn.values())
     before = np.full(len(names), 1 / len(names)) if run.info["design"] == "all" else shares
     tracks, fixed = run.info["seed_scene"]["track_ids"], run.info["assign"]
-    models = np.array(run.assignments["model"].to_pylist()).reshape(run.children, len(tracks))
-    ratio = np.ones(run.children)
+    models = np.array(run.assignments["model"].to_pylist()).reshape(run.futures, len(tracks))
+    ratio = np.ones(run.futures)
     for column, (track, new) in enumerate(shares_of(tracks, names, shares, weights).items()):
         if str(track) not in fixed:
             ratio *= (new / before)[[names.index(model) for model in models[:, column].tolist()]]

@@ -56,7 +56,7 @@ class Node:
     Attributes:
         path: vehicle and level of each split above.
         vehicle: that the node splits by; `FREE` in a leaf.
-        children: by level of that vehicle.
+        futures: by level of that vehicle.
         rows: futures seen in a leaf.
         certain: two futures that differ in this vehicle alone have different outcomes.
         is_backed: enough drawn futures agree in it.
@@ -66,7 +66,7 @@ class Node:
 
     path: Cube
     vehicle: int = FREE
-    children: list[Node] = field(default_factory=list)
+    futures: list[Node] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     certain: bool = False
     is_backed: bool = False
@@ -74,29 +74,29 @@ class Node:
 
     def leaves(self) -> Iterator[Node]:
         """Yield the leaves below."""
-        if not self.children:
+        if not self.futures:
             yield self
-        for child in self.children:
-            yield from child.leaves()
+        for future in self.futures:
+            yield from future.leaves()
 
     def nodes(self) -> Iterator[Node]:
         """Yield the nodes below that split."""
-        if self.children:
+        if self.futures:
             yield self
-        for child in self.children:
-            yield from child.nodes()
+        for future in self.futures:
+            yield from future.nodes()
 
     def leaf_of(self, row: IntArray) -> Node:
         """Return the leaf of an assignment (V,)."""
         node = self
-        while node.children:
-            node = node.children[int(row[node.vehicle])]
+        while node.futures:
+            node = node.futures[int(row[node.vehicle])]
         return node
 
     def split(self, vehicle: int, levels: int) -> None:
-        """Make children for all levels of a vehicle."""
+        """Make futures for all levels of a vehicle."""
         self.vehicle = vehicle
-        self.children = [Node((*self.path, (vehicle, level))) for level in range(levels)]
+        self.futures = [Node((*self.path, (vehicle, level))) for level in range(levels)]
 
 
 class Search:
@@ -219,8 +219,8 @@ class Search:
         likely = [v for v in first if gains[v] >= _LIKELY * gains[best]]
         best = likely[int(np.argmax(gains[likely]))] if likely else best
         node.split(best, self.levels[best])
-        for level, child in enumerate(node.children):
-            self._guess(event, child, index[self.drawn[index, best] == level], first)
+        for level, future in enumerate(node.futures):
+            self._guess(event, future, index[self.drawn[index, best] == level], first)
 
     def random(self, count: int) -> IntArray:
         """Draw assignments (count, V) by the shares."""
@@ -275,9 +275,9 @@ class Search:
         leaf.split(vehicle, self.levels[vehicle])
         leaf.certain = True
         for number in rows:
-            leaf.children[int(self.rows[number, vehicle])].rows.append(number)
-        for child in leaf.children:
-            self._settle(event, child)
+            leaf.futures[int(self.rows[number, vehicle])].rows.append(number)
+        for future in leaf.futures:
+            self._settle(event, future)
 
     def _suspects(self, event: int, leaf: Node, without: IntArray, with_it: IntArray) -> list[int]:
         """Return the vehicles in which two futures of a leaf differ, most likely first."""
@@ -378,15 +378,15 @@ class Search:
         return rows
 
     def _prune(self, event: int, node: Node) -> None:
-        """Join children that all agree with each other."""
-        for child in node.children:
-            self._prune(event, child)
-        if not node.children or any(c.children or c.search or not c.rows for c in node.children):
+        """Join futures that all agree with each other."""
+        for future in node.futures:
+            self._prune(event, future)
+        if not node.futures or any(c.futures or c.search or not c.rows for c in node.futures):
             return
-        rows = [number for child in node.children for number in child.rows]
+        rows = [number for future in node.futures for number in future.rows]
         happens = self.outcomes[rows, event]
         if happens.all() or not happens.any():
-            node.vehicle, node.children, node.rows = FREE, [], rows
+            node.vehicle, node.futures, node.rows = FREE, [], rows
 
     def _certificates(self, event: int) -> list[IntArray]:
         """Return assignments that show whether guessed splits matter: a future but for the node's vehicle.
@@ -399,8 +399,8 @@ class Search:
                 continue
             below = [
                 (level, leaf, bool(self.outcomes[leaf.rows[0], event]))
-                for level, child in enumerate(node.children)
-                for leaf in child.leaves()
+                for level, future in enumerate(node.futures)
+                for leaf in future.leaves()
             ]
             for level, leaf, happens in below:
                 others = [other for other, _, differs in below if other != level and differs != happens]

@@ -24,7 +24,7 @@ def run_answer(run: Run) -> dict[str, Any]:
         "result": run.folder,
         **{name: path for name, path in {"report": None, **run.written}.items()},
         "scene": {key: scene.get(key) for key in ("name", "time_s", "vehicles", "track_ids")},
-        "futures": run.children,
+        "futures": run.futures,
         "notes": [*scene.get("notes", ()), *run.info["net_notes"], *run.info["run_notes"]],
         "collision": {
             "recorded": None if recorded is None else len(recorded["overlaps"]),

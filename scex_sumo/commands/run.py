@@ -79,14 +79,14 @@ def _tell(run: Run, preset: str | None) -> None:
 
 
 def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
-    """Return folder and option of ``view``: the worst encounter, else the most critical, else any child."""
+    """Return folder and option of ``view``: the worst encounter, else the most critical, else any future."""
     from scex_sumo.reports.encounter_rows import meetings, worst_of
 
     if worst := worst_of(meetings(run), 1):
         row = worst[0].row
         return worst[0].run.folder, {"encounter": f"{row['track_id']},{row['other_id']}"}
     defined = [name for name in ("ttc", "wttc") if name in run.columns and len(run.samples(name))]
-    return run.folder, {"critical": defined[0]} if defined else {"child": 0}
+    return run.folder, {"critical": defined[0]} if defined else {"future": 0}
 
 
 def _print_band(band: dict[str, Any]) -> None:
@@ -94,11 +94,11 @@ def _print_band(band: dict[str, Any]) -> None:
     exact = band.get("remainder") is not None
     if exact:
         print(
-            f"P(collision) is exact after {band['children']} futures, remainder {band['remainder']:.3f}; "
+            f"P(collision) is exact after {band['futures']} futures, remainder {band['remainder']:.3f}; "
             "--no-exact goes on until the bands are narrow"
         )
     short = "" if exact or band["width"] <= band["asked"] else f", not the +-{band['asked']:g} asked for"
     print(
         f"widest 95 % band: +-{band['width']:.3f} ({band['metric'] or 'no metric'}) "
-        f"after {band['children']} futures{short}{left_out}"
+        f"after {band['futures']} futures{short}{left_out}"
     )

@@ -20,10 +20,10 @@ from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
-from scex_sumo.extrapolation.assignments import child_generator, listing, random_assignments, route_draws
+from scex_sumo.extrapolation.assignments import future_generator, listing, random_assignments, route_draws
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import checked_plan, groups_of, history_at
-from scex_sumo.extrapolation.settings import MAX_CHILDREN, MAX_STEPS, Models, RunSettings
+from scex_sumo.extrapolation.settings import MAX_FUTURES, MAX_STEPS, Models, RunSettings
 from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.metrics.base import SceneTracks
@@ -42,7 +42,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     """N futures of a seed scene; the agent is one vehicle of each, models are drawn for the others.
 
     The world is the plain one, which equals SUMO's to the bit where SUMO drives no vehicle. In its first
-    episode after ``reset(seed=s)`` environment i has the drivers of child i of
+    episode after ``reset(seed=s)`` environment i has the drivers of future i of
     ``extrapolate(seed=s, design="random")``. An environment resets itself at the step after its end.
 
     An observation is what `predictor_inputs` gives to a driver model, and ``path`` (10, 2): the agent's path
@@ -52,7 +52,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
 
     _age: IntArray  # (N,) steps since the seed scene
-    _child: IntArray  # (N,) numbers of the episodes
+    _future: IntArray  # (N,) numbers of the episodes
     _ended: BoolArray
     _way: FloatArray  # (N,) arc lengths of the agents on their paths, m
     _length: FloatArray
@@ -91,7 +91,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         Raises:
             UsageError: an argument makes no sense.
         """
-        num_envs = whole_number("num_envs", num_envs, 1, MAX_CHILDREN)
+        num_envs = whole_number("num_envs", num_envs, 1, MAX_FUTURES)
         steps, replan = (
             whole_number("steps", steps, 1, MAX_STEPS),
             whole_number("replan", replan, 1, PLAN_STEPS),
@@ -198,12 +198,12 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     def _begin(self, seed: int) -> None:
         count, shape = self.num_envs, (self.num_envs, self.scene.vehicles)
         self._seed = seed
-        self._child = np.arange(count) - count  # `_renew` adds N: child numbers never come again
+        self._future = np.arange(count) - count  # `_renew` adds N: future numbers never come again
         self._age = np.zeros(count, dtype=np.int64)
         self._ended = np.zeros(count, dtype=bool)
         self._assignment = np.zeros(shape, dtype=np.int64)
         self._route_draw = np.zeros(shape)
-        self._generators = [child_generator(seed, 0)] * count
+        self._generators = [future_generator(seed, 0)] * count
         self._window = self.scene.history.repeat(count)
         self._next = States.empty((*shape, self.replan))
         self._length = np.full(count, self.scene.length[self._vehicle])
@@ -211,17 +211,17 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self._way, _ = self._on_path()
 
     def _renew(self, index: IntArray) -> None:
-        self._child[index] += self.num_envs
-        children, seed = self._child[index], self._seed
+        self._future[index] += self.num_envs
+        futures, seed = self._future[index], self._seed
         weights = [spec.weight for spec in self._models.drawn]
-        drawn = random_assignments(weights, children, self.scene.vehicles, seed=seed)
+        drawn = random_assignments(weights, futures, self.scene.vehicles, seed=seed)
         for track, model in self._models.fixed.items():
             drawn[:, self.scene.track_ids.tolist().index(track)] = model
         self._assignment[index] = drawn
         self._assignment[index, self._vehicle] = -1
-        self._route_draw[index] = route_draws(children, self.scene.vehicles, seed=seed)
-        for place, child in zip(index.tolist(), children.tolist(), strict=True):
-            self._generators[place] = child_generator(seed, child)
+        self._route_draw[index] = route_draws(futures, self.scene.vehicles, seed=seed)
+        for place, future in zip(index.tolist(), futures.tolist(), strict=True):
+            self._generators[place] = future_generator(seed, future)
         self._age[index] = 0
         self._ended[index] = False
         self._window.assign(index, self.scene.history.repeat(len(index)))
@@ -236,7 +236,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             generators = [self._generators[env] for env in envs.tolist()]
             for m, made in plans_of(self._models.built, groups, history, self.road, generators):
                 usable = checked_plan(made, len(groups[m]), self.replan, self._models.names[m])
-                plan.assign((groups[m].child, groups[m].vehicle), usable)
+                plan.assign((groups[m].future, groups[m].vehicle), usable)
             self._next.assign(envs, plan)
 
     def _advance(self, mine: States, *, moving: BoolArray) -> BoolArray:
@@ -260,7 +260,9 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         return hits.any_of(self.num_envs) & moving
 
     def _history(self, envs: IntArray, age: int) -> SceneHistory:
-        return history_at(self.scene, self._window[envs], self._child[envs], self._route_draw[envs], step=age)
+        return history_at(
+            self.scene, self._window[envs], self._future[envs], self._route_draw[envs], step=age
+        )
 
     def _agent_now(self) -> States:
         return self._window[:, self._vehicle, -1]
@@ -283,7 +285,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         ages = np.zeros_like(self._age) if self.scene.obstacles is None else self._age
         for age in np.unique(ages).tolist():
             envs = np.flatnonzero(ages == age)
-            who = VehicleIndex(child=np.arange(len(envs)), vehicle=np.full(len(envs), self._vehicle))
+            who = VehicleIndex(future=np.arange(len(envs)), vehicle=np.full(len(envs), self._vehicle))
             parts.append(
                 (envs, predictor_inputs(self._history(envs, age), self.road, who, self._surroundings))
             )
@@ -310,7 +312,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         return np.concatenate([arrays[name].reshape(self.num_envs, -1) for name in sorted(arrays)], axis=1)
 
     def _info(self) -> dict[str, Any]:
-        return {"child": self._child.copy(), "step": self._age.copy()}
+        return {"future": self._future.copy(), "step": self._age.copy()}
 
 
 class SeedEnv(gymnasium.Env[Any, Any]):

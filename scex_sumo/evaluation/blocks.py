@@ -68,7 +68,7 @@ def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = N
     longest = STACKED_STEPS
     short, sizes = [], []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        # Children stay whole, as in a run.
+        # Futures stay whole, as in a run.
         if plans is not None or timed.step[start:end].max() < STACKED_STEPS:
             longest = max(longest, int(timed.step[start:end].max()) + 1)
             short.append((start, end))
@@ -105,10 +105,10 @@ def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
 
 def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Block:
     index = np.concatenate([np.arange(a, b) for a, b in ranges])
-    child = np.repeat(np.arange(len(ranges)), [b - a for a, b in ranges])
+    future = np.repeat(np.arange(len(ranges)), [b - a for a, b in ranges])
     first_track = timed.rows.track[[a for a, _ in ranges]]
-    vehicle = timed.rows.track[index] - first_track[child]
-    tracks, track_id, stamps = _fill(timed, index, child, timed.step[index], vehicle, len(ranges))
+    vehicle = timed.rows.track[index] - first_track[future]
+    tracks, track_id, stamps = _fill(timed, index, future, timed.step[index], vehicle, len(ranges))
     first = min(history, tracks.states.shape[1])
     tracks = _with_first(tracks, first, tracks.states.shape[1])
     return Block(
@@ -142,8 +142,8 @@ def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Bloc
         oldest = max(begin - back, 0)
         index = start + np.flatnonzero(np.isin(track, here) & (step >= oldest))
         vehicle = np.searchsorted(here, timed.rows.track[index])
-        child = np.zeros(len(index), dtype=np.int64)
-        whole, track_id, stamps = _fill(timed, index, child, timed.step[index] - oldest, vehicle, 1)
+        future = np.zeros(len(index), dtype=np.int64)
+        whole, track_id, stamps = _fill(timed, index, future, timed.step[index] - oldest, vehicle, 1)
         first = begin - oldest
         last = min(first + WINDOW_STEPS, whole.states.shape[1])
         ahead = PlannedPaths.from_tracks(_with_first(whole, first, whole.states.shape[1]))
@@ -158,12 +158,12 @@ def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Bloc
 
 
 def _fill(
-    timed: _Timed, index: IntArray, child: IntArray, step: IntArray, vehicle: IntArray, children: int
+    timed: _Timed, index: IntArray, future: IntArray, step: IntArray, vehicle: IntArray, futures: int
 ) -> tuple[SceneTracks, IntArray, IntArray]:
     """Return rows as (C, T, V) tracks, with (C, V) track ids and (C, T) time stamps."""
     rows = timed.rows
-    shape = (children, int(step.max()) + 1, int(vehicle.max()) + 1)
-    at = (child, step, vehicle)
+    shape = (futures, int(step.max()) + 1, int(vehicle.max()) + 1)
+    at = (future, step, vehicle)
 
     def dense(values: FloatArray) -> FloatArray:
         array = np.full(shape, np.nan)
@@ -172,18 +172,18 @@ def _fill(
 
     present = np.zeros(shape, dtype=bool)
     present[at] = True
-    per_track = (child, vehicle)
+    per_track = (future, vehicle)
     # Backwards: a track's first size stays.
     backwards = np.arange(len(index))[::-1]
-    length, width = np.ones((2, children, shape[2]))
-    types = np.full((children, shape[2]), "", dtype=f"U{max(map(len, rows.types), default=1)}")
-    track_id = np.zeros((children, shape[2]), dtype=np.int64)
+    length, width = np.ones((2, futures, shape[2]))
+    types = np.full((futures, shape[2]), "", dtype=f"U{max(map(len, rows.types), default=1)}")
+    track_id = np.zeros((futures, shape[2]), dtype=np.int64)
     slot = tuple(part[backwards] for part in per_track)
     length[slot], width[slot] = rows.length[index][backwards], rows.width[index][backwards]
     types[slot] = np.array(rows.types)[rows.track[index]][backwards]
     track_id[slot] = rows.track_id[index][backwards]
     stamps = np.full(shape[:2], np.nan)
-    stamps[child, step] = rows.timestamp_ms[index]
+    stamps[future, step] = rows.timestamp_ms[index]
     tracks = SceneTracks(
         states=States(x=dense(rows.x), y=dense(rows.y), heading=dense(rows.psi_rad), speed=dense(rows.speed)),
         length=length,

@@ -1,4 +1,4 @@
-"""Metric values as Arrow tables: per pair, scene, case or child, and the origin of extrema."""
+"""Metric values as Arrow tables: per pair, scene, case or future, and the origin of extrema."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def recording_table(
     plans: StoredPlans | None = None,
     outcomes: bool = False,
 ) -> pa.Table:
-    """Evaluate metrics of the motor vehicles of a recording or of children.
+    """Evaluate metrics of the motor vehicles of a recording or of futures.
 
     Args:
         level: ``pair``: case_id, timestamp_ms, metric, track_id, other_id, value, one row per ordered pair
@@ -45,7 +45,7 @@ def recording_table(
             and metric.
         metrics: names, import paths or metrics; default: the paper's six.
         history: steps at the start of each case without evaluation.
-        plans: of children; None uses the tracks driven.
+        plans: of futures; None uses the tracks driven.
         outcomes: add collision (``scenario``) or after_collision (``pair``, ``worst``).
 
     Raises:
@@ -92,17 +92,17 @@ def _pair_rows(
     for metric in metrics:
         rows, ids = values[metric.name], block.track_id
         columns = {
-            "case": block.case[rows.child],
-            "timestamp_ms": block.timestamp_ms[rows.child, rows.step],
+            "case": block.case[rows.future],
+            "timestamp_ms": block.timestamp_ms[rows.future, rows.step],
             "metric": pa.repeat(pa.scalar(metric.name), len(rows.value)),
-            "track_id": ids[rows.child, rows.vehicle],
+            "track_id": ids[rows.future, rows.vehicle],
             "other_id": other_ids(
-                None if rows.other is None else ids[rows.child, rows.other], len(rows.value)
+                None if rows.other is None else ids[rows.future, rows.other], len(rows.value)
             ),
             "value": rows.value,
         }
         if hits is not None:
-            flags = after_collision(hits, rows.child, rows.step, rows.vehicle, rows.other)
+            flags = after_collision(hits, rows.future, rows.step, rows.vehicle, rows.other)
             columns["after_collision"] = pa.array(flags)
         tables.append(pa.table(columns))
     return tables
@@ -130,12 +130,12 @@ def _scene_table(
         stamps = block.timestamp_ms[:, block.tracks.first :]
         for rank, metric in enumerate(metrics):
             scene = values.scene[metric.name]
-            child, step = np.nonzero(scene.defined)
+            future, step = np.nonzero(scene.defined)
             rows = (
-                block.case[child],
-                stamps[child, step],
-                np.full(len(child), rank),
-                scene.value[child, step],
+                block.case[future],
+                stamps[future, step],
+                np.full(len(future), rank),
+                scene.value[future, step],
             )
             for column, part in zip(columns, rows, strict=True):
                 column.append(part)
@@ -167,7 +167,7 @@ class _Cases:
     def add(self, block: Block, values: ScenarioValues) -> None:
         hits = find_collisions(block.tracks, limit_m2=CONTACT_M2) if self.outcomes else None
         if hits is not None:
-            self.collided[block.case[np.unique(hits.child)]] = True
+            self.collided[block.case[np.unique(hits.future)]] = True
         for column, metric in enumerate(self.metrics):
             scene, worst = values.scene[metric.name], values.worst[metric.name]
             count, total = scene_sums(scene, harmonic=metric.harmonic)

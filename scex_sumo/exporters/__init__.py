@@ -1,1 +1,1 @@
-"""Exporters: children and their road in the formats of other simulators."""
+"""Exporters: futures and their road in the formats of other simulators."""

@@ -27,7 +27,7 @@ def _complete_formats(incomplete: str) -> list[str]:
 
 def export_command(
     folder: Result,
-    child: Annotated[int | None, Option(metavar="N", help="Number of the future.")] = None,
+    future: Annotated[int | None, Option(metavar="N", help="Number of the future.")] = None,
     critical: Annotated[str | None, metric_option("The futures most critical by this metric.")] = None,
     encounter: Annotated[
         str | None,
@@ -61,8 +61,8 @@ def export_command(
     from scex_sumo.results.run import open_run
 
     write: Exporter = EXPORTERS.load(to)
-    if sum((child is not None, critical is not None, encounter is not None, every)) != 1:
-        raise UsageError("export: give one of --child N, --critical METRIC, --encounter A,B and --all")
+    if sum((future is not None, critical is not None, encounter is not None, every)) != 1:
+        raise UsageError("export: give one of --future N, --critical METRIC, --encounter A,B and --all")
     if top < 1:
         raise UsageError(f"--top {top}: needs at least 1")
     pair = None if encounter is None else two_tracks(encounter)
@@ -70,7 +70,7 @@ def export_command(
         run = open_run(folder)
         request = Request(
             run=run,
-            children=_children(run, child, critical, pair, top),
+            futures=_futures(run, future, critical, pair, top),
             out=out,
             ego=ego,
             critical=critical,
@@ -88,16 +88,16 @@ def export_command(
         print(file)
 
 
-def _children(
-    run: Run, child: int | None, critical: str | None, encounter: tuple[int, int] | None, top: int
+def _futures(
+    run: Run, future: int | None, critical: str | None, encounter: tuple[int, int] | None, top: int
 ) -> tuple[int, ...]:
-    from scex_sumo.exporters.request import closest_encounters, critical_children
+    from scex_sumo.exporters.request import closest_encounters, critical_futures
 
-    if child is not None:
-        run.states(child)  # raises if there is no such child
-        return (child,)
+    if future is not None:
+        run.states(future)  # raises if there is no such future
+        return (future,)
     if critical is not None:
-        return critical_children(run, critical, top)
+        return critical_futures(run, critical, top)
     if encounter is None:
-        return tuple(range(run.children))
+        return tuple(range(run.futures))
     return closest_encounters(run, *encounter, top)

@@ -46,22 +46,22 @@ _SPEED, _YIELD, _STOP = "274", "205", "206"  # Germany's, CommonRoad's default
 
 
 def write_commonroad(request: Request) -> list[Path]:
-    """Write a scenario for each child; an ego also gets a planning problem from its seed state to its end.
+    """Write a scenario for each future; an ego also gets a planning problem from its seed state to its end.
 
     Time step 0 is the first logged frame; with an ego, it is the seed scene, and the ego is no obstacle.
     """
     ego, files, cycles = request.ego_index(), [], light_cycles(request.run.net)
     seed_step = LOGGED_HISTORY - 1 if ego is None else 0
-    for child in request.children:
-        name = _benchmark(request.road.name, child)
-        root = _root(name, request.file_stem(child))
+    for future in request.futures:
+        name = _benchmark(request.road.name, future)
+        root = _root(name, request.file_stem(future))
         road, used = road_elements(
             request.road, request.scene.track_ids.tolist(), cycles=cycles, seed_step=seed_step
         )
         root.extend(road)
-        root.extend(_obstacles(request, child, ego, used))
+        root.extend(_obstacles(request, future, ego, used))
         if ego is not None:
-            root.append(_task(request, child, ego, max(used) + 1_000_000))
+            root.append(_task(request, future, ego, max(used) + 1_000_000))
         ET.indent(root)
         file = request.folder / f"{name}.xml"
         write_atomic(file, ET.tostring(root, encoding="utf-8", xml_declaration=True))
@@ -69,9 +69,9 @@ def write_commonroad(request: Request) -> list[Path]:
     return files
 
 
-def _benchmark(road: str, child: int) -> str:
+def _benchmark(road: str, future: int) -> str:
     letters = "".join(c for c in road.title() if c.isalnum())
-    return f"ZAM_{letters}-1_{child + 1}_T-1"
+    return f"ZAM_{letters}-1_{future + 1}_T-1"
 
 
 def _root(name: str, source: str) -> ET.Element:
@@ -92,10 +92,10 @@ def _root(name: str, source: str) -> ET.Element:
     return root
 
 
-def _obstacles(request: Request, child: int, ego: int | None, used: set[int]) -> Iterable[ET.Element]:
+def _obstacles(request: Request, future: int, ego: int | None, used: set[int]) -> Iterable[ET.Element]:
     first, scene = 0 if ego is None else LOGGED_HISTORY - 1, request.scene
     free = max([*used, *scene.track_ids.tolist()]) + 1
-    for one in request.participants(child):
+    for one in request.participants(future):
         there = np.flatnonzero(one.present[first:])
         if len(there) and (one.vehicle is None or one.vehicle != ego):
             number = free + one.index + (scene.vehicles if one.vehicle is None else 0)
@@ -127,8 +127,8 @@ def _state(element: ET.Element, row: FloatArray, step: int) -> None:
         add(add(element, tag), "exact", str(value) if tag == "time" else number_text(value))
 
 
-def _task(request: Request, child: int, ego: int, number: int) -> ET.Element:
-    states = request.run.states(child)[ego]
+def _task(request: Request, future: int, ego: int, number: int) -> ET.Element:
+    states = request.run.states(future)[ego]
     steps = states.shape[0] - LOGGED_HISTORY
     now, end = states[LOGGED_HISTORY - 1], states[-1]
     task = ET.Element("planningProblem", id=str(number))

@@ -1,6 +1,6 @@
-"""Conflicts and collisions of children in the formats of SUMO's SSM device and collision output.
+"""Conflicts and collisions of futures in the formats of SUMO's SSM device and collision output.
 
-Names and times are those of the children's floating car data; vehicles have their track ids.
+Names and times are those of the futures's floating car data; vehicles have their track ids.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Child:
+class _Future:
     states: States  # (V, T)
     index: Mapping[int, int]  # of the vehicles, by track id
     length: Any  # (V,) m
@@ -53,7 +53,7 @@ class _Child:
 
 
 def write_ssm(request: Request) -> list[Path]:
-    """Write the conflicts of each child as SUMO's SSM device does: TTC, DRAC and PET of pairs of vehicles.
+    """Write the conflicts of each future as SUMO's SSM device does: TTC, DRAC and PET of pairs of vehicles.
 
     A conflict has a TTC of at most 3 s, a DRAC of at least 3 m/s², a PET of at most 2 s, or a collision. Each
     pair is written once; the ego follows, or comes second.
@@ -61,50 +61,50 @@ def write_ssm(request: Request) -> list[Path]:
     table, history = read_source(request.run.folder)
     measures = {"level": "pair", "preset": "path", "metrics": [e.name for e in CONFLICTS], "history": history}
 
-    def lines(child: int) -> Iterator[str]:
-        case = table.case(table.cases.index(str(child)))
+    def lines(future: int) -> Iterator[str]:
+        case = table.case(table.cases.index(str(future)))
         rows = recording_table(case, **measures).to_pylist()  # type: ignore[arg-type]
         limits = ", ".join(event.words.replace("<", "<=").replace(">", ">=") for event in CONFLICTS)
         yield f"<!-- {limits} -->\n<SSMLog>\n"
-        yield from _conflicts(_child(request, child), rows, _collisions(request, child))
+        yield from _conflicts(_future(request, future), rows, _collisions(request, future))
         yield "</SSMLog>\n"
 
-    return request.write_each(".ssm.xml", lambda child: _xml(lines(child)))
+    return request.write_each(".ssm.xml", lambda future: _xml(lines(future)))
 
 
 def write_collisions(request: Request) -> list[Path]:
-    """Write the collisions of each child as SUMO's ``collision-output``."""
+    """Write the collisions of each future as SUMO's ``collision-output``."""
     lanes = LaneFinder(request.run.net.path)
 
-    def lines(child: int) -> Iterator[str]:
+    def lines(future: int) -> Iterator[str]:
         schema = "http://sumo.dlr.de/xsd/collision_file.xsd"
         yield '<collisions xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
         yield f'xsi:noNamespaceSchemaLocation="{schema}">\n'
-        here = _child(request, child)
+        here = _future(request, future)
         types = dict(zip(here.index, request.scene.types, strict=True))
-        for row in _collisions(request, child):
+        for row in _collisions(request, future):
             yield _element("    ", "collision", _collision(here, row, types, lanes))
         yield "</collisions>\n"
 
-    return request.write_each(".collisions.xml", lambda child: _xml(lines(child)))
+    return request.write_each(".collisions.xml", lambda future: _xml(lines(future)))
 
 
 def _xml(lines: Iterable[str]) -> bytes:
     return "".join(('<?xml version="1.0" encoding="UTF-8"?>\n', *lines)).encode()
 
 
-def _child(request: Request, child: int) -> _Child:
+def _future(request: Request, future: int) -> _Future:
     index = {int(track): v for v, track in enumerate(request.scene.track_ids)}
-    return _Child(states=request.run.states(child), index=index, length=request.scene.length)
+    return _Future(states=request.run.states(future), index=index, length=request.scene.length)
 
 
-def _collisions(request: Request, child: int) -> list[Row]:
+def _collisions(request: Request, future: int) -> list[Row]:
     rows: list[Row] = request.run.collisions.to_pylist()
     seed_s = LOGGED_HISTORY * STEP_S
-    return [{**row, "time_s": row["time_s"] + seed_s} for row in rows if row["child"] == child]
+    return [{**row, "time_s": row["time_s"] + seed_s} for row in rows if row["future"] == future]
 
 
-def _conflicts(child: _Child, rows: Sequence[Row], collisions: Sequence[Row]) -> Iterator[str]:
+def _conflicts(future: _Future, rows: Sequence[Row], collisions: Sequence[Row]) -> Iterator[str]:
     hits = {frozenset((row["track_id"], row["other_id"])): row for row in collisions}
     pairs: dict[frozenset[int], list[Row]] = {pair: [] for pair in hits}
     for row in rows:
@@ -128,41 +128,41 @@ def _conflicts(child: _Child, rows: Sequence[Row], collisions: Sequence[Row]) ->
             for event, row in zip(CONFLICTS, worst, strict=True)
         )
         if hit is not None or any(beyond):
-            found.append(_conflict(child, own, worst, hit))
+            found.append(_conflict(future, own, worst, hit))
     for _, text in sorted(found):
         yield text
 
 
 def _conflict(
-    child: _Child, rows: Sequence[Row], worst: Sequence[Row | None], hit: Row | None
+    future: _Future, rows: Sequence[Row], worst: Sequence[Row | None], hit: Row | None
 ) -> tuple[float, str]:
     """Return begin and text of the conflict of a pair; ``worst`` are its rows of the `CONFLICTS`."""
     ttc, drac, pet = worst
-    passing = None if pet is None else _passing(child, pet["track_id"], pet["other_id"])
+    passing = None if pet is None else _passing(future, pet["track_id"], pet["other_id"])
     leads = next(row for row in (ttc, drac, pet, hit) if row is not None)
     ego, foe = leads["track_id"], leads["other_id"]
     if leads is pet and passing is not None:
         ego, foe = passing.second, passing.first
     times = [row["timestamp_ms"] / 1000 for row in rows] + ([] if hit is None else [hit["time_s"]])
     begin, end = min(times), max([*times, *([] if passing is None else [passing.time_s])])
-    lines = [_following(child, "minTTC", ego, ttc), _following(child, "maxDRAC", ego, drac)]
+    lines = [_following(future, "minTTC", ego, ttc), _following(future, "maxDRAC", ego, drac)]
     if hit is not None:
-        place, speed = f"{hit['x']:.2f},{hit['y']:.2f}", child.at(ego, hit["time_s"])[3]
+        place, speed = f"{hit['x']:.2f},{hit['y']:.2f}", future.at(ego, hit["time_s"])[3]
         lines[0] = "minTTC", _measure(hit["time_s"], place, COLLISION, 0.0, speed)
     crossed = _NOTHING
     if pet is not None and passing is not None:
-        speed = child.at(ego, passing.time_s)[3]
+        speed = future.at(ego, passing.time_s)[3]
         crossed = _measure(passing.time_s, passing.place, LEFT, pet["value"], speed)
     head = {"begin": f"{begin:.2f}", "end": f"{end:.2f}", "ego": str(ego), "foe": str(foe)}
     inside = "".join(_element("        ", tag, values) for tag, values in (*lines, ("PET", crossed)))
     return begin, _element("    ", "conflict", head, inside)
 
 
-def _following(child: _Child, tag: str, ego: int, row: Row | None) -> tuple[str, Mapping[str, str]]:
+def _following(future: _Future, tag: str, ego: int, row: Row | None) -> tuple[str, Mapping[str, str]]:
     if row is None:
         return tag, _NOTHING
     time_s, follows = row["timestamp_ms"] / 1000, row["track_id"] == ego
-    place, speed = child.end(row["other_id"], time_s, -1), child.at(ego, time_s)[3]
+    place, speed = future.end(row["other_id"], time_s, -1), future.at(ego, time_s)[3]
     return tag, _measure(time_s, place, FOLLOWER if follows else LEADER, row["value"], speed)
 
 
@@ -181,10 +181,10 @@ class _Passing:
     place: str
 
 
-def _passing(child: _Child, one: int, other: int) -> _Passing | None:
-    states, begin = child.states, LOGGED_HISTORY - 1
+def _passing(future: _Future, one: int, other: int) -> _Passing | None:
+    states, begin = future.states, LOGGED_HISTORY - 1
     tracks = [
-        np.stack([states.x[v, begin:], states.y[v, begin:]], -1) for v in map(child.index.get, (one, other))
+        np.stack([states.x[v, begin:], states.y[v, begin:]], -1) for v in map(future.index.get, (one, other))
     ]
     lines = [shapely.LineString(track) for track in tracks]
     points = shapely.get_coordinates(shapely.intersection(*lines))
@@ -193,27 +193,27 @@ def _passing(child: _Child, one: int, other: int) -> _Passing | None:
     point, reached = shapely.Point(points[0]), {}
     for name, track, line in zip((one, other), tracks, lines, strict=True):
         arcs = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
-        front = max(shapely.line_locate_point(line, point) - child.length[child.index[name]] / 2, 0.0)
+        front = max(shapely.line_locate_point(line, point) - future.length[future.index[name]] / 2, 0.0)
         reached[name] = (LOGGED_HISTORY + float(np.searchsorted(arcs, front))) * STEP_S
     first, second = sorted(reached, key=lambda name: reached[name])
     place = f"{points[0][0]:.2f},{points[0][1]:.2f}"
     return _Passing(first=first, second=second, time_s=reached[second], place=place)
 
 
-def _collision(child: _Child, row: Row, types: Mapping[int, str], lanes: LaneFinder) -> dict[str, str]:
+def _collision(future: _Future, row: Row, types: Mapping[int, str], lanes: LaneFinder) -> dict[str, str]:
     collider, victim, time_s = row["track_id"], row["other_id"], row["time_s"]
     if row["side"] != "front" and row["other_side"] == "front":
         collider, victim = victim, collider
-    x, y, heading, _ = (np.array([value]) for value in child.at(collider, time_s))
+    x, y, heading, _ = (np.array([value]) for value in future.at(collider, time_s))
     (lane,), (along,) = lanes.find(x, y, heading, np.array([False]))
     kind = _TYPES.get(row["kind"], "junction" if lane.startswith(":") else "side")
     values = {"time": f"{time_s:.2f}", "type": kind, "lane": lane, "pos": f"{along:.2f}"}
     both = {"collider": collider, "victim": victim}
     values |= {role: str(track) for role, track in both.items()}
     values |= {f"{role}Type": types[track] for role, track in both.items()}
-    values |= {f"{role}Speed": f"{child.at(track, time_s)[3]:.2f}" for role, track in both.items()}
+    values |= {f"{role}Speed": f"{future.at(track, time_s)[3]:.2f}" for role, track in both.items()}
     for name, side in (("Front", 1), ("Back", -1)):
-        values |= {f"{role}{name}": child.end(track, time_s, side) for role, track in both.items()}
+        values |= {f"{role}{name}": future.end(track, time_s, side) for role, track in both.items()}
     return values
 
 

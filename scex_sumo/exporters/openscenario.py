@@ -1,4 +1,4 @@
-"""OpenSCENARIO XML: a scenario for each child, with the road as OpenDRIVE.
+"""OpenSCENARIO XML: a scenario for each future, with the road as OpenDRIVE.
 
 The reference point of a vehicle is the middle of its rear axle.
 """
@@ -52,20 +52,20 @@ _README = """# {name}: {count} future(s) for OpenSCENARIO players
 
 
 def write_openscenario(request: Request) -> list[Path]:
-    """Write the road, a scenario for each child, and a README."""
+    """Write the road, a scenario for each future, and a README."""
     with extra_for("OpenSCENARIO needs scenariogeneration", "formats"):
         from scenariogeneration import xosc
     road = request.folder / f"{request.road.name}.xodr"
     write_atomic(road, opendrive_text(request.road).encode())
     files = [road]
-    for child in request.children:
-        file = request.folder / f"{request.file_stem(child)}.xosc"
-        write_atomic(file, _scenario_text(xosc, request, child, road.name).encode())
+    for future in request.futures:
+        file = request.folder / f"{request.file_stem(future)}.xosc"
+        write_atomic(file, _scenario_text(xosc, request, future, road.name).encode())
         files.append(file)
     readme = request.folder / "README.md"
     text = _README.format(
         name=request.name,
-        count=len(request.children),
+        count=len(request.futures),
         minor=_MINOR_VERSION,
         road=request.road.name,
         moment=(LOGGED_HISTORY - 1) * STEP_S,
@@ -82,12 +82,12 @@ def axle_offset(kind: str, length: float) -> float:
     return 0.0 if _walks(kind) else round(_WHEELBASE * length / 2, 4)
 
 
-def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> str:
+def _scenario_text(xosc: Any, request: Request, future: int, road_file: str) -> str:
     entities, init = xosc.Entities(), xosc.Init()
-    models, steps, last = request.run.models_of(child), request.run.states(child).shape[1], 0.0
+    models, steps, last = request.run.models_of(future), request.run.states(future).shape[1], 0.0
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
     at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)
-    for one in request.participants(child):
+    for one in request.participants(future):
         name = f"{'other' if one.vehicle is None else 'vehicle'}{one.label}"
         model = "recorded" if one.vehicle is None else models[one.vehicle]
         entities.add_scenario_object(name, _entity(xosc, one, model))
@@ -98,12 +98,12 @@ def _scenario_text(xosc: Any, request: Request, child: int, road_file: str) -> s
         speed = xosc.AbsoluteSpeedAction(round(float(one.states.speed[there[0]]), 6), at_once)
         init.add_init_action(name, speed)
         act.add_maneuver_group(_follow(xosc, name, times, places, ends=int(there[-1]) + 1 < steps))
-    story = xosc.Story("child")
+    story = xosc.Story("future")
     story.add_act(act)
     board = xosc.StoryBoard(init, _at(xosc, "end", last, point="stop"))
     board.add_story(story)
     scenario = xosc.Scenario(
-        request.file_stem(child),
+        request.file_stem(future),
         "scex-sumo",
         xosc.ParameterDeclarations(),
         entities,

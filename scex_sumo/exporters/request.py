@@ -1,4 +1,4 @@
-"""Export request: children of a run, where to write them, the run's map and scene; registry of exporters.
+"""Export request: futures of a run, where to write them, the run's map and scene; registry of exporters.
 
 Packages add entry points in ``scex_sumo.exporters``; ``--to`` also takes ``package.module:function``.
 """
@@ -21,7 +21,7 @@ from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, Obstacles, SeedScene, States
-from scex_sumo.views.children import most_critical
+from scex_sumo.views.futures import most_critical
 
 Exporter: TypeAlias = Callable[["Request"], list[Path]]
 
@@ -46,7 +46,7 @@ EXPORTERS: Final = Registry(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Participant:
-    """Road user of a child.
+    """Road user of a future.
 
     Attributes:
         label: track id of a vehicle; name of a replayed pedestrian or cyclist.
@@ -73,13 +73,13 @@ class Request:
     Attributes:
         out: file or folder; None: the exporter names it.
         ego: track id of the vehicle with the planning task.
-        critical: metric by which the children were chosen.
+        critical: metric by which the futures were chosen.
         encounter: track ids by whose encounter they were chosen.
         map_path: None takes the map of ``run.json``.
     """
 
     run: Run
-    children: tuple[int, ...]
+    futures: tuple[int, ...]
     out: Path | None = None
     ego: int | None = None
     critical: str | None = None
@@ -121,9 +121,9 @@ class Request:
         path.mkdir(parents=True, exist_ok=True)
         return path
 
-    def file_stem(self, child: int) -> str:
-        """Return the name of a child's file without its ending."""
-        return f"{self.name}_child{child:04d}"
+    def file_stem(self, future: int) -> str:
+        """Return the name of a future's file without its ending."""
+        return f"{self.name}_future{future:04d}"
 
     def file(self, stem: str, ending: str) -> Path:
         """Return the file ``out``, else one named by a stem; its folder is made if missing.
@@ -138,16 +138,16 @@ class Request:
         return path
 
     def files(self, ending: str) -> list[Path]:
-        """Return the file of each child: ``out`` for one child, else files in the folder ``out``."""
-        if len(self.children) == 1:
-            return [self.file(self.file_stem(self.children[0]), ending)]
-        return [self.folder / f"{self.file_stem(child)}{ending}" for child in self.children]
+        """Return the file of each future: ``out`` for one future, else files in the folder ``out``."""
+        if len(self.futures) == 1:
+            return [self.file(self.file_stem(self.futures[0]), ending)]
+        return [self.folder / f"{self.file_stem(future)}{ending}" for future in self.futures]
 
     def write_each(self, ending: str, content: Callable[[int], bytes]) -> list[Path]:
-        """Write and return the `files` of all children."""
+        """Write and return the `files` of all futures."""
         paths = self.files(ending)
-        for child, path in zip(self.children, paths, strict=True):
-            write_atomic(path, content(child))
+        for future, path in zip(self.futures, paths, strict=True):
+            write_atomic(path, content(future))
         return paths
 
     def ego_index(self) -> int | None:
@@ -160,14 +160,14 @@ class Request:
             raise UsageError(f"--ego {self.ego}: not in the seed scene; its vehicles: {vehicles}")
         return int(ids.index(self.ego))
 
-    def participants(self, child: int) -> Iterator[Participant]:
-        """Yield the vehicles of a child, then the pedestrians and cyclists that are there at some time."""
-        scene, states = self.scene, self.run.states(child)
+    def participants(self, future: int) -> Iterator[Participant]:
+        """Yield the vehicles of a future, then the pedestrians and cyclists that are there at some time."""
+        scene, states = self.scene, self.run.states(future)
         always = np.ones(states.shape[1], dtype=np.bool_)
         for v, track in enumerate(scene.track_ids.tolist()):
             yield _participant(track, scene, v, states[v], always)
         if (others := scene.obstacles) is not None:
-            frames = slice(1, 1 + len(always))  # their second frame is the first one of a child
+            frames = slice(1, 1 + len(always))  # their second frame is the first one of a future
             for o in np.flatnonzero(others.present[:, frames].any(axis=1)).tolist():
                 present = others.present[o, frames]
                 yield _participant(others.ids[o], others, o, others.states[o, frames], present)
@@ -188,18 +188,18 @@ def _participant(
     )
 
 
-def critical_children(run: Run, column: str, count: int) -> tuple[int, ...]:
-    """Return the most critical children by a metric, the worst first."""
+def critical_futures(run: Run, column: str, count: int) -> tuple[int, ...]:
+    """Return the most critical futures by a metric, the worst first."""
     column = run.column(column)
-    order = most_critical(run, run.children, column)
+    order = most_critical(run, run.futures, column)
     defined = order[~np.isnan(run.values(column)[order])][:count]
     if not len(defined):
-        raise UsageError(f"--critical {column}: defined in none of {run.children} futures")
-    return tuple(int(run.metrics["child"][int(i)].as_py()) for i in defined)
+        raise UsageError(f"--critical {column}: defined in none of {run.futures} futures")
+    return tuple(int(run.metrics["future"][int(i)].as_py()) for i in defined)
 
 
 def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[int, ...]:
-    """Return the typical child in which two vehicles meet, as `view` shows it, then the closest ones."""
+    """Return the typical future in which two vehicles meet, as `view` shows it, then the closest ones."""
     scene = run.scene
     ids = scene.track_ids.tolist()
     for track in (first, second):
@@ -207,9 +207,9 @@ def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[i
             vehicles = ", ".join(map(str, ids))
             raise UsageError(f"--encounter {first},{second}: no vehicle {track}; known: {vehicles}")
     pair = [ids.index(first), ids.index(second)]
-    gaps = [_least_gap(scene, run.states(child), pair) for child in range(run.children)]
+    gaps = [_least_gap(scene, run.states(future), pair) for future in range(run.futures)]
     rows = run.encounters.to_pylist()
-    typical = [row["child"] for row in rows if {row["track_id"], row["other_id"]} == {first, second}]
+    typical = [row["future"] for row in rows if {row["track_id"], row["other_id"]} == {first, second}]
     order = [*typical, *np.argsort(gaps, kind="stable").tolist()]
     return tuple(dict.fromkeys(order))[:count]
 

@@ -1,4 +1,4 @@
-"""ScenarioNet data set of children, which MetaDrive replays: a pickle each, and the summary of the folder."""
+"""ScenarioNet data set of futures, which MetaDrive replays: a pickle each, and the summary of the folder."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _HEIGHT_M = 1.6
 
 
 def write_scenarionet(request: Request) -> list[Path]:
-    """Write each child from its first logged frame on; the ego, else the first vehicle, is the ``sdc``.
+    """Write each future from its first logged frame on; the ego, else the first vehicle, is the ``sdc``.
 
     Lights are not written, because a run does not record them.
     """
     road, files, summary = _features(request.road), [], {}
-    for child in request.children:
-        name = request.file_stem(child)
+    for future in request.futures:
+        name = request.file_stem(future)
         file = request.folder / f"sd_scex_{__version__}_{name}.pkl"
-        scenario = _scenario(request, child, name)
+        scenario = _scenario(request, future, name)
         scenario["map_features"] = road
         write_atomic(file, pickle.dumps(scenario, protocol=4))
         summary[file.name] = scenario["metadata"]
@@ -45,14 +45,14 @@ def write_scenarionet(request: Request) -> list[Path]:
     return files
 
 
-def _scenario(request: Request, child: int, name: str) -> dict[str, Any]:
+def _scenario(request: Request, future: int, name: str) -> dict[str, Any]:
     tracks: dict[str, dict[str, Any]] = {}
-    for one in request.participants(child):
+    for one in request.participants(future):
         key, track = str(one.label), _track(one)
         if key in tracks:
             key = track["metadata"]["object_id"] = f"obstacle_{key}"
         tracks[key] = track
-    steps, ego = request.run.states(child).shape[1], request.ego_index() or 0
+    steps, ego = request.run.states(future).shape[1], request.ego_index() or 0
     metadata = {
         "ts": STEP_S * np.arange(steps),
         "sample_rate": STEP_S,

@@ -32,15 +32,15 @@ _MARGIN_M = 12.0
 _BEND = 0.16  # keeps edges over a common lane apart
 
 
-def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
-    """Convert the graph of one child, an index into the batch, to a `networkx.DiGraph`.
+def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
+    """Convert the graph of one future, an index into the batch, to a `networkx.DiGraph`.
 
     Nodes are vehicle indices, with `SceneGraph.node_columns`, ``history`` (11, 5), ``lane_id`` and ``arc``
     (None off the road). Edges have ``kind`` (of `KINDS`) and `SceneGraph.edge_columns`.
 
     Raises:
         MissingExtraError: networkx is not installed.
-        UsageError: the batch has no such child.
+        UsageError: the batch has no such future.
 
     Example:
         >>> scex.to_networkx(scex.scene_graph(scene)).number_of_nodes()
@@ -52,10 +52,10 @@ def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
         raise MissingExtraError(
             "this export needs networkx; pip install 'scex-sumo[learned]' or networkx"
         ) from error
-    rows = np.flatnonzero(graph.child == child)
+    rows = np.flatnonzero(graph.future == future)
     if not len(rows):
-        count = len(np.unique(graph.child))
-        raise UsageError(f"scene graph: child {child} of a batch of {count}; choose 0 to {count - 1}")
+        count = len(np.unique(graph.future))
+        raise UsageError(f"scene graph: future {future} of a batch of {count}; choose 0 to {count - 1}")
     made: DiGraph[int] = networkx.DiGraph()
     for row in rows:
         on_road = bool(graph.on_road[row])
@@ -67,7 +67,7 @@ def to_networkx(graph: SceneGraph, child: int = 0) -> DiGraph[int]:
             **_named(graph.node_columns, graph.node[row]),
         )
     source, target = graph.edge_index
-    for k in np.flatnonzero(graph.child[target] == child):
+    for k in np.flatnonzero(graph.future[target] == future):
         made.add_edge(
             int(graph.vehicle[source[k]]),
             int(graph.vehicle[target[k]]),
@@ -82,9 +82,9 @@ def _named(columns: tuple[str, ...], values: Any) -> dict[str, float]:
 
 
 def to_hetero_data(graph: SceneGraph) -> HeteroData:
-    """Convert the graphs of all children to one `torch_geometric.data.HeteroData`.
+    """Convert the graphs of all futures to one `torch_geometric.data.HeteroData`.
 
-    Nodes ``vehicle`` have ``x`` (N, F), ``history`` (N, 11, 5), ``child`` (N,), ``vehicle`` (N,). Edges
+    Nodes ``vehicle`` have ``x`` (N, F), ``history`` (N, 11, 5), ``future`` (N,), ``vehicle`` (N,). Edges
     ``("vehicle", kind, "vehicle")`` have ``edge_index`` (2, E), ``edge_attr`` (E, G). Floats are float32.
     Names of columns: ``node_columns``, ``history_columns``, ``edge_columns``.
 
@@ -106,7 +106,7 @@ def to_hetero_data(graph: SceneGraph) -> HeteroData:
     nodes: Any = data["vehicle"]
     nodes.x = torch.tensor(graph.node, dtype=torch.float32)
     nodes.history = torch.tensor(graph.history, dtype=torch.float32)
-    nodes.child, nodes.vehicle = torch.tensor(graph.child), torch.tensor(graph.vehicle)
+    nodes.future, nodes.vehicle = torch.tensor(graph.future), torch.tensor(graph.vehicle)
     for number, kind in enumerate(KINDS):
         mine = graph.edge_kind == number
         edges: Any = data["vehicle", kind, "vehicle"]
@@ -153,10 +153,10 @@ def plot_scene_graph(
 
 
 def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGraph) -> None:
-    """Draw road, vehicles, edges of the first child, and a legend."""
+    """Draw road, vehicles, edges of the first future, and a legend."""
     draw_road(axes, road)
     _draw_edges(axes, scene, graph)
-    mine = graph.child == 0
+    mine = graph.future == 0
     related = np.zeros(mine.sum(), dtype=np.bool_)
     related[graph.edge_index[graph.edge_index < len(related)]] = True
     colors = [_BOX if some else _ALONE for some in related]
@@ -201,7 +201,7 @@ def _draw_fronts(axes: Axes, scene: SeedScene) -> None:
 
 
 def _legend(graph: SceneGraph) -> list[Line2D]:
-    kinds = graph.edge_kind[graph.child[graph.edge_index[1]] == 0]
+    kinds = graph.edge_kind[graph.future[graph.edge_index[1]] == 0]
     counts = {kind: int((kinds == kind).sum()) // (1 if kind == 0 else 2) for kind in _STYLES}
     return [
         Line2D([], [], color=color, linestyle=line, linewidth=1.4, label=f"{name} ({counts[kind]})")

@@ -1,4 +1,4 @@
-"""SUMO folder: net, vehicle types, routes and a state from which SUMO continues a child."""
+"""SUMO folder: net, vehicle types, routes and a state from which SUMO continues a future."""
 
 from __future__ import annotations
 
@@ -30,49 +30,49 @@ _CONFIGURATION = """<configuration>
     <no-step-log value="true"/>
 </configuration>
 """
-_README = """# Future {child} of {name}, continued by SUMO
+_README = """# Future {future} of {name}, continued by SUMO
 
-`sumo-gui -c child.sumocfg` begins with the last step of this future. SUMO's {model} drives all vehicles,
+`sumo-gui -c future.sumocfg` begins with the last step of this future. SUMO's {model} drives all vehicles,
 on the routes that `sumo:` drivers take in a run. Vehicle `t0_17` is track 17. {left}
 """
 
 
 def write_sumo(request: Request) -> list[Path]:
-    """Write a folder for each child, in which SUMO continues from its last step."""
+    """Write a folder for each future, in which SUMO continues from its last step."""
     files = []
-    for child in request.children:
-        folder = request.folder if len(request.children) == 1 else request.folder / f"child{child:04d}"
+    for future in request.futures:
+        folder = request.folder if len(request.futures) == 1 else request.folder / f"future{future:04d}"
         folder.mkdir(exist_ok=True)
-        files.append(_write_child(request, child, folder))
+        files.append(_write_future(request, future, folder))
     return files
 
 
-def _write_child(request: Request, child: int, folder: Path) -> Path:
-    scene = _at_the_end(request, child)
+def _write_future(request: Request, future: int, folder: Path) -> Path:
+    scene = _at_the_end(request, future)
     routes = SumoDriver(_MODEL).routes(
         scene, request.road, np.arange(scene.vehicles), np.zeros(scene.vehicles)
     )
     edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
     kept = [v for v, route in enumerate(edges) if route]
     if not kept:
-        raise UsageError(f"future {child}: no vehicle is on a mapped lane at its end; choose another one")
+        raise UsageError(f"future {future}: no vehicle is on a mapped lane at its end; choose another one")
     left_out = [str(scene.track_ids[v]) for v in range(scene.vehicles) if v not in kept]
     scene = scene.reordered(kept, name=scene.name)
     driven = [
-        SumoDriven(child=0, vehicle=n, model=_MODEL, parameters={}, edges=edges[v])
+        SumoDriven(future=0, vehicle=n, model=_MODEL, parameters={}, edges=edges[v])
         for n, v in enumerate(kept)
     ]
     with SumoWorld(request.run.net, scene, slots=[0]) as world:
         world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
         world.save(folder)
     left = f"Off the lanes, and left out: {', '.join(left_out)}." if left_out else ""
-    text = _README.format(child=child, name=request.name, model=_MODEL, left=left)
+    text = _README.format(future=future, name=request.name, model=_MODEL, left=left)
     write_atomic(folder / "README.md", text.encode())
     configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S, blocked=_BLOCKED_S)
-    write_atomic(folder / "child.sumocfg", configuration.encode())
-    return folder / "child.sumocfg"
+    write_atomic(folder / "future.sumocfg", configuration.encode())
+    return folder / "future.sumocfg"
 
 
-def _at_the_end(request: Request, child: int) -> SeedScene:
-    states = request.run.states(child)[:, -HISTORY_STEPS - 1 :]
+def _at_the_end(request: Request, future: int) -> SeedScene:
+    states = request.run.states(future)[:, -HISTORY_STEPS - 1 :]
     return replace(request.scene, history=states, future=None, future_valid=None, obstacles=None)

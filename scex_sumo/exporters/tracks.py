@@ -1,4 +1,4 @@
-"""Tracks of children: INTERACTION v1.2 cases, a submission to INTERPRET, floating car data of SUMO."""
+"""Tracks of futures: INTERACTION v1.2 cases, a submission to INTERPRET, floating car data of SUMO."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ from scex_sumo.base.files import replacing
 from scex_sumo.exporters.request import Request
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
-from scex_sumo.views.children import write_child
+from scex_sumo.views.futures import write_future
 
-_CHILDREN_AT_ONCE = 100
+_FUTURES_AT_ONCE = 100
 _PREDICTED_STEPS, _MODALITIES = 30, 6  # of INTERPRET
 
 
 def write_interaction(request: Request) -> list[Path]:
-    """Write all children into one file, each a case of INTERACTION v1.2."""
-    run, children = request.run, request.children
-    stem = request.file_stem(children[0]) if len(children) == 1 else f"{request.name}_children"
+    """Write all futures into one file, each a case of INTERACTION v1.2."""
+    run, futures = request.run, request.futures
+    stem = request.file_stem(futures[0]) if len(futures) == 1 else f"{request.name}_futures"
     path = request.file(stem, ".csv")
     options = csv.WriteOptions(quoting_style="none", quoting_header="none")
     schema = pq.read_schema(run.folder / "tracks.parquet")
     with replacing(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
-        for first in range(0, len(children), _CHILDREN_AT_ONCE):
-            for case in _cases(run, children[first : first + _CHILDREN_AT_ONCE]):
+        for first in range(0, len(futures), _FUTURES_AT_ONCE):
+            for case in _cases(run, futures[first : first + _FUTURES_AT_ONCE]):
                 writer.write_table(case)
     return [path]
 
 
-def _cases(run: Run, children: Sequence[int]) -> Iterator[pa.Table]:
-    file, ordered = run.folder / "tracks.parquet", sorted(children)
+def _cases(run: Run, futures: Sequence[int]) -> Iterator[pa.Table]:
+    file, ordered = run.folder / "tracks.parquet", sorted(futures)
     table = pq.read_table(file, filters=[("case_id", "in", ordered)])
-    rows = run.states(children[0]).x.size
+    rows = run.states(futures[0]).x.size
     if table.num_rows != rows * len(ordered):
         raise ResultError(f"{file}: does not have {rows} rows of each future; run again")
-    for child in children:
-        yield table.slice(ordered.index(child) * rows, rows)
+    for future in futures:
+        yield table.slice(ordered.index(future) * rows, rows)
 
 
 def write_interpret(request: Request) -> list[Path]:
-    """Write up to six children as the modalities of one case of the INTERPRET challenge (multi-agent).
+    """Write up to six futures as the modalities of one case of the INTERPRET challenge (multi-agent).
 
     Modality 1 counts as the likeliest one. The recording's columns ``track_to_predict`` and
     ``interesting_agent`` say which vehicles are predicted, and which is the ego. Without them all vehicles
@@ -81,8 +81,8 @@ def write_interpret(request: Request) -> list[Path]:
         "track_to_predict": np.ones(len(frame), dtype=np.int64),
         "interesting_agent": np.repeat(ego[vehicles].astype(np.int64), _PREDICTED_STEPS),
     }
-    for number, child in enumerate(request.children[:_MODALITIES], start=1):
-        states = request.run.states(child)[vehicles][:, frames - 1]
+    for number, future in enumerate(request.futures[:_MODALITIES], start=1):
+        states = request.run.states(future)[vehicles][:, frames - 1]
         for name, values in (("x", states.x), ("y", states.y), ("psi_rad", states.heading)):
             columns[f"{name}{number}"] = values.ravel()
     table = pa.table(columns)
@@ -146,7 +146,7 @@ def _with_other_cases(path: Path, table: pa.Table, case: float) -> pa.Table:
 
 
 def write_fcd_files(request: Request) -> list[Path]:
-    """Write each child as SUMO's floating car data; several into a folder."""
+    """Write each future as SUMO's floating car data; several into a folder."""
     return request.write_each(
-        ".fcd.xml", lambda child: write_child(request.run, child).with_suffix(".fcd.xml").read_bytes()
+        ".fcd.xml", lambda future: write_future(request.run, future).with_suffix(".fcd.xml").read_bytes()
     )

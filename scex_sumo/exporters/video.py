@@ -1,4 +1,4 @@
-"""Video of a child from above: MP4 (PyAV) or GIF, drawn by matplotlib."""
+"""Video of a future from above: MP4 (PyAV) or GIF, drawn by matplotlib."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from scex_sumo.exporters.request import Request
 from scex_sumo.lanelet2sumo.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.page.drawing import STYLE, vehicle_outlines
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
-from scex_sumo.views.children import colors_of, event_of
 from scex_sumo.views.drawings import readable
+from scex_sumo.views.futures import colors_of, event_of
 
 _MP4_SIZE, _MP4_RATE = (1280, 720), 30  # px; pictures per s
 _GIF_SIZE, _GIF_RATE, _GIF_COLORS = (800, 450), 10, 64
-_FRAME_RATE = 10  # of a child
+_FRAME_RATE = 10  # of a future
 _STILL_S = 1.0  # the last picture stays
 _DPI = 72  # a point is a pixel
 _MARGIN_M, _PAIR_MARGIN_M, _MIN_HEIGHT_M = 12.0, 25.0, 50.0
@@ -45,26 +45,26 @@ _WINDSCREEN = np.array([[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]])
 
 
 def write_mp4(request: Request) -> list[Path]:
-    """Write each child as MP4 (H.264) in real time; several into a folder."""
+    """Write each future as MP4 (H.264) in real time; several into a folder."""
     if importlib.util.find_spec("av") is None:
         raise UsageError("--to mp4 needs PyAV: pip install 'scex-sumo[video]'; --to gif needs nothing")
     return _write(request, "mp4", _encode_mp4)
 
 
 def write_gif(request: Request) -> list[Path]:
-    """Write each child as animated GIF in real time; several into a folder."""
+    """Write each future as animated GIF in real time; several into a folder."""
     return _write(request, "gif", _encode_gif)
 
 
 def _write(request: Request, ending: str, encode: Callable[[Path, Request, int], None]) -> list[Path]:
     files = request.files(f".{ending}")
-    for child, path in zip(request.children, files, strict=True):
+    for future, path in zip(request.futures, files, strict=True):
         with replacing(path) as unfinished, mpl.rc_context(STYLE):
-            encode(unfinished, request, child)
+            encode(unfinished, request, future)
     return files
 
 
-def _encode_mp4(path: Path, request: Request, child: int) -> None:
+def _encode_mp4(path: Path, request: Request, future: int) -> None:
     import av
 
     with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
@@ -72,20 +72,20 @@ def _encode_mp4(path: Path, request: Request, child: int) -> None:
         stream.width, stream.height = _MP4_SIZE
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": "22", "preset": "veryfast"}
-        for picture in _pictures(request, child, _MP4_SIZE, _MP4_RATE):
+        for picture in _pictures(request, future, _MP4_SIZE, _MP4_RATE):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(picture)))
         container.mux(stream.encode())
 
 
-def _encode_gif(path: Path, request: Request, child: int) -> None:
-    pictures = [Image.fromarray(picture) for picture in _pictures(request, child, _GIF_SIZE, _GIF_RATE)]
+def _encode_gif(path: Path, request: Request, future: int) -> None:
+    pictures = [Image.fromarray(picture) for picture in _pictures(request, future, _GIF_SIZE, _GIF_RATE)]
     colors = pictures[-1].quantize(_GIF_COLORS)
     first, *rest = (picture.quantize(palette=colors, dither=Image.Dither.NONE) for picture in pictures)
     first.save(path, "GIF", save_all=True, append_images=rest, duration=1000 // _GIF_RATE, loop=0)
 
 
-def _pictures(request: Request, child: int, size: tuple[int, int], rate: int) -> Iterator[Any]:
-    film = Film(request, child, size)
+def _pictures(request: Request, future: int, size: tuple[int, int], rate: int) -> Iterator[Any]:
+    film = Film(request, future, size)
     last = LOGGED_HISTORY - 1 + int(request.run.info["steps"])
     for frame in np.arange(0, last + 1e-9, _FRAME_RATE / rate):
         picture = film.picture(float(frame))
@@ -95,15 +95,15 @@ def _pictures(request: Request, child: int, size: tuple[int, int], rate: int) ->
 
 
 class Film:
-    """Film of a child from above: the ground is drawn once."""
+    """Film of a future from above: the ground is drawn once."""
 
-    def __init__(self, request: Request, child: int, size: tuple[int, int]) -> None:
+    def __init__(self, request: Request, future: int, size: tuple[int, int]) -> None:
         """Draw road, title and legend; vehicles of an encounter or critical event are ringed."""
         run, self._scene = request.run, request.scene
-        tracks, words = event_of(run, child, critical=request.critical, encounter=request.encounter)
+        tracks, words = event_of(run, future, critical=request.critical, encounter=request.encounter)
         self._names = [str(track) for track in self._scene.track_ids]
         self._pair = [self._names.index(str(track)) for track in tracks]
-        self._states, models, colors = run.states(child), run.models_of(child), colors_of(run)
+        self._states, models, colors = run.states(future), run.models_of(future), colors_of(run)
         self._colors = [_shares(colors[model]) for model in models]
         low, high, self._scale = self._view(size)
         figure = Figure(figsize=(size[0] / _DPI, size[1] / _DPI), dpi=_DPI, facecolor=_GRASS)
@@ -113,14 +113,14 @@ class Film:
         self._axes.set_axis_off()
         lines = road_lines(run.net.path, (low[0], high[0], low[1], high[1]))
         _draw_lines(self._axes, lines, self._scale)
-        title = " · ".join(part for part in (request.name, f"child {child}", words) if part)
+        title = " · ".join(part for part in (request.name, f"future {future}", words) if part)
         self._axes.add_artist(self._corner_text(0.008, title))
         self._draw_legend({model: colors[model] for model in sorted(set(models))})
         self._canvas.draw()
         self._ground = self._canvas.copy_from_bbox(figure.bbox)
 
     def picture(self, frame: float) -> Any:
-        """Return (height, width, 3) bytes of a child at a frame, which may lie between two."""
+        """Return (height, width, 3) bytes of a future at a frame, which may lie between two."""
         self._canvas.restore_region(self._ground)
         states = _between(self._states, frame)
         time_s = (frame - LOGGED_HISTORY + 1) * STEP_S

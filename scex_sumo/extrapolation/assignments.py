@@ -1,4 +1,4 @@
-"""Assignments of behaviour models to the vehicles of each child."""
+"""Assignments of behaviour models to the vehicles of each future."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ MAX_COMBINATIONS = 10_000
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, EXACT_STREAM = range(5)
 
 
-def child_generator(seed: int, child: int, stream: int = _PLAN_STREAM) -> np.random.Generator:
-    """Return the random generator of a child, from the run's seed and the child's number alone.
+def future_generator(seed: int, future: int, stream: int = _PLAN_STREAM) -> np.random.Generator:
+    """Return the random generator of a future, from the run's seed and the future's number alone.
 
     ``stream`` separates draws of different purpose.
     """
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(child, stream)))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(future, stream)))
 
 
 def random_assignments(
-    weights: Sequence[float], children: Sequence[int] | IntArray, vehicles: int, *, seed: int
+    weights: Sequence[float], futures: Sequence[int] | IntArray, vehicles: int, *, seed: int
 ) -> IntArray:
-    """Draw a model (C, V) for every vehicle of every child, independently, by the models' weights (M,)."""
+    """Draw a model (C, V) for every vehicle of every future, independently, by the models' weights (M,)."""
     upper = np.cumsum(np.asarray(weights, dtype=np.float64))
     upper /= upper[-1]
-    draws = np.stack([child_generator(seed, int(c), _ASSIGNMENT_STREAM).random(vehicles) for c in children])
+    draws = np.stack([future_generator(seed, int(c), _ASSIGNMENT_STREAM).random(vehicles) for c in futures])
     return np.searchsorted(upper, draws, side="right").astype(np.int64)
 
 
 @lru_cache(maxsize=32)
 def designed_assignments(
-    weights: tuple[float, ...], children: int, vehicles: int, *, seed: int, design: str, keep: bool = False
+    weights: tuple[float, ...], futures: int, vehicles: int, *, seed: int, design: str, keep: bool = False
 ) -> IntArray:
     """Draw models (C, V) more evenly than independent draws; the result is shared and must not be changed."""
     drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
@@ -45,13 +45,13 @@ def designed_assignments(
     shares /= shares.sum()
 
     def make() -> IntArray:
-        return DESIGNS[design]([shares] * vehicles, children, child_generator(seed, 0, _DESIGN_STREAM))
+        return DESIGNS[design]([shares] * vehicles, futures, future_generator(seed, 0, _DESIGN_STREAM))
 
     if not keep:
         return drawn[make()].astype(np.int64)
-    made_of = repr((shares.tolist(), children, vehicles, seed, design)).encode()
+    made_of = repr((shares.tolist(), futures, vehicles, seed, design)).encode()
     levels = np.frombuffer(cached_bytes("designs", made_of, lambda: make().tobytes()), dtype=np.int64)
-    return drawn[levels.reshape(children, vehicles)]
+    return drawn[levels.reshape(futures, vehicles)]
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:
@@ -63,7 +63,7 @@ def all_assignments(choices: Sequence[int]) -> IntArray:
     count = math.prod(int(choice) for choice in choices)
     if count > MAX_COMBINATIONS:
         raise UsageError(
-            f"--children all: {_number(count)} combinations for {len(choices)} vehicles, at most "
+            f"--futures all: {_number(count)} combinations for {len(choices)} vehicles, at most "
             f"{MAX_COMBINATIONS:,} are run; name fewer models, fix some vehicles with --assign, "
             "or give a number of futures"
         )
@@ -79,20 +79,20 @@ def assignments(
     weights: Sequence[float],
     track_ids: Sequence[int] | IntArray,
     *,
-    children: int | None,
+    futures: int | None,
     seed: int,
     fixed: Mapping[int, int] | None = None,
     design: str = "random",
     keep: bool = False,
 ) -> IntArray:
-    """Return the model (C, V) of every vehicle in every child of a run.
+    """Return the model (C, V) of every vehicle in every future of a run.
 
     Args:
         weights: (M,) relative frequency of the models to draw from.
         track_ids: (V,).
-        children: number, or None for all combinations.
-        fixed: model by track id, the same in all children; it may lie beyond ``weights``.
-        design: one of ``DESIGNS``. Fewer children are the first of more.
+        futures: number, or None for all combinations.
+        fixed: model by track id, the same in all futures; it may lie beyond ``weights``.
+        design: one of ``DESIGNS``. Fewer futures are the first of more.
         keep: use the user's cache.
     """
     ids = [int(t) for t in track_ids]
@@ -100,18 +100,18 @@ def assignments(
     unknown = sorted(set(fixed) - set(ids))
     if unknown:
         raise UsageError(f"--assign: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}")
-    if children is None:
+    if futures is None:
         drawn = [i for i, weight in enumerate(weights) if weight > 0]
         picked = all_assignments([1 if t in fixed else len(drawn) for t in ids])
         result = np.asarray(drawn, dtype=np.int64)[picked]
     elif design == "random":
-        result = random_assignments(weights, range(children), len(ids), seed=seed)
+        result = random_assignments(weights, range(futures), len(ids), seed=seed)
     else:
         free = [v for v, t in enumerate(ids) if t not in fixed]
-        result = np.zeros((children, len(ids)), dtype=np.int64)
+        result = np.zeros((futures, len(ids)), dtype=np.int64)
         if free:
             levels = designed_assignments(
-                tuple(weights), children, len(free), seed=seed, design=design, keep=keep
+                tuple(weights), futures, len(free), seed=seed, design=design, keep=keep
             )
             result[:, free] = levels
     for track, model in fixed.items():
@@ -119,9 +119,9 @@ def assignments(
     return result
 
 
-def route_draws(children: Sequence[int] | IntArray, vehicles: int, *, seed: int) -> FloatArray:
-    """Return a number in [0, 1) per child and vehicle (C, V), from which models choose random routes."""
-    return np.stack([child_generator(seed, int(c), _ROUTE_STREAM).random(vehicles) for c in children])
+def route_draws(futures: Sequence[int] | IntArray, vehicles: int, *, seed: int) -> FloatArray:
+    """Return a number in [0, 1) per future and vehicle (C, V), from which models choose random routes."""
+    return np.stack([future_generator(seed, int(c), _ROUTE_STREAM).random(vehicles) for c in futures])
 
 
 def listing(ids: Sequence[int], most: int = 12) -> str:

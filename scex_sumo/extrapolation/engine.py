@@ -117,7 +117,7 @@ def _assignment(scene: SeedScene, settings: RunSettings, models: ModelSet, *, ke
         models.keep_images()
     drawn = models.draw(
         scene.track_ids,
-        children=settings.count if settings.until_band is None else 1,
+        futures=settings.count if settings.until_band is None else 1,
         seed=settings.seed,
         design=settings.design,
         keep=keep,
@@ -165,8 +165,8 @@ def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
 def _identity(
     scene: SeedScene, settings: RunSettings, models: ModelSet, assignment: IntArray
 ) -> dict[str, Any]:
-    children = {"children": len(assignment)} if settings.until_band is None else {}
-    own = {**models.to_json(), **settings.to_json(), **children}
+    futures = {"futures": len(assignment)} if settings.until_band is None else {}
+    own = {**models.to_json(), **settings.to_json(), **futures}
     return {"version": __version__, "scene": digest(scene), **own}
 
 
@@ -181,7 +181,7 @@ def _info(
         "seed_scene": describe(scene),
         **job.models.to_json(),
         **settings.to_json(),
-        "children": len(job.assignment),
+        "futures": len(job.assignment),
         "band": None if band is None else {"asked": settings.until_band, **dataclasses.asdict(band)},
         "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
@@ -236,7 +236,7 @@ def _run_futures(
         return dataclasses.replace(found, remainder=least)
 
     last = grow(measure, band=band, most=settings.count)
-    return job.of(last.children), last, settled
+    return job.of(last.futures), last, settled
 
 
 def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
@@ -246,14 +246,14 @@ def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | Non
 
 
 def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
-    done, total, steps = set(Parts(job.folder).children.tolist()), len(job.assignment), job.settings.steps
+    done, total, steps = set(Parts(job.folder).futures.tolist()), len(job.assignment), job.settings.steps
     size = batch if batch is not None else batch_size(job, workers.processes)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     ticks = len(done) * steps
 
-    def on_step(children: int) -> None:
+    def on_step(futures: int) -> None:
         nonlocal ticks
-        ticks += children
+        ticks += futures
         if progress is not None:
             progress(ticks, total * steps)
 

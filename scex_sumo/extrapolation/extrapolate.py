@@ -40,7 +40,7 @@ def extrapolate(
         settings: None makes them of the options.
         progress: True for a bar on a terminal or in a notebook; or called with (steps done, steps in all).
         options: fields of `RunSettings`, `RunOptions` and the registered extras, as ``scex-sumo run --help``
-            lists them, e.g. ``children``, ``models``, ``assign``, ``out``, ``reference``, ``exact``.
+            lists them, e.g. ``futures``, ``models``, ``assign``, ``out``, ``reference``, ``exact``.
 
     Raises:
         UsageError: an option makes no sense.
@@ -48,7 +48,7 @@ def extrapolate(
         ScexError: any other fault of the input or the environment.
 
     Example:
-        >>> run = scex.extrapolate(scene, children=4, models="standard_driver,emergency_brake", seed=1)
+        >>> run = scex.extrapolate(scene, futures=4, models="standard_driver,emergency_brake", seed=1)
         >>> run.metrics.num_rows
         4
     """

@@ -1,4 +1,4 @@
-"""Job of a run: batches of children that a process simulates and measures."""
+"""Job of a run: batches of futures that a process simulates and measures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.extrapolation.assignments import child_generator, route_draws
+from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, worst_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Batch, Rollout, fallbacks_table, roll_out
@@ -31,20 +31,20 @@ from scex_sumo.world.tiles import TILE_SLOTS
 
 OnStep = Callable[[int], None]
 
-VEHICLES_AT_ONCE = 6000  # over all children of a batch
+VEHICLES_AT_ONCE = 6000  # over all futures of a batch
 BATCHES_EACH = 2  # of each process: one that starts later does less
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Everything that a process needs to run any child of a run.
+    """Everything that a process needs to run any future of a run.
 
     Attributes:
-        assignment: (C, V) index into ``models``, for all children.
+        assignment: (C, V) index into ``models``, for all futures.
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
         on_paths: measure TTC, PET and DRAC of encounters, too.
         compared: compare a checked world with SUMO's.
-        route_draw: (C, V) as of `SceneHistory`, for all children; None: by seed and child.
+        route_draw: (C, V) as of `SceneHistory`, for all futures; None: by seed and future.
     """
 
     scene: SeedScene
@@ -65,10 +65,10 @@ class Job:
         assert self.scene.road is not None
         return self.scene.road
 
-    def of(self, children: int) -> Job:
-        """Return the same job with another number of children."""
+    def of(self, futures: int) -> Job:
+        """Return the same job with another number of futures."""
         settings, ids = self.settings, self.scene.track_ids
-        drawn = self.models.draw(ids, children=children, seed=settings.seed, design=settings.design)
+        drawn = self.models.draw(ids, futures=futures, seed=settings.seed, design=settings.design)
         return replace(self, assignment=drawn)
 
     @cached_property
@@ -85,39 +85,39 @@ class Job:
 
     @property
     def apart(self) -> bool:
-        """Whether each child needs its own tile: SUMO's drivers and sumo-gui see a whole tile."""
+        """Whether each future needs its own tile: SUMO's drivers and sumo-gui see a whole tile."""
         return self.gui or self.sumo_drives
 
-    def slots(self, children: IntArray) -> IntArray:
-        """Return the tile slot (C,) of each child."""
-        return children % TILE_SLOTS if self.apart else np.zeros_like(children)
+    def slots(self, futures: IntArray) -> IntArray:
+        """Return the tile slot (C,) of each future."""
+        return futures % TILE_SLOTS if self.apart else np.zeros_like(futures)
 
 
-def batches_of(children: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:
-    """Cut children into batches of at most ``size``; with ``apart``, a batch has different slots."""
+def batches_of(futures: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:
+    """Cut futures into batches of at most ``size``; with ``apart``, a batch has different slots."""
     batches: list[list[int]] = []
     taken: set[int] = set()
-    for child in children:
-        slot = child % TILE_SLOTS
+    for future in futures:
+        slot = future % TILE_SLOTS
         if not batches or len(batches[-1]) >= size or (apart and slot in taken):
             batches.append([])
             taken = set()
-        batches[-1].append(child)
+        batches[-1].append(future)
         taken.add(slot)
     return [np.asarray(batch, dtype=np.int64) for batch in batches]
 
 
 def batch_size(job: Job, processes: int = 1) -> int:
-    """Return the number of children in a batch: at most 6000 vehicles, and two batches for each process.
+    """Return the number of futures in a batch: at most 6000 vehicles, and two batches for each process.
 
     A step costs the same for one vehicle as for some hundreds.
     """
     if job.apart:
         return TILE_SLOTS
-    children, vehicles = (int(count) for count in job.assignment.shape)
+    futures, vehicles = (int(count) for count in job.assignment.shape)
     rounds = processes if processes == 1 else BATCHES_EACH * processes
-    batches = math.ceil(children * vehicles / VEHICLES_AT_ONCE / rounds) * rounds
-    return math.ceil(children / batches)
+    batches = math.ceil(futures * vehicles / VEHICLES_AT_ONCE / rounds) * rounds
+    return math.ceil(futures / batches)
 
 
 @contextmanager
@@ -125,15 +125,15 @@ def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray,
     """Open the simulator of a job; yield the function that runs a batch and saves its part.
 
     Args:
-        slots: tile slots of all children that may come.
+        slots: tile slots of all futures that may come.
     """
     with _simulator(job, slots) as simulator:
         yield partial(_run_and_save, job, simulator)
 
 
-def run_in_memory(job: Job, children: Sequence[int]) -> Part:
-    """Run children of a job in this process, without saving them."""
-    batches = batches_of(children, batch_size(job), apart=job.apart)
+def run_in_memory(job: Job, futures: Sequence[int]) -> Part:
+    """Run futures of a job in this process, without saving them."""
+    batches = batches_of(futures, batch_size(job), apart=job.apart)
     slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
     with _simulator(job, slots) as simulator:
         return joined_parts([_run_batch(job, simulator, batch) for batch in batches])
@@ -153,15 +153,15 @@ def _simulator(job: Job, slots: Sequence[int]) -> Simulator:
     return simulator
 
 
-def _run_and_save(job: Job, simulator: Simulator, children: IntArray, on_step: OnStep) -> IntArray:
-    save_part(job.folder, _run_batch(job, simulator, children, on_step=on_step))
-    return children
+def _run_and_save(job: Job, simulator: Simulator, futures: IntArray, on_step: OnStep) -> IntArray:
+    save_part(job.folder, _run_batch(job, simulator, futures, on_step=on_step))
+    return futures
 
 
-def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: OnStep | None = None) -> Part:
-    batch, settings = _batch(job, children), job.settings
+def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: OnStep | None = None) -> Part:
+    batch, settings = _batch(job, futures), job.settings
     world = simulator.begin(
-        BatchStart(slots=job.slots(children), assignment=batch.assignment, driven=_driven_by_sumo(job, batch))
+        BatchStart(slots=job.slots(futures), assignment=batch.assignment, driven=_driven_by_sumo(job, batch))
     )
     rollout = roll_out(
         world, job.road, job.scene, batch, steps=settings.steps, replan=settings.replan, on_step=on_step
@@ -178,21 +178,21 @@ def _run_batch(job: Job, simulator: Simulator, children: IntArray, *, on_step: O
     values, hits = outcome.values, outcome.collisions
     ids = job.scene.track_ids
     return Part(
-        children=children,
+        futures=futures,
         states=rollout.states,
         values=values.values,
         defined=values.defined,
-        worst=worst_of(job.scene, values, children, hits),
+        worst=worst_of(job.scene, values, futures, hits),
         plan_x=rollout.plan_x if settings.keep_plans else None,
         plan_y=rollout.plan_y if settings.keep_plans else None,
         fallbacks=fallbacks_table(
-            rollout.replaced, children=children, assignment=batch.assignment, names=batch.names, track_ids=ids
+            rollout.replaced, futures=futures, assignment=batch.assignment, names=batch.names, track_ids=ids
         ),
         tested=_tested(job, rollout),
         collisions=collisions_table(
-            hits, outcome.severity, children=children, track_ids=ids, first=LOGGED_HISTORY
+            hits, outcome.severity, futures=futures, track_ids=ids, first=LOGGED_HISTORY
         ),
-        encounters=encounter_rows(outcome.encounters, children),
+        encounters=encounter_rows(outcome.encounters, futures),
     )
 
 
@@ -207,18 +207,18 @@ def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
     return np.stack([own.values, own.defined.astype(np.float64)])
 
 
-def _batch(job: Job, children: IntArray) -> Batch:
+def _batch(job: Job, futures: IntArray) -> Batch:
     seed, built = job.settings.seed, job.models.built
     return Batch(
-        children=children,
-        assignment=job.assignment[children],
+        futures=futures,
+        assignment=job.assignment[futures],
         models=built,
         names=job.models.names,
         overridden=np.array([not is_driven_by_sumo(model) for model in built]),
-        route_draw=route_draws(children, job.scene.vehicles, seed=seed)
+        route_draw=route_draws(futures, job.scene.vehicles, seed=seed)
         if job.route_draw is None
-        else job.route_draw[children],
-        generators=[child_generator(seed, int(c)) for c in children],
+        else job.route_draw[futures],
+        generators=[future_generator(seed, int(c)) for c in futures],
     )
 
 
@@ -227,9 +227,9 @@ def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
     for index, model in enumerate(batch.models):
         if not is_driven_by_sumo(model):
             continue
-        child, vehicle = np.nonzero(batch.assignment == index)
-        routes = model.routes(job.scene, job.road, vehicle, batch.route_draw[child, vehicle])
-        for c, v, lanes in zip(child.tolist(), vehicle.tolist(), routes, strict=True):
+        future, vehicle = np.nonzero(batch.assignment == index)
+        routes = model.routes(job.scene, job.road, vehicle, batch.route_draw[future, vehicle])
+        for c, v, lanes in zip(future.tolist(), vehicle.tolist(), routes, strict=True):
             intention = job.scene.intention(v) if model.path in ("straight", "random") else None
             edges = job.net.lanes.edges(lanes) if intention is None else intention.edges
             if not edges:
@@ -239,6 +239,6 @@ def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
                 )
             name, parameters = model.driving(job.scene, v)
             driven.append(
-                SumoDriven(child=c, vehicle=v, model=name, parameters=parameters, edges=tuple(edges))
+                SumoDriven(future=c, vehicle=v, model=name, parameters=parameters, edges=tuple(edges))
             )
     return driven

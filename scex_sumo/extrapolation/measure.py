@@ -40,7 +40,7 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded:
-    """The recorded future, measured like a child.
+    """The recorded future, measured like a future.
 
     Attributes:
         overlaps: of boxes after the seed moment; recorded boxes are inexact.
@@ -64,7 +64,7 @@ def measure_outcome(
     vehicles: Collection[int] | None = None,
     on_paths: bool = True,
 ) -> Outcome:
-    """Measure a batch of children by the metrics, or by the paper's six.
+    """Measure a batch of futures by the metrics, or by the paper's six.
 
     Args:
         preset: car-following rule of the metrics that leave it open.
@@ -73,7 +73,7 @@ def measure_outcome(
         vehicles: only pairs with one of these (indices) count; None: all.
         on_paths: encounters have TTC, PET and DRAC, too.
     """
-    present = None if counted is None else counted[None].repeat(len(rollout.children), axis=0)
+    present = None if counted is None else counted[None].repeat(len(rollout.futures), axis=0)
     tracks, planned = _evaluated(scene, rollout, present)
     hits = _of_pairs(find_collisions(tracks, limit_m2=limit_m2), vehicles)
     met: list[Encounters] = []
@@ -111,17 +111,17 @@ def measure_rollout(
 
 
 def worst_of(
-    scene: SeedScene, values: ScenarioValues, children: IntArray, hits: Collisions | None = None
+    scene: SeedScene, values: ScenarioValues, futures: IntArray, hits: Collisions | None = None
 ) -> pa.Table:
-    """Return the step and the vehicles of each child's extremum; times as in ``tracks.parquet``.
+    """Return the step and the vehicles of each future's extremum; times as in ``tracks.parquet``.
 
     Args:
-        hits: the children's collisions; values after one are flagged.
+        hits: the futures's collisions; values after one are flagged.
     """
     steps = next(iter(values.scene.values())).value.shape[1]
     frames = np.arange(1, LOGGED_HISTORY + steps + 1, dtype=np.int64)
     return worst_table(
-        values, child=children, track_ids=scene.track_ids, timestamp_ms=frames * 100, hits=hits
+        values, future=futures, track_ids=scene.track_ids, timestamp_ms=frames * 100, hits=hits
     )
 
 
@@ -144,7 +144,7 @@ def measure_recorded(
     assert scene.road is not None
     one, count = np.zeros(1, dtype=np.int64), scene.vehicles
     batch = Batch(
-        children=one,
+        futures=one,
         assignment=np.zeros((1, count), dtype=np.int64),
         models=[Replay(ReplayProfile())],
         names=["replay"],

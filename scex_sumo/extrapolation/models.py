@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.base import Behavior, layer_with
 from scex_sumo.behaviors.registry import ModelSpec, build, is_own, model_specs, refuse_namesake
-from scex_sumo.extrapolation.assignments import assignments, child_generator, listing, route_draws
+from scex_sumo.extrapolation.assignments import assignments, future_generator, listing, route_draws
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scene import SeedScene, VehicleIndex
@@ -86,9 +86,9 @@ class ModelSet:
                 yield spec, layer
 
     def draw(
-        self, track_ids: IntArray, *, children: int | None, seed: int, design: str, keep: bool = False
+        self, track_ids: IntArray, *, futures: int | None, seed: int, design: str, keep: bool = False
     ) -> IntArray:
-        """Return the model (C, V) of every vehicle in every child, as `assignments`.
+        """Return the model (C, V) of every vehicle in every future, as `assignments`.
 
         A vehicle under test takes part in the draw: the draw of the others does not depend on it.
         """
@@ -101,9 +101,7 @@ class ModelSet:
             )
         always = {track: model for track, model in self.fixed.items() if track not in self.tested}
         weights = [spec.weight for spec in self.drawn]
-        drawn = assignments(
-            weights, ids, children=children, seed=seed, fixed=always, design=design, keep=keep
-        )
+        drawn = assignments(weights, ids, futures=futures, seed=seed, fixed=always, design=design, keep=keep)
         for track, model in self.tested.items():
             if model is not None:
                 drawn[:, ids.index(track)] = self.fixed[track]
@@ -112,9 +110,9 @@ class ModelSet:
     def try_on(self, scene: SeedScene, *, seed: int) -> None:
         """Let every model that may fail plan once; raise a `ScexError` if no plan of one is usable."""
         assert scene.road is not None
-        children = np.zeros(1, dtype=np.int64)
-        draw = route_draws(children, scene.vehicles, seed=seed)
-        history = history_at(scene, scene.history.repeat(1), children, draw, step=0)
+        futures = np.zeros(1, dtype=np.int64)
+        draw = route_draws(futures, scene.vehicles, seed=seed)
+        history = history_at(scene, scene.history.repeat(1), futures, draw, step=0)
         tracks = scene.track_ids.tolist()
         for index, driver in enumerate(self.built):
             fallible = layer_with(driver, "try_on")
@@ -122,8 +120,8 @@ class ModelSet:
                 continue
             mine = [self.fixed.get(t, index if index < len(self.drawn) else -1) == index for t in tracks]
             vehicle = np.flatnonzero(np.array(mine, dtype=np.bool_))
-            who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
-            fallible.try_on(history, scene.road, who, [child_generator(seed, 0)])
+            who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+            fallible.try_on(history, scene.road, who, [future_generator(seed, 0)])
 
     def to_json(self) -> dict[str, Any]:
         """Return the models' entries of ``run.json``."""

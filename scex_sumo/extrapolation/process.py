@@ -57,7 +57,7 @@ class WorkerProcess:
             return "done", None
         self._send(("open", (sys.path, work)))  # the current path, with the folder of the user's models
         self._work = work
-        return self._answer(lambda children: None)
+        return self._answer(lambda futures: None)
 
     def do(self, work: bytes, task: Any, on_step: OnStep) -> Report:
         """Return the report when a task is done or has failed."""

@@ -1,4 +1,4 @@
-"""Rollout of child scenarios in closed loop: models plan, the world steps, models see the result.
+"""Rollout of future scenarios in closed loop: models plan, the world steps, models see the result.
 
 A plan that cannot be used is replaced by the path-following driver's, and listed.
 """
@@ -25,14 +25,14 @@ FALLBACKS: Final = "fallbacks.parquet"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rollout:
-    """States of a batch of children, read back from the world.
+    """States of a batch of futures, read back from the world.
 
     Attributes:
         states: (C, T, V) after each step.
         plan_x: (C, R, V, H) centres planned at each of the R replans, m; so ``plan_y``.
     """
 
-    children: IntArray
+    futures: IntArray
     states: States
     plan_x: FloatArray
     plan_y: FloatArray
@@ -49,7 +49,7 @@ class Replaced:
         step: steps since the seed scene.
     """
 
-    child: int
+    future: int
     vehicle: int
     step: int
     reason: str
@@ -57,16 +57,16 @@ class Replaced:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
-    """Children that run side by side, and the models of their vehicles.
+    """Futures that run side by side, and the models of their vehicles.
 
     Attributes:
         assignment: (C, V) index into ``models``.
         overridden: (M,) False for SUMO's own models, whose vehicles the world drives.
         route_draw: (C, V) in [0, 1).
-        generators: (C,) random numbers of each child.
+        generators: (C,) random numbers of each future.
     """
 
-    children: IntArray
+    futures: IntArray
     assignment: IntArray
     models: Sequence[Behavior]
     names: Sequence[str]
@@ -85,7 +85,7 @@ def roll_out(
     replan: int,
     on_step: Callable[[int], None] | None = None,
 ) -> Rollout:
-    """Simulate a batch of children from the seed scene.
+    """Simulate a batch of futures from the seed scene.
 
     All models see the same history, then all vehicles move.
 
@@ -93,7 +93,7 @@ def roll_out(
         world: holds the seed scene in each of its C tiles.
         steps: of 0.1 s.
         replan: steps that a plan is followed.
-        on_step: called after each step with the number of children.
+        on_step: called after each step with the number of futures.
 
     Raises:
         ScexError: a model's plan is too short or not finite.
@@ -110,11 +110,11 @@ def roll_out(
     replaced: list[Replaced] = []
     for step in range(steps):
         if step % replan == 0:
-            history = history_at(scene, window, batch.children, batch.route_draw, step=step)
+            history = history_at(scene, window, batch.futures, batch.route_draw, step=step)
             for index, made in plans_of(batch.models, groups, history, road, batch.generators):
                 who = groups[index]
                 usable = checked_plan(made, len(who), plan.shape[2], batch.names[index])
-                plan.assign((who.child, who.vehicle), usable)
+                plan.assign((who.future, who.vehicle), usable)
                 replaced += _replaced(made, groups[index], batch, step)
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
             plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
@@ -129,7 +129,7 @@ def roll_out(
         if on_step is not None:
             on_step(count)
     return Rollout(
-        children=batch.children,
+        futures=batch.futures,
         states=simulated,
         plan_x=plan_x,
         plan_y=plan_y,
@@ -146,14 +146,14 @@ def obstacles_at(scene: SeedScene, step: int) -> tuple[States, BoolArray]:
 
 
 def history_at(
-    scene: SeedScene, window: States, children: IntArray, route_draw: FloatArray, *, step: int
+    scene: SeedScene, window: States, futures: IntArray, route_draw: FloatArray, *, step: int
 ) -> SceneHistory:
     """Return the models' input ``step`` steps after the seed scene; ``window`` (C, V, 11) are states."""
     obstacles, present = obstacles_at(scene, step) if scene.obstacles is not None else (None, None)
     return SceneHistory(
         scene=scene,
         states=window.map(_read_only),
-        children=children,
+        futures=futures,
         step=step,
         route_draw=route_draw,
         obstacle_states=obstacles,
@@ -170,7 +170,7 @@ def _read_only(values: FloatArray) -> FloatArray:
 def groups_of(assignment: IntArray, models: int) -> list[VehicleIndex]:
     """Return the vehicles of each model, by assignments (C, V)."""
     drivers = (np.nonzero(assignment == model) for model in range(models))
-    return [VehicleIndex(child=child, vehicle=vehicle) for child, vehicle in drivers]
+    return [VehicleIndex(future=future, vehicle=vehicle) for future, vehicle in drivers]
 
 
 def checked_plan(made: Plan, count: int, steps: int, name: str) -> States:
@@ -193,7 +193,7 @@ def _replaced(made: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Re
         return []
     return [
         Replaced(
-            child=int(batch.children[who.child[row]]),
+            future=int(batch.futures[who.future[row]]),
             vehicle=int(who.vehicle[row]),
             step=step,
             reason=made.reasons[row] if made.reasons else BY_ITSELF,
@@ -205,26 +205,26 @@ def _replaced(made: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Re
 def fallbacks_table(
     replaced: Sequence[Replaced],
     *,
-    children: IntArray,
+    futures: IntArray,
     assignment: IntArray,
     names: Sequence[str],
     track_ids: IntArray,
 ) -> pa.Table | None:
-    """Return the rows of ``fallbacks.parquet``, by child, step, vehicle; None for none.
+    """Return the rows of ``fallbacks.parquet``, by future, step, vehicle; None for none.
 
     Args:
-        children: (C,) numbers, ascending.
+        futures: (C,) numbers, ascending.
         assignment: (C, V) index into `names`.
     """
     if not replaced:
         return None
-    rows = sorted(replaced, key=lambda r: (r.child, r.step, r.vehicle))
-    child = np.array([r.child for r in rows], dtype=np.int64)
+    rows = sorted(replaced, key=lambda r: (r.future, r.step, r.vehicle))
+    future = np.array([r.future for r in rows], dtype=np.int64)
     vehicle = np.array([r.vehicle for r in rows], dtype=np.int64)
-    model = assignment[np.searchsorted(children, child), vehicle]
+    model = assignment[np.searchsorted(futures, future), vehicle]
     return pa.table(
         {
-            "child": child,
+            "future": future,
             "track_id": np.asarray(track_ids, dtype=np.int64)[vehicle],
             "step": np.array([r.step for r in rows], dtype=np.int64),
             "model": pa.array([names[m] for m in model.tolist()], pa.string()),
@@ -240,7 +240,7 @@ def count_fallbacks(
 
     Args:
         assignment: (C, V) index into `names`.
-        rounds: plans of a vehicle in a child.
+        rounds: plans of a vehicle in a future.
     """
     if table is None:
         return []
@@ -254,7 +254,7 @@ def count_fallbacks(
                     "model": name,
                     "replaced": mine.num_rows,
                     "plans": int((assignment == index).sum()) * rounds,
-                    "children": len(set(mine["child"].to_pylist())),
+                    "futures": len(set(mine["future"].to_pylist())),
                     "first": mine.drop_columns(["model"]).slice(0, 1).to_pylist()[0],
                 }
             )
@@ -265,8 +265,8 @@ def fallback_lines(counts: Sequence[dict[str, Any]]) -> list[str]:
     """Return the counts as text, a line for each model."""
     return [
         f"{c['model']}: {c['replaced']} of {c['plans']} plans replaced by the path-following driver's, "
-        f"in {c['children']} {'future' if c['children'] == 1 else 'futures'}; "
-        f"first (future {c['first']['child']}, vehicle {c['first']['track_id']}, "
+        f"in {c['futures']} {'future' if c['futures'] == 1 else 'futures'}; "
+        f"first (future {c['first']['future']}, vehicle {c['first']['track_id']}, "
         f"{c['first']['step'] * STEP_S:.1f} s): {c['first']['reason']}"
         for c in counts
     ]

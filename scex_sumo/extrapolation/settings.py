@@ -25,13 +25,13 @@ from scex_sumo.metrics.registry import (
     metrics_named,
 )
 from scex_sumo.results.region import EVERYWHERE, Region, parse_region
-from scex_sumo.statistics.bands import MAX_CHILDREN as MAX_GROWN
+from scex_sumo.statistics.bands import MAX_FUTURES as MAX_GROWN
 from scex_sumo.statistics.bands import check_band
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
 
-MAX_CHILDREN, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
-"""Limits: children, steps of each (ten minutes), states of all vehicles in all steps."""
+MAX_FUTURES, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
+"""Limits: futures, steps of each (ten minutes), states of all vehicles in all steps."""
 
 Driver: TypeAlias = Any
 """A behaviour model in a form that `model_specs` takes: text, a `ModelSpec`, a class, function or object."""
@@ -85,11 +85,11 @@ class RunSettings:
         models: a list, too; an entry is text, a `ModelSpec`, or a driver's class, function or object.
         assign: by track id; an entry as of ``models``. A model of the user's is under test.
         under_test: by track id, as ``assign``; None for a vehicle that is driven as drawn.
-        children: ``"all"`` runs every combination; 385, as in the paper, gives a 95 % interval of +-5 %
+        futures: ``"all"`` runs every combination; 385, as in the paper, gives a 95 % interval of +-5 %
             around a share of one half. With ``until_band`` it is the maximum.
         until_band: half-width of the widest 95 % band at which the run ends.
         world: ``plain`` has the same result to the bit if SUMO drives no vehicle; ``checked`` compares
-            arrays with SUMO in two children of each batch.
+            arrays with SUMO in two futures of each batch.
         metrics: names, import paths, metrics or presets in the place of the preset's.
         thresholds: by metric column, on top of the defaults.
         reflect: False gives the paper's plain kernel.
@@ -100,7 +100,7 @@ class RunSettings:
         UsageError: a setting makes no sense.
     """
 
-    children: int | str | None = option(
+    futures: int | str | None = option(
         "Number of futures: 385; at most 10000 with --until-band.", None, metavar="N|all", takes=str
     )
     steps: int = option("Steps of 0.1 s per future.", 30)
@@ -164,8 +164,8 @@ class RunSettings:
 
     def __post_init__(self) -> None:
         self._put_region()
-        if self.children is None:
-            object.__setattr__(self, "children", FUTURES if self.until_band is None else MAX_GROWN)
+        if self.futures is None:
+            object.__setattr__(self, "futures", FUTURES if self.until_band is None else MAX_GROWN)
         if isinstance(self.metrics, str):
             object.__setattr__(self, "metrics", [name.strip() for name in self.metrics.split(",")])
         if self.steps < 1:
@@ -186,15 +186,15 @@ class RunSettings:
         if not any(spec.weight > 0 for spec in self.drawn):
             raise UsageError("--models: all weights are 0; give at least one model a positive weight")
         if self.count is not None and self.count < 1:
-            raise UsageError(f"--children: got {self.count}, needs at least 1 (or 'all')")
-        if self.count is not None and self.count > MAX_CHILDREN:
-            raise UsageError(f"--children: got {self.count:,}, at most {MAX_CHILDREN:,} are run")
+            raise UsageError(f"--futures: got {self.count}, needs at least 1 (or 'all')")
+        if self.count is not None and self.count > MAX_FUTURES:
+            raise UsageError(f"--futures: got {self.count:,}, at most {MAX_FUTURES:,} are run")
         check_design(self.design)
         if self.until_band is not None:
             check_band(self.until_band)
             if self.count is None:
                 raise UsageError(
-                    "--until-band: not possible with --children all, which leaves nothing to estimate"
+                    "--until-band: not possible with --futures all, which leaves nothing to estimate"
                 )
         if self.preset not in RUN_PRESETS:
             raise UsageError(f"--preset: unknown {self.preset!r}; known: {', '.join(RUN_PRESETS)}")
@@ -235,21 +235,21 @@ class RunSettings:
 
     @cached_property
     def count(self) -> int | None:
-        """Number of children, or with ``until_band`` the maximum; None for every combination."""
-        if self.children == "all":
+        """Number of futures, or with ``until_band`` the maximum; None for every combination."""
+        if self.futures == "all":
             return None
         try:
-            return None if self.children is None else int(self.children)
+            return None if self.futures is None else int(self.futures)
         except ValueError:
-            raise UsageError(f"--children: got {self.children!r}, needs a number or 'all'") from None
+            raise UsageError(f"--futures: got {self.futures!r}, needs a number or 'all'") from None
 
-    def check_size(self, children: int, vehicles: int) -> None:
+    def check_size(self, futures: int, vehicles: int) -> None:
         """Raise a `UsageError` if the states would not fit into memory."""
-        states = children * vehicles * self.steps
+        states = futures * vehicles * self.steps
         if states > MAX_STATES:
             raise UsageError(
-                f"{children:,} futures x {vehicles:,} vehicles x {self.steps:,} steps are {states:,} "
-                f"states, at most {MAX_STATES:,} are run; ask for fewer --children or --steps"
+                f"{futures:,} futures x {vehicles:,} vehicles x {self.steps:,} steps are {states:,} "
+                f"states, at most {MAX_STATES:,} are run; ask for fewer --futures or --steps"
             )
 
     @property
@@ -264,7 +264,7 @@ class RunSettings:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The metric columns of a child."""
+        """The metric columns of a future."""
         return columns_of(self.measured)
 
     def to_json(self) -> dict[str, Any]:
@@ -272,7 +272,7 @@ class RunSettings:
         described = describe_metrics(self.measured)
         return {
             **({"metrics": described} if described else {}),
-            "children": self.children if self.count is None else self.count,
+            "futures": self.futures if self.count is None else self.count,
             "steps": self.steps,
             "replan": self.replan,
             "design": self.design if self.count is not None else "all",
@@ -306,8 +306,8 @@ class RunOptions:
 
     Attributes:
         out: None makes a temporary folder that lives as long as the run.
-        workers: processes that share the children.
-        batch: children side by side in one world; None for about 6000 vehicles.
+        workers: processes that share the futures.
+        batch: futures side by side in one world; None for about 6000 vehicles.
         cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
         extra: an object, too.
         bar: opens a progress bar by its label; yields a function of (done, total), or None.

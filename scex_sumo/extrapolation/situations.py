@@ -1,4 +1,4 @@
-"""Plans made once for all vehicles in equal situations, whatever their child."""
+"""Plans made once for all vehicles in equal situations, whatever their future."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleInde
         first, kind = distinct(own_motion(history, who))
     else:
         first, kind = distinct(
-            np.stack([_first_alike(history)[who.child], who.vehicle], axis=1).astype(np.float64)
+            np.stack([_first_alike(history)[who.future], who.vehicle], axis=1).astype(np.float64)
         )
     intent: Intent = intend(history, road, _some(who, first))
     return intent.of(kind)
@@ -54,7 +54,7 @@ def plan_once(
 ) -> Plan:
     """Return a model's plan, made once for all vehicles in situations equal to the bit.
 
-    All children begin in one scene, so that the first plans differ by vehicle only.
+    All futures begin in one scene, so that the first plans differ by vehicle only.
     """
     sight = sight_of(model)
     if sight is None or len(who) < 2:
@@ -65,11 +65,11 @@ def plan_once(
     alike = _first_alike(history)
     if len(alike) == len(np.unique(alike)):
         return model.plan(history, road, who, rng)
-    few, children = _one_of_each(history)
-    child = np.searchsorted(children, alike[who.child])
-    first, kind = distinct(np.stack([child, who.vehicle], axis=1).astype(np.float64))
-    asked = _some(VehicleIndex(child=child, vehicle=who.vehicle), first)
-    return handed_out(model.plan(few, road, asked, [rng[c] for c in children.tolist()]), kind)
+    few, futures = _one_of_each(history)
+    future = np.searchsorted(futures, alike[who.future])
+    first, kind = distinct(np.stack([future, who.vehicle], axis=1).astype(np.float64))
+    asked = _some(VehicleIndex(future=future, vehicle=who.vehicle), first)
+    return handed_out(model.plan(few, road, asked, [rng[c] for c in futures.tolist()]), kind)
 
 
 @owner_cache
@@ -85,15 +85,15 @@ def _first_alike(history: SceneHistory) -> IntArray:
 
 @owner_cache
 def _one_of_each(history: SceneHistory) -> tuple[SceneHistory, IntArray]:
-    children = np.unique(_first_alike(history))
+    futures = np.unique(_first_alike(history))
     few = replace(
         history,
-        states=history.states[children],
-        children=history.children[children],
-        route_draw=history.route_draw[children],
+        states=history.states[futures],
+        futures=history.futures[futures],
+        route_draw=history.route_draw[futures],
     )
-    return few, children
+    return few, futures
 
 
 def _some(who: VehicleIndex, index: IntArray) -> VehicleIndex:
-    return VehicleIndex(child=who.child[index], vehicle=who.vehicle[index])
+    return VehicleIndex(future=who.future[index], vehicle=who.vehicle[index])

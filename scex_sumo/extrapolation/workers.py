@@ -81,13 +81,13 @@ class Workers:
     def run(
         self, job: Job, batches: Sequence[IntArray], *, on_step: OnStep | None = None
     ) -> Iterator[IntArray]:
-        """Run batches of children, here and in the workers, and save their parts in the result folder.
+        """Run batches of futures, here and in the workers, and save their parts in the result folder.
 
         Args:
-            on_step: called with a number of children when they have made a step.
+            on_step: called with a number of futures when they have made a step.
 
         Yields:
-            The children of each finished batch, in any order.
+            The futures of each finished batch, in any order.
 
         Raises:
             SimulationError: two workers died over the same batch.
@@ -97,7 +97,7 @@ class Workers:
 
         left, reports = deque(batches), queue.SimpleQueue["Report"]()
         slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
-        work, tick = partial(batch_runner, job, slots), on_step or (lambda children: None)
+        work, tick = partial(batch_runner, job, slots), on_step or (lambda futures: None)
         busy = self._workers[: max(len(batches) - 1, 0)]
         packed = _packed(work) if busy else b""
         for worker in busy:
@@ -131,8 +131,8 @@ class Workers:
         self, worker: WorkerProcess, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
     ) -> None:
 
-        def tick(children: int) -> None:
-            reports.put(("step", children))
+        def tick(futures: int) -> None:
+            reports.put(("step", futures))
 
         try:
             self._try_twice(worker, "before its first futures", partial(worker.open, work))
@@ -164,7 +164,7 @@ class Workers:
         while True:
             while idle and (task := next(waiting, None)) is not None:
                 worker = idle.popleft()
-                order = partial(worker.do, packed, task, lambda children: None)
+                order = partial(worker.do, packed, task, lambda futures: None)
                 running[worker.thread.submit(self._try_twice, worker, where(task), order)] = task, worker
             if not running:
                 return
@@ -184,7 +184,7 @@ class Workers:
             return None
         worker = self._workers[-1]
         work = _packed(partial(_calling, function, on_step is not None))
-        order = partial(worker.do, work, None, on_step or (lambda children: None))
+        order = partial(worker.do, work, None, on_step or (lambda futures: None))
         return worker.thread.submit(self._try_twice, worker, where, order)
 
     def _try_twice(self, worker: WorkerProcess, where: str, order: Callable[[], Report]) -> Any:

@@ -44,16 +44,16 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
         workers: if there are any, one writes the tracks meanwhile.
 
     Returns:
-        All children, with their first step only, without plans.
+        All futures, with their first step only, without plans.
     """
     these = folder, job.scene, len(job.assignment), job.settings
     written = workers.submit(partial(_write_tracks, *these), where="over the tracks")
     parts = _write_each(*these) if written is None else _each(*these, plans=False)
     part, intervals = joined_parts([_first_step(part) for part in parts]), job.intervals
     columns, settings = job.settings.columns, job.settings
-    metrics = values_table(columns, part.values, part.defined, part.children)
+    metrics = values_table(columns, part.values, part.defined, part.futures)
     assert part.collisions is not None and part.encounters is not None
-    hit = collided(part.collisions, part.children)
+    hit = collided(part.collisions, part.futures)
     folder.write_table("metrics.parquet", metrics.append_column(COLLISION, pa.array(hit)))
     folder.write_table("worst.parquet", part.worst)
     folder.write_table(COLLISIONS, part.collisions)
@@ -72,7 +72,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     folder.write_table(PAIR_OUTCOMES, outcomes_table(met, job.scene.track_ids))
     if part.tested is not None:
         values, defined = part.tested
-        folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.children))
+        folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.futures))
     if part.fallbacks is not None:
         folder.write_table(FALLBACKS, part.fallbacks)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
@@ -87,19 +87,19 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
 
 
 def _each(
-    folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings, *, plans: bool = True
+    folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings, *, plans: bool = True
 ) -> Iterator[Part]:
     rows = scene.vehicles * (LOGGED_HISTORY + settings.steps)
-    return folder.in_order(children, size=max(ROWS_AT_ONCE // rows, 1), plans=plans)
+    return folder.in_order(futures, size=max(ROWS_AT_ONCE // rows, 1), plans=plans)
 
 
 def _write_each(
-    folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings
+    folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings
 ) -> Iterator[Part]:
     with ExitStack() as opened:
         add_tracks = opened.enter_context(folder.writer("tracks.parquet"))
         add_plans = _plan_writer(folder, scene, settings, opened) if settings.keep_plans else None
-        for part in _each(folder, scene, children, settings):
+        for part in _each(folder, scene, futures, settings):
             add_tracks(tracks_table(scene, part))
             if add_plans is not None:
                 add_plans(part)
@@ -115,8 +115,8 @@ def _plan_writer(
     return lambda part: add(plans_table(scene, part, settings.replan))
 
 
-def _write_tracks(folder: ResultFolder, scene: SeedScene, children: int, settings: RunSettings) -> None:
-    deque(_write_each(folder, scene, children, settings), maxlen=0)
+def _write_tracks(folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings) -> None:
+    deque(_write_each(folder, scene, futures, settings), maxlen=0)
 
 
 def _first_step(part: Part) -> Part:

@@ -32,14 +32,14 @@ def encounter_scores(
     """
     road = scenes[0].road
     assert road is not None
-    settings = RunSettings(models=MODELS, children=FUTURES, world="plain", preset="path", seed=seed)
+    settings = RunSettings(models=MODELS, futures=FUTURES, world="plain", preset="path", seed=seed)
     models, scores = ModelSet.of(settings), np.zeros(len(scenes))
     with TemporaryFolder() as folder:
         net = converted(road, Path(folder) / "map.net.xml")
         for k, scene in enumerate(scenes):
             if progress is not None:
                 progress(k, len(scenes))
-            drawn = models.draw(scene.track_ids, children=FUTURES, seed=seed, design=settings.design)
+            drawn = models.draw(scene.track_ids, futures=FUTURES, seed=seed, design=settings.design)
             part = run_in_memory(Job(scene, net, settings, models, drawn, Path(folder)), range(FUTURES))
             assert part.encounters is not None
             scores[k] = answers_of(encounters_of_rows(part.encounters))["critical"].sum() / FUTURES

@@ -198,7 +198,7 @@ def _merge(boxes: FloatArray) -> FloatArray:
     return merged
 
 
-def _children(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
+def _futures(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
     member = block[:, None] * BLOCK + np.arange(BLOCK)
     return np.minimum(member, count - 1), member < count
 
@@ -211,7 +211,7 @@ def polyline_crossings(
     block_1 = block_2 = np.zeros(len(first), dtype=np.int64)
     for boxes in reversed(lines.boxes):
         if boxes is not lines.boxes[-1]:
-            (block_1, real_1), (block_2, real_2) = (_children(b, boxes.shape[3]) for b in (block_1, block_2))
+            (block_1, real_1), (block_2, real_2) = (_futures(b, boxes.shape[3]) for b in (block_1, block_2))
             one = boxes[:, :, first[which][:, None], block_1][..., :, None]
             two = boxes[:, :, second[which][:, None], block_2][..., None, :]
             meet = boxes_meet(one, two) & real_1[:, :, None] & real_2[:, None, :]
@@ -242,7 +242,7 @@ def meeting_segments(own: FloatArray, lines: Polylines, line: IntArray) -> tuple
     which = np.flatnonzero(boxes_meet(own, lines.boxes[-1][:, :, line, 0]))
     block = np.zeros(which.size, dtype=np.int64)
     for boxes in reversed(lines.boxes[:-1]):
-        members, real = _children(block, boxes.shape[3])
+        members, real = _futures(block, boxes.shape[3])
         meet = boxes_meet(own[:, :, which, None], boxes[:, :, line[which][:, None], members]) & real
         row, member = np.nonzero(meet)
         which, block = which[row], members[row, member]

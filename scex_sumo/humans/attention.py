@@ -50,7 +50,7 @@ def attention_of(view: View, leaders: Leaders, factor: float, spread: float) -> 
         spread: on the variation between drivers.
     """
     history, human = view.history, view.human
-    draw = history.route_draw[view.who.child, view.who.vehicle]
+    draw = history.route_draw[view.who.future, view.who.vehicle]
     manner = ndtri(uniforms(draw, 2, MANNER))
     reaction = human.reaction_s * np.exp(human.reaction_spread * spread * manner[:, 0])
     seen = STEP_S * np.arange(history.step, history.step + PLAN_STEPS) - reaction[:, None]
@@ -64,10 +64,10 @@ def attention_of(view: View, leaders: Leaders, factor: float, spread: float) -> 
 def _braking_asked(view: View, leaders: Leaders) -> FloatArray:
     """Return (n,) braking that the leader asked for a second ago, m/s²."""
     history, who = view.history, view.who
-    speed = history.states.speed[who.child, who.vehicle]
+    speed = history.states.speed[who.future, who.vehicle]
     vehicle = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
     before = np.repeat(leaders.speed[:, None], speed.shape[1], axis=1)
-    before[vehicle] = history.states.speed[who.child[vehicle], leaders.index[vehicle]]
+    before[vehicle] = history.states.speed[who.future[vehicle], leaders.index[vehicle]]
     gap = leaders.gap + STEP_S * (speed[:, 1:] - before[:, 1:]).sum(axis=1)
     closing = np.maximum(speed[:, 0] - before[:, 0], 0.0)
     return np.asarray(closing**2 / (2 * np.maximum(gap, view.human.watching_gap_m)))
@@ -161,7 +161,7 @@ def kept_clear(aside: FloatArray, view: View, road: Road) -> FloatArray:
         for k in LOOKS
     ]
     time, later = STEP_S * np.arange(aside.shape[1]), (SAMPLE_S * np.array(LOOKS), states)
-    way = np.maximum(history.now[who.child, who.vehicle].speed, 0.0)[:, None] * time
+    way = np.maximum(history.now[who.future, who.vehicle].speed, 0.0)[:, None] * time
     least, most = offsets_beside(
         history, who, paths, row, s, way, margin=view.human.beside_gap_m, later=later
     )
@@ -176,7 +176,7 @@ def kept_clear(aside: FloatArray, view: View, road: Road) -> FloatArray:
     front = aside[:, 1:] + reach[:, None] * slope
     held = np.clip(front, least[:, 1:], most[:, 1:])
     k = np.flatnonzero((held != front).any(axis=1))
-    x, y = rear_axle(history.now[who.child[k], who.vehicle[k]], length[k])
+    x, y = rear_axle(history.now[who.future[k], who.vehicle[k]], length[k])
     kept = aside.copy()
     kept[k, 0] = foot_points(paths, row[k], x, y, (s - REAR_AXLE_SHARE * length)[k])[1]
     follows = 1 - np.exp(-moved[k] / reach[k, None])

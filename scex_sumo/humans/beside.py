@@ -91,14 +91,14 @@ def offsets_beside(
         later: (K,) even times from 0 on, s, and expected states (C, M) then; None: straight on.
     """
     everybody = everyone(history)
-    now, others = history.now[who.child, who.vehicle], everybody.states[who.child]
+    now, others = history.now[who.future, who.vehicle], everybody.states[who.future]
     near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
-    near &= everybody.present[who.child]
+    near &= everybody.present[who.future]
     near[np.arange(len(who)), who.vehicle] = False
     i, j = np.nonzero(near)
     length, width = everybody.length, everybody.width
     own = _Boxes.of(paths, row, s, now, length[who.vehicle], width[who.vehicle]).take(i)
-    other = _Boxes.of(paths, row[i], s[i], everybody.states[who.child[i], j], length[j], width[j])
+    other = _Boxes.of(paths, row[i], s[i], everybody.states[who.future[i], j], length[j], width[j])
     t: FloatArray = STEP_S * np.arange(way.shape[1], dtype=np.float64)
     ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - way[i]
     along, apart = own.along + other.along, np.abs(other.offset - own.offset)
@@ -115,7 +115,7 @@ def offsets_beside(
     else:
         boxes = [other]
         for time, states in zip(later[0][1:], later[1][1:], strict=True):
-            then = states[who.child[i], j]
+            then = states[who.future[i], j]
             boxes.append(_Boxes.of(paths, row[i], other.s + time * other.ahead, then, length[j], width[j]))
         place, edge, half = (
             between(np.stack(values, axis=1), t / later[0][1])

@@ -54,7 +54,7 @@ class LikelyProfile:
     Attributes:
         spread: factor on the variation between drivers; 1 as recorded, 0 the expected driver.
         inattention: factor on the time that drivers look away; 1 as observed, 0 never.
-        path: as in `IdmProfile`, or ``fitted``: drawn per child and vehicle, by how well each path fits the
+        path: as in `IdmProfile`, or ``fitted``: drawn per future and vehicle, by how well each path fits the
             vehicle's motion.
     """
 
@@ -84,10 +84,10 @@ class LikelyDriver:
         doubt = heading_scatter(history.scene, road)[who.vehicle]
         history = estimated_history(history, road)
         paths, row = self._paths(history, road, who)
-        now = history.now[who.child, who.vehicle]
+        now = history.now[who.future, who.vehicle]
         s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
         view = View(history=history, who=who, paths=paths, row=row, s=s, human=self.human)
-        draws = uniforms(history.route_draw[who.child, who.vehicle], DRAWS, DRIVER)
+        draws = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, DRIVER)
         drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
         leaders = leaders_of(view, offsets[:, 0])
         expects = expectation(view, drivers, leaders, self._waits(view, leaders))
@@ -102,7 +102,7 @@ class LikelyDriver:
             return chosen_paths(history, road, who, self.profile.path)  # type: ignore[arg-type]
         paths, _ = chosen_paths(history, road, who, 0)
         edges = path_edges(history.scene, paths, self.human)
-        draw = uniforms(history.route_draw[who.child, who.vehicle], 1, PATH)[:, 0]
+        draw = uniforms(history.route_draw[who.future, who.vehicle], 1, PATH)[:, 0]
         row = paths.first[who.vehicle]
         last = row + paths.count[who.vehicle] - 1
         for _ in range(int(paths.count.max(initial=1)) - 1):
@@ -160,15 +160,15 @@ class LikelyDriver:
     def _waits(self, view: View, leaders: Leaders) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""
         human, history, who = self.human, view.history, view.who
-        speed = history.states.speed[who.child, who.vehicle]
+        speed = history.states.speed[who.future, who.vehicle]
         now, before = speed[:, -1], speed[:, -2] if history.step else speed[:, -1]
         stands = (now < human.standing_mps) & (now - before < human.starting_mps)
-        route = history.route_draw[who.child, who.vehicle]
+        route = history.route_draw[who.future, who.vehicle]
         starts, draw = uniforms(route, 1, STARTS)[:, 0], uniforms(route, 1, START + history.step)[:, 0]
         if self.profile.spread == 0:
             starts, draw = np.full_like(draw, 0.5), np.full_like(draw, 0.5)
         queue = queue_leaders(history.scene, view.paths, human)
-        wave = behind_a_wave(history.now.speed, leaders, who.child, queue, human)
+        wave = behind_a_wave(history.now.speed, leaders, who.future, queue, human)
         rate = np.exp(start_features(now, leaders.gap, leaders.speed, wave, human) @ human.start_weights)
         # The fitted rate says how many start soon; those that do follow the wave.
         # Waiting has no memory: draws of successive plans give one exponential time in all.
@@ -234,10 +234,10 @@ def expectation(view: View, drivers: Drivers, leaders: Leaders, waits_s: FloatAr
     tows = same & (gap < human.towed_s * speed) & (speed > human.towed_mps)
     tows = np.flatnonzero(tows & (np.abs(opening) < human.towed_opening_mps))
     rows = np.full(view.history.now.shape, -1)
-    rows[who.child, who.vehicle] = np.arange(len(who))
+    rows[who.future, who.vehicle] = np.arange(len(who))
     known = (leaders.index >= 0) & (leaders.index < view.scene.vehicles)
-    pullers = np.where(known, rows[who.child, np.where(known, leaders.index, 0)], -1)
-    now = view.history.states.speed[who.child, who.vehicle, -1]
+    pullers = np.where(known, rows[who.future, np.where(known, leaders.index, 0)], -1)
+    now = view.history.states.speed[who.future, who.vehicle, -1]
     return Expectation(
         headway=effective_headway(now, leaders, same, drivers.headway, human),
         gap=leaders.gap + np.where(same, observed.slack[row], 0.0),
@@ -256,7 +256,7 @@ def _leader_acceleration(view: View, leaders: Leaders) -> FloatArray:
     history = view.history
     result, steps = np.zeros(len(view.who)), 3 if history.step else HABIT_STEPS
     k = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
-    speed = history.states.speed[view.who.child[k], leaders.index[k]]
+    speed = history.states.speed[view.who.future[k], leaders.index[k]]
     result[k] = (speed[:, -1] - speed[:, -1 - steps]) / (steps * STEP_S)
     return result
 

@@ -62,7 +62,7 @@ def queue_leaders(scene: SeedScene, paths: SeedPaths, human: HumanParameters) ->
 
 
 def behind_a_wave(
-    speed_mps: FloatArray, leaders: Leaders, child: IntArray, queue: IntArray, human: HumanParameters
+    speed_mps: FloatArray, leaders: Leaders, future: IntArray, queue: IntArray, human: HumanParameters
 ) -> BoolArray:
     """Return (n,) whether the leader's leader moves off.
 
@@ -72,7 +72,7 @@ def behind_a_wave(
     """
     first = np.where((leaders.index >= 0) & (leaders.index < len(queue)), leaders.index, 0)
     second = np.where(leaders.index == first, queue[first], -1)
-    speed = speed_mps[child, np.maximum(second, 0)]
+    speed = speed_mps[future, np.maximum(second, 0)]
     return (second >= 0) & (speed > human.standing_mps) & (speed < human.queue_start_mps)
 
 
@@ -121,7 +121,7 @@ def leaders_of(view: View, aside: FloatArray) -> Leaders:
         aside=aside,
         margin=human.corridor_margin_m,
     )
-    speed = history.now.speed[who.child, who.vehicle][ahead.driver]
+    speed = history.now.speed[who.future, who.vehicle][ahead.driver]
     arrives = np.maximum(ahead.gap, 0.0) / np.maximum(speed, human.standing_mps)
     stays = ahead.leaves + human.clear_s > arrives
     return ahead.part((ahead.cos >= human.along_cos) | stays).leaders(len(who))
@@ -231,7 +231,7 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
     """Observe vehicles along each of their paths."""
     history, vehicle = SceneHistory.of_scene(scene), np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown, idm = np.arange(len(vehicle)), last_second(scene, human), human.idm
-    who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now, speed = scene.now[vehicle], shown.speed[vehicle]
     s, _, _ = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
     view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)

@@ -82,7 +82,7 @@ def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:
     """Return (n, count) pseudo-random numbers in (0, 1) that follow from one number each.
 
     Args:
-        draw: (n,) in [0, 1), one per vehicle of a child.
+        draw: (n,) in [0, 1), one per vehicle of a future.
 
     Source: the mixing function of SplitMix64, Steele, Lea, Flood 2014.
     """

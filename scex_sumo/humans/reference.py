@@ -19,10 +19,10 @@ from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.world.base import WORLDS
 
 NONE: Final = "none"
-REFERENCE_CHILDREN: Final = 117
+REFERENCE_FUTURES: Final = 117
 """A share then has a 95 % interval of at most +-9 %."""
 REFERENCE_STEPS: Final = 30
-"""Up to so many steps, a reference has all `REFERENCE_CHILDREN`, however few the run has."""
+"""Up to so many steps, a reference has all `REFERENCE_FUTURES`, however few the run has."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,19 +56,19 @@ class HumanReference(Extra):
             bar=lambda label: work.options.bar("reference"),
         )
         others = [extra for extra in work.extras if extra is not self and extra.nested]
-        wanted = reference_settings(job.settings, str(self.reference), run.children)
+        wanted = reference_settings(job.settings, str(self.reference), run.futures)
         run_scene(job.scene, wanted, workers=workers, options=options, extras=others)
         return {}
 
 
-def reference_settings(settings: RunSettings, models: str, children: int) -> RunSettings:
-    """Return the settings of the reference of a run with this number of children."""
+def reference_settings(settings: RunSettings, models: str, futures: int) -> RunSettings:
+    """Return the settings of the reference of a run with this number of futures."""
     return dataclasses.replace(
         settings,
         models=models,
         assign={},
         under_test={},
-        children=reference_children(children, settings.steps),
+        futures=reference_futures(futures, settings.steps),
         design=RunSettings.design,
         until_band=None,
         keep_plans=False,
@@ -76,10 +76,10 @@ def reference_settings(settings: RunSettings, models: str, children: int) -> Run
     )
 
 
-def reference_children(children: int, steps: int) -> int:
-    """Return the number of children of the reference of a run.
+def reference_futures(futures: int, steps: int) -> int:
+    """Return the number of futures of the reference of a run.
 
-    There are fewer than `REFERENCE_CHILDREN` if they would cost more than the run and than `REFERENCE_STEPS`
+    There are fewer than `REFERENCE_FUTURES` if they would cost more than the run and than `REFERENCE_STEPS`
     steps of all.
     """
-    return min(REFERENCE_CHILDREN, max(children, REFERENCE_CHILDREN * REFERENCE_STEPS // steps))
+    return min(REFERENCE_FUTURES, max(futures, REFERENCE_FUTURES * REFERENCE_STEPS // steps))

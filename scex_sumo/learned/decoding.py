@@ -39,7 +39,7 @@ def plan_along(
         road: keeps every box on the drivable surface of this map; None does not.
         clear: also keeps it away from boxes beside it.
     """
-    now = history.now[who.child, who.vehicle]
+    now = history.now[who.future, who.vehicle]
     s, present, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
     steps, way = acceleration.shape[1], way_of(now.speed, acceleration)
     if offset is None:

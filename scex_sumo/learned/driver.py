@@ -82,7 +82,7 @@ class _Choice:
 
 
 class LearnedDriver:
-    """A network that plans for all vehicles of all children at once.
+    """A network that plans for all vehicles of all futures at once.
 
     Path and mode of a vehicle are chosen in the seed scene.
 
@@ -139,9 +139,9 @@ class LearnedDriver:
         with _algebra().limit(limits=1):
             if not isinstance(net, GraphImageNet):
                 return inputs, net(graph, inputs)
-            now = history.now[who.child, who.vehicle]
+            now = history.now[who.future, who.vehicle]
             pose = np.stack([now.x, now.y, now.heading], 1)
-            first, place = distinct(pose)  # many children have a vehicle at the same place
+            first, place = distinct(pose)  # many futures have a vehicle at the same place
             image = image_of(road, net, self.sha256 if self.keeps else "")
             return inputs, net(graph, inputs, image, pose[first], place, self.attention, free=self.free)
 
@@ -177,7 +177,7 @@ class LearnedDriver:
             choice = choice_of(history.scene, self, road)
             row = choice.likeliest[who.vehicle]
             if self.profile.mode == "draw":
-                draw = history.route_draw[who.child, who.vehicle]
+                draw = history.route_draw[who.future, who.vehicle]
                 row = paths.first[who.vehicle] + drawn(choice.paths[who.vehicle], draw)
         return paths, row
 
@@ -186,7 +186,7 @@ class LearnedDriver:
     ) -> IntArray:
         if self.profile.mode == "draw":
             upper = choice_of(history.scene, self, road).modes[row]
-            draw = history.route_draw[who.child, who.vehicle] * DRAW_DIGITS % 1.0
+            draw = history.route_draw[who.future, who.vehicle] * DRAW_DIGITS % 1.0
             return drawn(upper, draw)
         if self.meta.get("best", "expected") == "likeliest":
             return np.asarray(rounded(modes.logits).argmax(1))
@@ -197,10 +197,10 @@ class LearnedDriver:
 def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     """Run the network in the seed scene."""
     history = SceneHistory.of_scene(scene)
-    everyone = VehicleIndex(child=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
+    everyone = VehicleIndex(future=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
     paths, _ = chosen_paths(history, road, everyone, _plain(driver.profile.path), beside=driver.leaves_map)
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
-    pairs = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    pairs = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))
     logit = np.nan_to_num(rounded(modes.path_logit), nan=-np.inf) + driver.path_prior(scene, paths)
     ends = np.cumsum(paths.count)

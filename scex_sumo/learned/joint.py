@@ -51,7 +51,7 @@ FIRST_SALT = 64  # of the draws of the first 0.5 s
 
 
 class JointDriver(LearnedDriver):
-    """A network that rolls out all vehicles of each child in steps of 0.5 s.
+    """A network that rolls out all vehicles of each future in steps of 0.5 s.
 
     It was trained on vehicles off the map, too. Vehicles start with estimated headings and speeds.
     """
@@ -64,22 +64,22 @@ class JointDriver(LearnedDriver):
     def _drive(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
-        """Roll out all vehicles of the children of `who`; other models' vehicles are predicted, too."""
-        children, child = np.unique(who.child, return_inverse=True)
+        """Roll out all vehicles of the futures of `who`; other models' vehicles are predicted, too."""
+        futures, future = np.unique(who.future, return_inverse=True)
         vehicles = history.scene.vehicles
         here = replace(
             history,
-            states=history.states[children],
-            children=history.children[children],
-            route_draw=history.route_draw[children],
+            states=history.states[futures],
+            futures=history.futures[futures],
+            route_draw=history.route_draw[futures],
         )
         everyone = VehicleIndex(
-            child=np.repeat(np.arange(len(children)), vehicles),
-            vehicle=np.tile(np.arange(vehicles), len(children)),
+            future=np.repeat(np.arange(len(futures)), vehicles),
+            vehicle=np.tile(np.arange(vehicles), len(futures)),
         )
         _, rows = self._paths(here, road, everyone)
         rolled, finite = self._roll(here, road, everyone, paths, rows)
-        mine = child * vehicles + who.vehicle
+        mine = future * vehicles + who.vehicle
         chosen = finite[mine]
         made = rolled[mine[chosen]]
         return Plan(**vars(made)), chosen
@@ -93,11 +93,11 @@ class JointDriver(LearnedDriver):
     def _roll(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[States, BoolArray]:
-        children, vehicles, _ = history.states.shape
+        futures, vehicles, _ = history.states.shape
         finite, parts = np.ones(len(who), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
             inputs, tokens = self.predict(history, road, who, paths, row)
-            now = history.now[who.child, who.vehicle]
+            now = history.now[who.future, who.vehicle]
             way, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
             ahead = _ahead(history, inputs).joined_with(_crossing(history, paths, row, way))
             acceleration, sideways = self._chosen(history, who, tokens, inputs, ahead)
@@ -114,7 +114,7 @@ class JointDriver(LearnedDriver):
                 made.assign(k, drives(who[k], row[k], acceleration[k], offset[k], sideways[k]))
             parts.append(made)
             states = States.concatenate(
-                [history.states[:, :, TOKEN_STEPS:], made.map(lambda a: a.reshape(children, vehicles, -1))], 2
+                [history.states[:, :, TOKEN_STEPS:], made.map(lambda a: a.reshape(futures, vehicles, -1))], 2
             )
             history = replace(history, states=states, step=history.step + TOKEN_STEPS)
         return States.concatenate(parts, 1), finite
@@ -162,7 +162,7 @@ class JointDriver(LearnedDriver):
         weight = weight.reshape(len(who), len(tokens.acceleration), len(tokens.sideways))
         along = weight.sum(2)
         salt = FIRST_SALT + history.step // TOKEN_STEPS  # so a plan and the next one draw the same
-        draw = _with_leaders(uniforms(history.route_draw[who.child, who.vehicle], 2, salt), inputs)
+        draw = _with_leaders(uniforms(history.route_draw[who.future, who.vehicle], 2, salt), inputs)
         best = self.profile.mode == "best"
         most = np.full(len(who), np.inf)
         for _ in range(history.scene.vehicles + 1):  # a queue passes one bound on in each round
@@ -225,14 +225,14 @@ def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
     k = np.flatnonzero((inputs.features[:, LEADER] > 0) & (gap > 0))
     now, length, width = history.now, scene.length, scene.width
     dx, dy = (np.abs(a[:, None, :] - a[:, :, None]) for a in (now.x, now.y))
-    child, i, j = np.nonzero((dx < NEAR_M) & (dy < NEAR_M))
-    x, y, cos, sin, speed = seen_from(now[child, i], now[child, j]).T
+    future, i, j = np.nonzero((dx < NEAR_M) & (dy < NEAR_M))
+    x, y, cos, sin, speed = seen_from(now[future, i], now[future, j]).T
     clear = x - (length[i] + np.abs(cos) * length[j] + np.abs(sin) * width[j]) / 2
     beside = np.abs(y) - (width[i] + np.abs(cos) * width[j] + np.abs(sin) * length[j]) / 2
     closing = -np.sign(y) * sin * speed
     comes = (x > 0) & (cos > 0.5) & (np.maximum(clear, beside) > 0) & (beside < CLOSING_S * closing)
-    child, i, j = child[comes], i[comes], j[comes]
-    first = child * scene.vehicles
+    future, i, j = future[comes], i[comes], j[comes]
+    first = future * scene.vehicles
     return _Pairs(
         follower=np.append(k, first + i),
         leader=np.append(inputs.leader[k], first + j),
@@ -242,37 +242,37 @@ def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
 
 
 def _near(history: SceneHistory, made: Plan) -> tuple[IntArray, IntArray, IntArray]:
-    """Return child and both vehicles of (k,) pairs that can touch within a motion."""
+    """Return future and both vehicles of (k,) pairs that can touch within a motion."""
     length, shape = history.scene.length, history.now.shape
     reach = (length[:, None] + length) / 2 + TOUCH_M
     near = np.triu(np.ones(reach.shape, dtype=np.bool_), 1)
     for values in (made.x, made.y):
         end = values[:, -1].reshape(shape)
         near = near & (np.abs(end[:, None, :] - end[:, :, None]) < reach)
-    child, i, j = np.nonzero(near)
-    return child, i, j
+    future, i, j = np.nonzero(near)
+    return future, i, j
 
 
 def _yielding(
     history: SceneHistory, made: Plan, pairs: tuple[IntArray, IntArray, IntArray], *, both: bool
 ) -> IntArray:
     """Return the vehicles whose box comes too near to one further ahead; with ``both`` that one as well."""
-    child, i, j = pairs
+    future, i, j = pairs
     scene, now = history.scene, history.now
-    one, two = child * scene.vehicles + i, child * scene.vehicles + j
+    one, two = future * scene.vehicles + i, future * scene.vehicles + j
     before, *after = (
         rectangle_distance(
             Rectangles.of(first, scene.length[i], scene.width[i]),
             Rectangles.of(second, scene.length[j], scene.width[j]),
         )
         for first, second in (
-            (now[child, i], now[child, j]),
+            (now[future, i], now[future, j]),
             *((made[one, step], made[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1)),
         )
     )
     k = np.flatnonzero(np.min(after, axis=0) < np.minimum(before, APART_M))
-    child, i, j, one, two = (a[k] for a in (child, i, j, one, two))
-    ahead = seen_from(now[child, i], now[child, j])[:, 0] - seen_from(now[child, j], now[child, i])[:, 0]
+    future, i, j, one, two = (a[k] for a in (future, i, j, one, two))
+    ahead = seen_from(now[future, i], now[future, j])[:, 0] - seen_from(now[future, j], now[future, i])[:, 0]
     return np.unique(np.append(one[(ahead >= 0) | both], two[(ahead <= 0) | both]))
 
 
@@ -326,10 +326,10 @@ def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, way: Float
     scene = history.scene
     table, shape = _conflicts(paths), (-1, scene.vehicles)
     rows, ways, speeds = row.reshape(shape), way.reshape(shape), np.maximum(history.now.speed, 0.0)
-    child, k = np.nonzero((rows[:, table.vehicle] == table.row).all(axis=2))
+    future, k = np.nonzero((rows[:, table.vehicle] == table.row).all(axis=2))
     who = table.vehicle[k]
-    speed, half = speeds[child[:, None], who], scene.length[who] / 2
-    at = ways[child[:, None], who]
+    speed, half = speeds[future[:, None], who], scene.length[who] / 2
+    at = ways[future[:, None], who]
     room, rest = table.span[k, :, 0] - at - half, table.span[k, :, 1] - at + half
     committed = speed**2 > 2 * SAFE_MPS2 * np.maximum(room, 0.0)
     arrival = np.where(speed > SLOW_MPS, np.maximum(room, 0.0) / np.maximum(speed, SLOW_MPS), np.inf)
@@ -339,7 +339,7 @@ def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, way: Float
     waits = ~committed[:, 0] & (committed[:, 1] | later) & (rest[:, 1] > 0)
     behind = room[:, 0] - room[:, 1] - 2 * half[:, 1]  # to the other one's rear where the paths have merged
     follows = np.isinf(rest).all(axis=1) & (room[:, 1] < 0) & (behind > 0)
-    node = child[:, None] * scene.vehicles + who
+    node = future[:, None] * scene.vehicles + who
     return _Pairs(
         follower=node[waits, 0],
         leader=np.where(follows, node[:, 1], -1)[waits],

@@ -49,7 +49,7 @@ class LearnedModel:
 
     @property
     def sight(self) -> Sight | None:
-        """What a plan depends on; a drawn path or mode differs between children."""
+        """What a plan depends on; a drawn path or mode differs between futures."""
         return None if self.profile.path == "random" or self.profile.mode == "draw" else "everyone"
 
     def keep_images(self) -> None:

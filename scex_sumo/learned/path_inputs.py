@@ -83,7 +83,7 @@ PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # other vehicles com
 class PathInputs:
     """Inputs of a network for n pairs of a vehicle and a path."""
 
-    node: IntArray  # (n,) child * V + vehicle
+    node: IntArray  # (n,) future * V + vehicle
     features: FloatArray  # (n, P) the `PATH_COLUMNS`
     leader: IntArray  # (n,) node of the leader; -1 without one, and behind an obstacle
 
@@ -108,14 +108,14 @@ def path_inputs(
         row: (n,) path of each; a vehicle may occur with several paths.
         radius: perception radius for leaders, m.
     """
-    now = history.now[who.child, who.vehicle]
+    now = history.now[who.future, who.vehicle]
     s, offset, path_heading = foot_points(paths, row, now.x, now.y, expected_way(history, who))
     room = path_room(paths, road)
     left, right = room.at(row, s)
     half = history.scene.width[who.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
     acceleration, yaw_rate = rates(history, who)
-    past = history.states[who.child, who.vehicle]
+    past = history.states[who.future, who.vehicle]
     here = sample_paths(paths, row, s)
     error = wrap(now.heading - path_heading)
     motion = np.column_stack(
@@ -137,7 +137,7 @@ def path_inputs(
     )
     others, leader = _others(history, who, paths, row, s, now.speed, radius)
     features = np.concatenate([motion, _road_ahead(paths, row, s, now, path_heading + error), others], axis=1)
-    first = who.child * history.scene.vehicles  # node of the child's first vehicle
+    first = who.future * history.scene.vehicles  # node of the future's first vehicle
     is_vehicle = (leader >= 0) & (leader < history.scene.vehicles)
     return PathInputs(
         node=first + who.vehicle, features=features, leader=np.where(is_vehicle, first + leader, -1)
@@ -146,8 +146,8 @@ def path_inputs(
 
 def rates(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:
     """Return (n,) accelerations, m/s², and (n,) yaw rates, rad/s, over the last 0.3 s."""
-    now = history.states[who.child, who.vehicle, -1]
-    before = history.states[who.child, who.vehicle, -1 - RATE_STEPS]
+    now = history.states[who.future, who.vehicle, -1]
+    before = history.states[who.future, who.vehicle, -1 - RATE_STEPS]
     duration = RATE_STEPS * STEP_S
     return (now.speed - before.speed) / duration, wrap(now.heading - before.heading) / duration
 
@@ -191,7 +191,7 @@ def _others(
     closing = speed - leader_speed
     needed = np.maximum(closing, 0.0) ** 2 / (2 * np.maximum(gap, 1.0))
     vehicle = there & (nearest.index < history.scene.vehicles)
-    past = history.states.speed[who.child, np.where(vehicle, nearest.index, 0)]
+    past = history.states.speed[who.future, np.where(vehicle, nearest.index, 0)]
     trend = np.where(vehicle, past @ TREND, 0.0)
     leader = [there, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)]
     same_way = (ahead.cos > ALONG_COS) & (ahead.other < history.scene.vehicles)

@@ -22,7 +22,7 @@ class GraphPredictorProfile:
     Attributes:
         path: as in `IdmProfile`; or ``likeliest``, the path that the network prefers in the seed scene, drawn
             with its probability if ``mode=draw``.
-        mode: ``best``, the expected mode; or ``draw``, drawn per vehicle and child in the seed scene.
+        mode: ``best``, the expected mode; or ``draw``, drawn per vehicle and future in the seed scene.
     """
 
     path: PathChoice | Literal["likeliest"] = "straight"

@@ -34,17 +34,17 @@ class EdgeAttention:
         """Return (n, heads * each) of wanted nodes (n,).
 
         Args:
-            node: (C, V, inner) of all vehicles of all children.
+            node: (C, V, inner) of all vehicles of all futures.
             some: edges to the wanted nodes, ascending.
         """
-        children, vehicles, inner = node.shape
+        futures, vehicles, inner = node.shape
         key = self.key(node.reshape(-1, inner))
         query = np.empty_like(key)
         query[wanted] = self.query(node.reshape(-1, inner)[wanted])
-        made = np.empty((children, vehicles, self.heads, self.each))
+        made = np.empty((futures, vehicles, self.heads, self.each))
         at_once, edges = max(1, PAIRS // vehicles**2), graph.edge_index[:, some]
-        for first in range(0, children, at_once):
-            last = min(first + at_once, children)
+        for first in range(0, futures, at_once):
+            last = min(first + at_once, futures)
             low, high = np.searchsorted(edges[1], [first * vehicles, last * vehicles])
             source, target = edges[:, low:high]
             mixed = self.edge(scale(graph.edge[some[low:high]]))

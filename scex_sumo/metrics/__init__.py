@@ -1,1 +1,1 @@
-"""Criticality metrics: nanoscopic values per pair, microscopic values per child."""
+"""Criticality metrics: nanoscopic values per pair, microscopic values per future."""

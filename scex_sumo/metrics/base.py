@@ -1,6 +1,6 @@
 """Tracks and planned paths as input of metrics, and the metrics' parameters.
 
-Axes: C (child), T (step), V (vehicle), R (replan), H (planned step), P (unordered pairs), N (rows).
+Axes: C (future), T (step), V (vehicle), R (replan), H (planned step), P (unordered pairs), N (rows).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneTracks:
-    """Tracks of the vehicles of C children or recordings."""
+    """Tracks of the vehicles of C futures or recordings."""
 
     states: States  # (C, T, V); any value where ``present`` is False
     length: FloatArray  # (V,) or (C, V) m; ``width`` too
@@ -74,7 +74,7 @@ class SceneTracks:
     def __post_init__(self) -> None:
         shape = self.states.shape
         if len(shape) != 3:
-            raise InputError(f"tracks to evaluate: states have shape {shape}; pass (child, step, vehicle)")
+            raise InputError(f"tracks to evaluate: states have shape {shape}; pass (future, step, vehicle)")
         if not 0 <= self.first <= shape[1]:
             raise InputError(
                 f"tracks to evaluate: first step {self.first} is not within the {shape[1]} steps"
@@ -85,7 +85,7 @@ class SceneTracks:
             if size.shape not in ((shape[2],), (shape[0], shape[2])):
                 raise InputError(
                     f"tracks to evaluate: {name} has shape {size.shape}; pass ({shape[2]},) or "
-                    f"({shape[0]}, {shape[2]}) for {shape[0]} children of {shape[2]} vehicles"
+                    f"({shape[0]}, {shape[2]}) for {shape[0]} futures of {shape[2]} vehicles"
                 )
             if not np.all((size >= 0) & (size <= MAX_MAGNITUDE)):
                 raise InputError(
@@ -96,9 +96,9 @@ class SceneTracks:
             if self.present is not None:
                 bad &= self.present
             if bad.any():
-                child, step, vehicle = (int(i) for i in np.argwhere(bad)[0])
+                future, step, vehicle = (int(i) for i in np.argwhere(bad)[0])
                 raise InputError(
-                    f"tracks to evaluate: {name} of vehicle {vehicle} in child {child} at step {step} is not "
+                    f"tracks to evaluate: {name} of vehicle {vehicle} in future {future} at step {step} is not "
                     f"a finite number up to {MAX_MAGNITUDE:g} ({int(bad.sum())} such values); "
                     "mark it as not present"
                 )
@@ -108,8 +108,8 @@ class SceneTracks:
         """Number of evaluated steps."""
         return self.states.shape[1] - self.first
 
-    def children(self, part: slice) -> SceneTracks:
-        """Select some children."""
+    def futures(self, part: slice) -> SceneTracks:
+        """Select some futures."""
         types = self.types
         return replace(
             self,
@@ -139,7 +139,7 @@ class PlannedPaths:
         if self.x.ndim != 4 or self.x.shape != self.y.shape:
             raise InputError(
                 f"planned paths: x is {self.x.shape} and y {self.y.shape}; pass both as "
-                "(child, replan, vehicle, planned step)"
+                "(future, replan, vehicle, planned step)"
             )
         if self.index.shape != self.column.shape or self.index.ndim != 1:
             raise InputError(
@@ -183,16 +183,16 @@ class PlannedPaths:
 
     def check_fit(self, tracks: SceneTracks) -> None:
         """Raise an `InputError` unless the vehicles and steps are those of the tracks."""
-        children, _, vehicles = tracks.states.shape
-        if (self.x.shape[0], self.x.shape[2]) != (children, vehicles) or self.index.shape != (tracks.steps,):
+        futures, _, vehicles = tracks.states.shape
+        if (self.x.shape[0], self.x.shape[2]) != (futures, vehicles) or self.index.shape != (tracks.steps,):
             raise InputError(
-                f"planned paths are of {self.x.shape[0]} children, {self.x.shape[2]} vehicles and "
-                f"{self.index.size} steps, the tracks of {children}, {vehicles} and {tracks.steps} evaluated "
+                f"planned paths are of {self.x.shape[0]} futures, {self.x.shape[2]} vehicles and "
+                f"{self.index.size} steps, the tracks of {futures}, {vehicles} and {tracks.steps} evaluated "
                 "steps; pass matching ones"
             )
 
-    def children(self, part: slice) -> PlannedPaths:
-        """Select some children."""
+    def futures(self, part: slice) -> PlannedPaths:
+        """Select some futures."""
         return replace(self, x=self.x[part], y=self.y[part])
 
 

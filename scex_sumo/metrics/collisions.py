@@ -41,9 +41,9 @@ _PAIRS_AT_ONCE = 1 << 12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Collisions(Rows):
-    """The first collision of every pair in every child, sorted by child, time and pair."""
+    """The first collision of every pair in every future, sorted by future, time and pair."""
 
-    child: IntArray
+    future: IntArray
     step: IntArray  # first step at or after the impact, history included
     time_s: FloatArray  # impact after the seed moment: the start of the contact that grew to a collision
     first: IntArray  # in a rear-end collision the vehicle that hits with its front, else the lower index
@@ -57,23 +57,23 @@ class Collisions(Rows):
     y: FloatArray
 
     def __len__(self) -> int:
-        return len(self.child)
+        return len(self.future)
 
     def kinds(self) -> NDArray[np.str_]:
         """Return (N,) kinds in words."""
         return np.array(KINDS)[self.kind]
 
-    def any_of(self, children: int) -> BoolArray:
-        """Return (C,) whether a child has a collision."""
-        hit = np.zeros(children, dtype=bool)
-        hit[self.child] = True
+    def any_of(self, futures: int) -> BoolArray:
+        """Return (C,) whether a future has a collision."""
+        hit = np.zeros(futures, dtype=bool)
+        hit[self.future] = True
         return hit
 
 
 def find_collisions(
     tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2, vehicle: int | None = None
 ) -> Collisions:
-    """Find the first collision of every pair in every child.
+    """Find the first collision of every pair in every future.
 
     Args:
         limit_m2: overlap above which vehicles collide that do not touch at the seed moment; `CONTACT_M2` for
@@ -105,14 +105,14 @@ class Moves:
     """Motion of N pairs during one step each; a share of 0 is the earlier step, 1 the later one."""
 
     tracks: SceneTracks
-    child: IntArray
+    future: IntArray
     step: IntArray  # (N,) the earlier step, history included
     first: IntArray
     second: IntArray
 
     def take(self, index: IntArray) -> Moves:
         """Select rows by index."""
-        columns = (getattr(self, name)[index] for name in ("child", "step", "first", "second"))
+        columns = (getattr(self, name)[index] for name in ("future", "step", "first", "second"))
         return Moves(self.tracks, *columns)
 
     def at_step(self, step: IntArray) -> Moves:
@@ -154,7 +154,7 @@ class Moves:
     def half_sizes(self, vehicle: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return (N,) half lengths and half widths, m."""
         length, width = (
-            (size[vehicle] if size.ndim == 1 else size[self.child, vehicle]) / 2
+            (size[vehicle] if size.ndim == 1 else size[self.future, vehicle]) / 2
             for size in (self.tracks.length, self.tracks.width)
         )
         return length, width
@@ -176,7 +176,7 @@ class Moves:
 
     def _ends(self, vehicle: IntArray) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...]]:
         last = self.tracks.states.shape[1] - 1
-        return (self.child, self.step, vehicle), (self.child, np.minimum(self.step + 1, last), vehicle)
+        return (self.future, self.step, vehicle), (self.future, np.minimum(self.step + 1, last), vehicle)
 
 
 def near_moves(tracks: SceneTracks, start: int, vehicle: int | None = None) -> Moves:
@@ -200,14 +200,14 @@ def near_moves(tracks: SceneTracks, start: int, vehicle: int | None = None) -> M
     meet = np.ones((x.shape[0], one.size), dtype=bool)
     for low, high in ((boxes[0], boxes[1]), (boxes[2], boxes[3])):
         meet &= (low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])
-    child, pair = np.nonzero(meet)
+    future, pair = np.nonzero(meet)
     first, second = one[pair].astype(np.int64), two[pair].astype(np.int64)
     # time last and contiguous: (pairs, steps)
     tx, ty = np.ascontiguousarray(x.transpose(0, 2, 1)), np.ascontiguousarray(y.transpose(0, 2, 1))
     parts = []
-    for begin in range(0, child.size, _PAIRS_AT_ONCE):
+    for begin in range(0, future.size, _PAIRS_AT_ONCE):
         part = slice(begin, begin + _PAIRS_AT_ONCE)
-        c, f, s = child[part], first[part], second[part]
+        c, f, s = future[part], first[part], second[part]
         near = _way_near(tx[c, s] - tx[c, f], ty[c, s] - ty[c, f], (radius[c, f] + radius[c, s])[:, None])
         if present is not None:
             there = present[c, :, f] & present[c, :, s]
@@ -231,13 +231,13 @@ def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
 
 def _contacts(moves: Moves) -> Moves:
     gap_way, _ = moves.way()
-    zero = np.zeros(moves.child.shape)
+    zero = np.zeros(moves.future.shape)
     ends = moves.separation(zero) + moves.separation(zero + 1)
     return moves.take(np.flatnonzero(ends <= gap_way))
 
 
 def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
-    count = moves.child.size
+    count = moves.future.size
     share = np.full(count, np.inf)
     start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
     share[end > limit] = 1.0
@@ -273,7 +273,7 @@ def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
 
 def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[FloatArray, IntArray]:
     vehicles = moves.tracks.states.shape[2]
-    key = (moves.child[which] * vehicles + moves.first[which]) * vehicles + moves.second[which]
+    key = (moves.future[which] * vehicles + moves.first[which]) * vehicles + moves.second[which]
     order = np.lexsort((moves.step[which], key))
     first = np.ones(order.size, dtype=bool)
     first[1:] = np.diff(key[order]) != 0
@@ -289,7 +289,7 @@ def _is_seen_first(moves: Moves) -> BoolArray:
     present = moves.tracks.present
     if present is not None:
         at = np.maximum(before, 0)
-        seen &= present[moves.child, at, moves.first] & present[moves.child, at, moves.second]
+        seen &= present[moves.future, at, moves.first] & present[moves.future, at, moves.second]
     return np.asarray(~seen)
 
 
@@ -329,7 +329,7 @@ def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, st
     dvy = speeds[1] * np.sin(two.heading) - speeds[0] * np.sin(one.heading)
     swap = rear_end & (sides[0] == 1)
     collisions = Collisions(
-        child=impact.child,
+        future=impact.future,
         step=impact.step + 1,
         time_s=(impact.step - start + share) * impact.tracks.step_s,
         first=np.where(swap, impact.second, impact.first),
@@ -342,7 +342,7 @@ def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, st
         x=(one.x + two.x) / 2,
         y=(one.y + two.y) / 2,
     )
-    keys = (collisions.second, collisions.first, collisions.time_s, collisions.child)
+    keys = (collisions.second, collisions.first, collisions.time_s, collisions.future)
     return collisions.take(np.lexsort(keys))
 
 
@@ -376,7 +376,7 @@ def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
         part = hits.at_step(np.full(hits.step.size, step)).take(later)
         area = part.overlap(np.zeros(later.size))
         if present is not None:
-            there = present[part.child, step, part.first] & present[part.child, step, part.second]
+            there = present[part.future, step, part.first] & present[part.future, step, part.second]
             area = np.where(there, area, 0.0)
         largest[later] = np.maximum(largest[later], area)
     seed = hits.at_step(np.full(hits.step.size, start)).overlap(np.zeros(at.size))

@@ -29,13 +29,13 @@ _MARGIN = 1e-6  # for rounding, so that the nearest step is never lost
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Encounters(Rows):
-    """One row per child and pair with an encounter, sorted by child and pair; ``first`` is the lower index.
+    """One row per future and pair with an encounter, sorted by future and pair; ``first`` is the lower index.
 
     Attributes:
         time_s: after the seed moment: of the collision, else a critical least TTC, else the least gap.
     """
 
-    child: IntArray
+    future: IntArray
     first: IntArray
     second: IntArray
     gap: FloatArray  # least body gap, m; inf above 10 m
@@ -50,7 +50,7 @@ class Encounters(Rows):
     towards: IntArray  # 1 if the first vehicle hits or follows the second, -1 for the reverse, 0 else
 
     def __len__(self) -> int:
-        return len(self.child)
+        return len(self.future)
 
     @property
     def collided(self) -> BoolArray:
@@ -63,16 +63,16 @@ class Encounters(Rows):
 
 
 def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_paths: bool = True) -> Encounters:
-    """Find the encounters of a batch of scenes; ``start`` is the number of its first child.
+    """Find the encounters of a batch of scenes; ``start`` is the number of its first future.
 
     Without ``on_paths``, only gaps and collisions make an encounter.
     """
     scenes = scenes.under(preset_named("path"))
-    children, steps = scenes.shape
-    inside = (collisions.child >= start) & (collisions.child < start + children)
+    futures, steps = scenes.shape
+    inside = (collisions.future >= start) & (collisions.future < start + futures)
     hits = collisions.take(np.flatnonzero(inside))
     first, second = scenes.pairs
-    size = len(first) * children
+    size = len(first) * futures
     if on_paths:
         gap, gap_step, least_pet, cross = scenes.of_pairs(_approaches).reshape(size, 4).T
         ttc, ttc_step, drac, towards = _on_paths(scenes)
@@ -86,7 +86,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
     low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)
     number = np.zeros((scenes.vehicles, scenes.vehicles), dtype=np.int64)
     number[first, second] = np.arange(len(first))
-    at = number[low, high] * children + hits.child - start
+    at = number[low, high] * futures + hits.future - start
     kind[at], impact[at], speed[at] = hits.kind, hits.time_s, hits.relative_speed
     hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # 1 if the front hits
     towards[at] = np.where(hits.first == low, hit_by, -hit_by)
@@ -97,15 +97,15 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
     time = np.where(kind != NO_COLLISION, impact, (critical + after) * scenes.tracks.step_s)
     is_near = np.isfinite(gap) | np.isfinite(least_pet) | (cross > 0)
     rows = np.flatnonzero(is_near | (kind != NO_COLLISION) | (ttc_step >= 0))
-    pair, child = np.divmod(rows, children)
+    pair, future = np.divmod(rows, futures)
     step = np.clip(critical[rows], 0, max(steps - 1, 0))
-    x[rows] = (scenes.x[first[pair], child, step] + scenes.x[second[pair], child, step]) / 2
-    y[rows] = (scenes.y[first[pair], child, step] + scenes.y[second[pair], child, step]) / 2
+    x[rows] = (scenes.x[first[pair], future, step] + scenes.x[second[pair], future, step]) / 2
+    y[rows] = (scenes.y[first[pair], future, step] + scenes.y[second[pair], future, step]) / 2
     x[at], y[at] = hits.x, hits.y
-    order = np.lexsort((pair, child))
-    rows, pair, child = rows[order], pair[order], child[order]
+    order = np.lexsort((pair, future))
+    rows, pair, future = rows[order], pair[order], future[order]
     return Encounters(
-        child=child + start,
+        future=future + start,
         first=first[pair],
         second=second[pair],
         gap=np.where(kind[rows] != NO_COLLISION, 0.0, gap[rows]),
@@ -122,19 +122,19 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
 
 
 def _approaches(scenes: Scenes) -> FloatArray:
-    children, steps = scenes.shape
-    size = len(scenes.pairs[0]) * children
+    futures, steps = scenes.shape
+    size = len(scenes.pairs[0]) * futures
     gap, gap_step = _least_gaps(scenes)
     times = pet(scenes)
     time = np.full(2 * size, np.inf)
     np.minimum.at(time, times.where // max(steps, 1), times.value)
     least_pet = np.minimum(time[:size], time[size:])
-    return np.stack([gap, gap_step, least_pet, _cross(scenes)], axis=1).reshape(-1, children, 4)
+    return np.stack([gap, gap_step, least_pet, _cross(scenes)], axis=1).reshape(-1, futures, 4)
 
 
 def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
-    children, steps = scenes.shape
-    size = len(scenes.pairs[0]) * children
+    futures, steps = scenes.shape
+    size = len(scenes.pairs[0]) * futures
     low, high = gap_bounds(scenes)
     bound = np.where(scenes.both_present, high, np.inf).min(axis=2, initial=np.inf, keepdims=True)
     close = scenes.both_present & (low <= np.minimum(bound, NEAR_M) + _MARGIN)
@@ -145,12 +145,12 @@ def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
 
 
 def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    children, steps = scenes.shape
-    size = len(scenes.pairs[0]) * children
+    futures, steps = scenes.shape
+    size = len(scenes.pairs[0]) * futures
     following = scenes.following
     ordered, scene = np.divmod(following.where, scenes.count)
     pair = ordered % max(len(scenes.pairs[0]), 1)
-    key, step = pair * children + scene // max(steps, 1), scene % max(steps, 1)
+    key, step = pair * futures + scene // max(steps, 1), scene % max(steps, 1)
     closing = following.follower_speed - following.leader_speed
     time = time_to_collision(gap=following.gap, closing_speed=closing)
     ttc, at = _extremum(key, step, time, size)
@@ -172,10 +172,10 @@ def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tu
 
 
 def _cross(scenes: Scenes) -> BoolArray:
-    children, steps = scenes.shape
+    futures, steps = scenes.shape
     pairs = len(scenes.pairs[0])
-    cross = np.zeros(pairs * children, dtype=bool)
+    cross = np.zeros(pairs * futures, dtype=bool)
     if scenes.planned is not None and pairs and steps:
-        ordered, scene = np.divmod(paths_ahead(scenes).next_crossings.where, children * steps)
-        cross[(ordered % pairs) * children + scene // steps] = True
+        ordered, scene = np.divmod(paths_ahead(scenes).next_crossings.where, futures * steps)
+        cross[(ordered % pairs) * futures + scene // steps] = True
     return cross

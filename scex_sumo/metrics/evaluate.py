@@ -1,6 +1,6 @@
-"""Evaluation of metrics: values of pairs, extrema per scene, microscopic values per child.
+"""Evaluation of metrics: values of pairs, extrema per scene, microscopic values per future.
 
-A few children are a batch of scenes; equal tracks are evaluated once.
+A few futures are a batch of scenes; equal tracks are evaluated once.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_name
 
 PAPER_PRESET: Final = "paper"
 BATCH_PAIR_STEPS = 1 << 18  # unordered pair-steps per batch
-SHARED_PAIR_STEPS = 1 << 21  # of the children whose equal tracks are evaluated once; 0: never
+SHARED_PAIR_STEPS = 1 << 21  # of the futures whose equal tracks are evaluated once; 0: never
 MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal ones does not pay
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioValues:
-    """Microscopic values, two per child and metric, and their origin."""
+    """Microscopic values, two per future and metric, and their origin."""
 
     columns: tuple[str, ...]  # (M,) names
     values: FloatArray  # (C, M); NaN where undefined
@@ -47,7 +47,7 @@ class ScenarioValues:
 class PairValues(Rows):
     """Nanoscopic values of one metric, one row per ordered pair (or vehicle) where defined."""
 
-    child: IntArray
+    future: IntArray
     step: IntArray  # on the step axis of the tracks, history included
     vehicle: IntArray
     other: IntArray | None  # the second vehicle; None for metrics of single vehicles
@@ -64,14 +64,14 @@ def evaluate(
     vehicles: Collection[int] | None = None,
     also: Callable[[int, Scenes], None] | None = None,
 ) -> ScenarioValues:
-    """Evaluate metrics of every child: most critical value and mean of the scenes' most critical values.
+    """Evaluate metrics of every future: most critical value and mean of the scenes' most critical values.
 
     Args:
         planned: gap time is undefined without planned paths.
         preset: car-following rule of metrics without one of their own.
         metrics: None for the paper's six.
         vehicles: only values that involve one of these indices; None for all.
-        also: called with each batch's first child and scenes.
+        also: called with each batch's first future and scenes.
     """
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
@@ -111,7 +111,7 @@ def evaluate_pairs(
     parameters: MetricParameters = PAPER,
     metrics: Sequence[str | Metric] | None = None,
 ) -> dict[str, PairValues]:
-    """Evaluate all pairs by metric, sorted by child, step, vehicle, other; see `evaluate`."""
+    """Evaluate all pairs by metric, sorted by future, step, vehicle, other; see `evaluate`."""
     chosen = metrics_named(metrics)
     parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
     for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
@@ -124,22 +124,22 @@ def evaluate_pairs(
 def scene_batches(
     tracks: SceneTracks, planned: PlannedPaths | None, *, preset: str, parameters: MetricParameters
 ) -> Iterator[tuple[int, Scenes]]:
-    """Yield scenes of a few children with the number of the first; the next batch drops derived values."""
+    """Yield scenes of a few futures with the number of the first; the next batch drops derived values."""
     rules = preset_named(preset)
-    children, _, vehicles = tracks.states.shape
+    futures, _, vehicles = tracks.states.shape
     if planned is not None:
         planned.check_fit(tracks)
-    per_child = max(tracks.steps * vehicles * (vehicles - 1) // 2, 1)
-    size, group_size = (max(limit // per_child, 1) for limit in (BATCH_PAIR_STEPS, SHARED_PAIR_STEPS))
-    for begin in range(0, max(children, 1), group_size):
+    per_future = max(tracks.steps * vehicles * (vehicles - 1) // 2, 1)
+    size, group_size = (max(limit // per_future, 1) for limit in (BATCH_PAIR_STEPS, SHARED_PAIR_STEPS))
+    for begin in range(0, max(futures, 1), group_size):
         group = slice(begin, begin + group_size)
-        some, plans = tracks.children(group), None if planned is None else planned.children(group)
+        some, plans = tracks.futures(group), None if planned is None else planned.futures(group)
         shared = track_pairs(some, plans, preset=rules, parameters=parameters)
         for start in range(0, max(some.states.shape[0], 1), size):
             part = slice(start, start + size)
             scenes = Scenes(
-                tracks=some.children(part),
-                planned=None if plans is None else plans.children(part),
+                tracks=some.futures(part),
+                planned=None if plans is None else plans.futures(part),
                 parameters=parameters,
                 preset=rules,
                 shared=None if shared is None else replace(shared, row=shared.row[:, part]),
@@ -153,30 +153,30 @@ def scene_batches(
 def track_pairs(
     tracks: SceneTracks, planned: PlannedPaths | None, *, preset: Preset, parameters: MetricParameters
 ) -> TrackPairs | None:
-    """Find the different pairs of tracks; None if few are equal or sizes depend on the child."""
-    children, _, vehicles = tracks.states.shape
+    """Find the different pairs of tracks; None if few are equal or sizes depend on the future."""
+    futures, _, vehicles = tracks.states.shape
     sizes = tracks.length, tracks.width, np.empty(0) if tracks.types is None else tracks.types
     same_sizes = all(np.ndim(values) == 1 for values in sizes)
-    if children < 2 or vehicles < 2 or not same_sizes or tracks.acceleration is not None:
+    if futures < 2 or vehicles < 2 or not same_sizes or tracks.acceleration is not None:
         return None
-    number, firsts = np.empty((vehicles, children), dtype=np.int64), list[IntArray]()
+    number, firsts = np.empty((vehicles, futures), dtype=np.int64), list[IntArray]()
     for vehicle in range(vehicles):
-        first, of_child = distinct(_all_values(tracks, planned, vehicle))
-        number[vehicle] = of_child + sum(map(len, firsts))
+        first, of_future = distinct(_all_values(tracks, planned, vehicle))
+        number[vehicle] = of_future + sum(map(len, firsts))
         firsts.append(first)
-    child, owner = np.concatenate(firsts), np.repeat(np.arange(vehicles), [len(f) for f in firsts])
+    future, owner = np.concatenate(firsts), np.repeat(np.arange(vehicles), [len(f) for f in firsts])
     one, two = (number[side] for side in np.triu_indices(vehicles, 1))
-    if len(child) > MAX_DIFFERENT * number.size:
+    if len(future) > MAX_DIFFERENT * number.size:
         return None
-    keys, row = np.unique(one * len(child) + two, return_inverse=True)
+    keys, row = np.unique(one * len(future) + two, return_inverse=True)
     if len(keys) > MAX_DIFFERENT * one.size:
         return None
     scenes = Scenes(
-        tracks=_tracks_of(tracks, child, owner),
-        planned=None if planned is None else _plans_of(planned, child, owner),
+        tracks=_tracks_of(tracks, future, owner),
+        planned=None if planned is None else _plans_of(planned, future, owner),
         parameters=parameters,
         preset=preset,
-        chosen=(keys // len(child), keys % len(child)),
+        chosen=(keys // len(future), keys % len(future)),
     )
     return TrackPairs(scenes=scenes, row=row.reshape(one.shape))
 
@@ -191,19 +191,19 @@ def _all_values(tracks: SceneTracks, planned: PlannedPaths | None, vehicle: int)
     return np.concatenate(parts, axis=1)
 
 
-def _tracks_of(tracks: SceneTracks, child: IntArray, vehicle: IntArray) -> SceneTracks:
+def _tracks_of(tracks: SceneTracks, future: IntArray, vehicle: IntArray) -> SceneTracks:
     return replace(
         tracks,
-        states=tracks.states.map(lambda values: np.ascontiguousarray(values[child, :, vehicle].T[None])),
+        states=tracks.states.map(lambda values: np.ascontiguousarray(values[future, :, vehicle].T[None])),
         length=tracks.length[vehicle],
         width=tracks.width[vehicle],
-        present=None if tracks.present is None else tracks.present[child, :, vehicle].T[None],
+        present=None if tracks.present is None else tracks.present[future, :, vehicle].T[None],
         types=None if tracks.types is None else np.asarray(tracks.types)[vehicle],
     )
 
 
-def _plans_of(planned: PlannedPaths, child: IntArray, vehicle: IntArray) -> PlannedPaths:
-    x, y = (np.ascontiguousarray(v[child, :, vehicle].swapaxes(0, 1)[None]) for v in (planned.x, planned.y))
+def _plans_of(planned: PlannedPaths, future: IntArray, vehicle: IntArray) -> PlannedPaths:
+    x, y = (np.ascontiguousarray(v[future, :, vehicle].swapaxes(0, 1)[None]) for v in (planned.x, planned.y))
     return replace(planned, x=x, y=y)
 
 
@@ -248,16 +248,16 @@ def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: 
     )
 
 
-def _rows(samples: Samples, first_child: int, first_step: int) -> PairValues:
-    entry, child, step = np.nonzero(samples.defined)
-    value = samples.value[entry, child, step]
+def _rows(samples: Samples, first_future: int, first_step: int) -> PairValues:
+    entry, future, step = np.nonzero(samples.defined)
+    value = samples.value[entry, future, step]
     vehicle = samples.row[entry]
     other = None if samples.other is None else samples.other[entry]
     if samples.symmetric and other is not None:
         vehicle, other = np.concatenate([vehicle, other]), np.concatenate([other, vehicle])
-        child, step, value = np.tile(child, 2), np.tile(step, 2), np.tile(value, 2)
-    keys = (vehicle, step, child) if other is None else (other, vehicle, step, child)
+        future, step, value = np.tile(future, 2), np.tile(step, 2), np.tile(value, 2)
+    keys = (vehicle, step, future) if other is None else (other, vehicle, step, future)
     rows = PairValues(
-        child=child + first_child, step=step + first_step, vehicle=vehicle, other=other, value=value
+        future=future + first_future, step=step + first_step, vehicle=vehicle, other=other, value=value
     )
     return rows.take(np.lexsort(keys))

@@ -1,4 +1,4 @@
-"""Extrema of scenes and children, and means over scenes."""
+"""Extrema of scenes and futures, and means over scenes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SceneValues(Rows):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Worst(Rows):
-    """Origin of the most critical value of every child; valid only where ``defined``."""
+    """Origin of the most critical value of every future; valid only where ``defined``."""
 
     value: FloatArray  # (C,) as aggregated; NaN where undefined
     defined: BoolArray
@@ -33,7 +33,7 @@ class Worst(Rows):
 
 
 def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple[SceneValues, Worst]:
-    """Find the extremum of every scene, then of every child with its origin."""
+    """Find the extremum of every scene, then of every future with its origin."""
     sign = 1.0 if metric.critical == "min" else -1.0
     value = samples.value
     if metric.inverse:
@@ -46,19 +46,19 @@ def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple
         least = _least_of_samples(samples, cost, finite=metric.finite)
     scene_value = np.where(least.defined, sign * least.cost, np.nan)
     scene_value = np.where(least.infinite & ~least.defined, np.inf, scene_value)
-    child, child_defined = np.arange(len(scene_value)), np.any(least.defined, axis=1)
+    future, future_defined = np.arange(len(scene_value)), np.any(least.defined, axis=1)
     row, other = (samples.row, samples.other) if isinstance(samples, Samples) else scenes.ordered_pairs
     if least.cost.shape[1] == 0 or len(row) == 0:
-        nobody = np.zeros(len(child), dtype=np.int64)
+        nobody = np.zeros(len(future), dtype=np.int64)
         second = None if other is None else nobody
-        nowhere = np.full(len(child), np.nan)
-        worst = Worst(value=nowhere, defined=child_defined, step=nobody, vehicle=nobody, other=second)
+        nowhere = np.full(len(future), np.nan)
+        worst = Worst(value=nowhere, defined=future_defined, step=nobody, vehicle=nobody, other=second)
         return SceneValues(value=scene_value, defined=least.defined), worst
     step = _first_smallest(least.cost, least.defined)
     entry = least.origin(step)
     worst = Worst(
-        value=np.where(child_defined, scene_value[child, step], np.nan),
-        defined=child_defined,
+        value=np.where(future_defined, scene_value[future, step], np.nan),
+        defined=future_defined,
         step=step + scenes.tracks.first,
         vehicle=row[entry],
         other=None if other is None else other[entry],
@@ -71,7 +71,7 @@ class _Least:
     """Least costs of scenes.
 
     Attributes:
-        origin: returns (C,) first row with the least cost, given a step of each child.
+        origin: returns (C,) first row with the least cost, given a step of each future.
     """
 
     cost: FloatArray  # (C, T); inf where undefined, and inf is a value
@@ -86,34 +86,34 @@ def _least_of_samples(samples: Samples, cost: FloatArray, *, finite: bool) -> _L
     cost = np.where(defined, cost, np.inf)
 
     def origin(step: IntArray) -> IntArray:
-        child = np.arange(len(step))
-        return _first_smallest(cost[:, child, step].T, defined[:, child, step].T)
+        future = np.arange(len(step))
+        return _first_smallest(cost[:, future, step].T, defined[:, future, step].T)
 
     least = cost.min(axis=0, initial=np.inf)
     return _Least(cost=least, defined=np.any(defined, axis=0), infinite=infinite, origin=origin)
 
 
 def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, finite: bool) -> _Least:
-    children, steps = scenes.shape
-    infinite, defined = np.zeros((2, children * steps), dtype=bool)
+    futures, steps = scenes.shape
+    infinite, defined = np.zeros((2, futures * steps), dtype=bool)
     if finite:
         infinite[where % scenes.count] = True
         known = np.flatnonzero(np.isfinite(cost))
         where, cost = where[known], cost[known]
     row, scene = np.divmod(where, scenes.count)
     defined[scene] = True
-    least = np.full(children * steps, np.inf)
+    least = np.full(futures * steps, np.inf)
     np.minimum.at(least, scene, cost)
 
     def origin(step: IntArray) -> IntArray:
-        at = np.zeros(children * steps, dtype=bool)
-        at[np.arange(children) * steps + step] = True
+        at = np.zeros(futures * steps, dtype=bool)
+        at[np.arange(futures) * steps + step] = True
         best = np.flatnonzero(at[scene] & (cost == least[scene]))
-        rows = np.full(children, len(scenes.ordered_pairs[0]))
+        rows = np.full(futures, len(scenes.ordered_pairs[0]))
         np.minimum.at(rows, scene[best] // steps, row[best])
         return np.where(rows < len(scenes.ordered_pairs[0]), rows, 0)
 
-    least_cost, is_defined, is_infinite = (a.reshape(children, steps) for a in (least, defined, infinite))
+    least_cost, is_defined, is_infinite = (a.reshape(futures, steps) for a in (least, defined, infinite))
     return _Least(cost=least_cost, defined=is_defined, infinite=is_infinite, origin=origin)
 
 

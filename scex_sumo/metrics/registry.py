@@ -42,7 +42,7 @@ class Metric:
     harmonic: bool = False  # the mean over scenes is 1 / mean(1 / value); infinite values count as 0
     preset: str | None = None  # car-following rule; None uses that of the evaluation
     quick: Callable[[Scenes], Samples] | None = None  # computes the same extrema from fewer pairs
-    threshold: float | None = None  # value from which a child is critical
+    threshold: float | None = None  # value from which a future is critical
     label: str = ""  # name in tables and pictures; else the column's
 
     @property
@@ -155,7 +155,7 @@ SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
 """Metrics that a word stands for; those of ``path`` are always evaluated along paths."""
 
 COLUMNS: Final[tuple[str, ...]] = tuple(c for name in PAPER_METRICS for c in METRICS[name].columns)
-"""The paper's twelve columns of a child; ``ttc`` and ``ttc_mean`` are in 1/s."""
+"""The paper's twelve columns of a future; ``ttc`` and ``ttc_mean`` are in 1/s."""
 
 THRESHOLDS: Final[Mapping[str, float]] = {
     each.name: each.threshold for each in _BY_HEADING if each.threshold is not None
@@ -164,10 +164,10 @@ THRESHOLDS: Final[Mapping[str, float]] = {
 
 PACKAGES: Final = Registry(group="scex_sumo.metrics", kind="metric")
 COLLISION: Final = "collision"
-"""Column that is no metric: 1 if two vehicles of a child collide, else 0."""
+"""Column that is no metric: 1 if two vehicles of a future collide, else 0."""
 
 # sets, and other columns of tables
-_TAKEN: Final = (*SETS, "both", "child", "case_id", COLLISION, "all")
+_TAKEN: Final = (*SETS, "both", "future", "case_id", COLLISION, "all")
 
 _registered: dict[str, Metric] = {}
 _described: dict[str, Metric] = {  # columns of results without a function here
@@ -190,7 +190,7 @@ def metric(
     Args:
         critical: ``min`` if small values are critical, else ``max``.
         unit: of the function's values.
-        threshold: value from which a child is critical.
+        threshold: value from which a future is critical.
         inverse: aggregate 1 / value; ``critical`` and ``threshold`` refer to it.
         finite: leave infinite values out of the aggregates.
 
@@ -202,8 +202,8 @@ def metric(
         ... def slowest(scenes):
         ...     first, second = scenes.pairs
         ...     return scenes.unordered(np.minimum(scenes.speed[first], scenes.speed[second]))
-        >>> scex.extrapolate(scene, children=2, metrics=["slowest"]).metrics.column_names
-        ['child', 'slowest', 'slowest_mean', 'collision']
+        >>> scex.extrapolate(scene, futures=2, metrics=["slowest"]).metrics.column_names
+        ['future', 'slowest', 'slowest_mean', 'collision']
     """
     if name in METRICS or name in _TAKEN:
         raise UsageError(f"metric {name!r}: the name is taken; choose another one")
@@ -294,7 +294,7 @@ def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
 
 
 def columns_of(metrics: Sequence[Metric]) -> tuple[str, ...]:
-    """Return the columns of a child."""
+    """Return the columns of a future."""
     return tuple(column for each in metrics for column in each.columns)
 
 

@@ -37,7 +37,7 @@ from scex_sumo.statistics.density import BANDWIDTH, split_atoms
 FAR_M = 1e6  # place of vehicles that have left
 _AROUND_M = 60.0
 _WORST_SHARE = 0.1
-_LEVELS = 9  # shares of critical children at which the effective number of children is known
+_LEVELS = 9  # shares of critical futures at which the effective number of futures is known
 
 
 def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -74,9 +74,11 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
 
 def _futures(both: list[Run], info: dict[str, Any]) -> list[Future]:
     """Return the futures, those of table rows first; human-like ones only if a row shows them."""
-    rows = [row["child"] for row in info["encounters"]["rows"]] + [e["child"] for e in info["events"]["rows"]]
-    numbers = dict.fromkeys([*rows, *range(both[0].children)])
-    known = [(run, child) for run in both for child in range(run.children)]
+    rows = [row["future"] for row in info["encounters"]["rows"]] + [
+        e["future"] for e in info["events"]["rows"]
+    ]
+    numbers = dict.fromkeys([*rows, *range(both[0].futures)])
+    known = [(run, future) for run in both for future in range(run.futures)]
     return [(*known[number], number) for number in numbers]
 
 
@@ -89,8 +91,8 @@ def _words(
         "name": scene_info["name"],
         "location": scene_info.get("location", ""),
         "time_s": scene_info.get("time_s"),
-        "children": run.children,
-        "human": 0 if run.reference is None else run.reference.children,
+        "futures": run.futures,
+        "human": 0 if run.reference is None else run.reference.futures,
         "steps": int(run.info["steps"]),
         "folder": str(run.folder),
         "command": shlex.join([str(word) for word in command]),
@@ -214,7 +216,7 @@ def _worst_tenth(samples: FloatArray, side: str) -> float | None:
 
 
 def effective_numbers(run: Run, sides: Sequence[str]) -> list[list[tuple[float, float]]]:
-    """Return for each column pairs of critical share and effective number of children, ascending to 1."""
+    """Return for each column pairs of critical share and effective number of futures, ascending to 1."""
     hits: list[BoolArray] = []
     shares: list[FloatArray] = []
     levels = np.arange(1, _LEVELS + 1) / (_LEVELS + 1)
@@ -228,7 +230,7 @@ def effective_numbers(run: Run, sides: Sequence[str]) -> list[list[tuple[float, 
     effective = run.intervals.effective_number(np.concatenate(hits, axis=1).astype(float))
     ends = np.cumsum([share.size for share in shares])[:-1]
     numbers = np.split(np.minimum(effective, 1e9), ends)
-    last = [(1.0, float(number[-1:].max(initial=run.children))) for number in numbers]
+    last = [(1.0, float(number[-1:].max(initial=run.futures))) for number in numbers]
     return [
         [*zip(share.tolist(), number.tolist(), strict=True), end]
         for share, number, end in zip(shares, numbers, last, strict=True)

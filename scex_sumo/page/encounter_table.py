@@ -48,8 +48,8 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region = 
         human = "" if likely is None else f", {_share(likely, inside)} of the human-like ones"
         print_line(f"{line}{_share(run, inside)} of the futures{human}", console)
     pairs = counted(len({one.pair for one in found}), "pair")
-    human = f" and {run.reference.children} human-like ones" if run.reference is not None else ""
-    title = f"{scene}: {pairs} of vehicles meet in {counted(run.children, 'future')}{human}"
+    human = f" and {run.reference.futures} human-like ones" if run.reference is not None else ""
+    title = f"{scene}: {pairs} of vehicles meet in {counted(run.futures, 'future')}{human}"
     caption = (
         "→: hits or follows; shares: of the line's futures; no human-like line: critical in none\n"
         "gap (–: over 10 m), after, driven by: of the typical future, as view --encounter shows it"
@@ -82,7 +82,7 @@ def _share(run: Run, vehicles: Sequence[int]) -> str:
     """Return the share of the futures in which one of these vehicles collides."""
     hits = run.collisions
     own = np.isin([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], vehicles).any(axis=0)
-    return run.intervals.share(collided(hits.filter(pa.array(own)), np.arange(run.children))).percent
+    return run.intervals.share(collided(hits.filter(pa.array(own)), np.arange(run.futures))).percent
 
 
 def print_pair(one: Meeting, console: Console) -> None:
@@ -94,7 +94,7 @@ def print_pair(one: Meeting, console: Console) -> None:
         share, words = found.probability(name), EVENTS[name].question if name in EVENTS else "any of these"
         rows.append((words, share.estimate.value, _sure(share)))
     heads = [("question", "names", ""), ("share", "percent", ""), ("interval", "text", "")]
-    title = f"share of {run.children} {one.futures} futures, 95 % interval"
+    title = f"share of {run.futures} {one.futures} futures, 95 % interval"
     print_table(console_table(title, heads, rows), console)
     for line in (line for extra in extras_results() for line in extra.pair_lines(run, row)):
         print_line(line, console)

@@ -90,7 +90,7 @@ def _draw_panel(run: Run, curve: str, column: str, axes: Axes) -> None:
     metric, defined = metric_of(column), len(run.samples(column))
     mean = ", mean of scenes" if column.endswith("_mean") else ""
     axes.set_title(metric.words + mean, loc="left")
-    part = f", in {defined} of {run.children}" if defined < run.children else ""
+    part = f", in {defined} of {run.futures}" if defined < run.futures else ""
     unit = f"[{metric.column_unit}]" if metric.column_unit else "[–]"
     axes.set_xlabel(unit + part)
     axes.xaxis.set_major_locator(MaxNLocator(5))
@@ -104,7 +104,7 @@ def _draw_panel(run: Run, curve: str, column: str, axes: Axes) -> None:
 def _explain_lines(run: Run, figure: Figure, *, headline: bool) -> None:
     scene = run.info["seed_scene"]
     if headline:
-        counts = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
+        counts = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.futures, 'future')}"
         figure.suptitle(f"{scene['name']}   {counts}", x=0.01, ha="left", fontsize=7)
     lines = [Line2D([], [], color=_CURVE, linewidth=1.2, label="stress test")]
     if run.reference is not None:

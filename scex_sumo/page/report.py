@@ -52,7 +52,7 @@ def run_body(info: Mapping[str, Any], *cards: Html) -> str:
     place = info["location"] if info["location"] != info["name"] else ""
     about = [
         counted(len(info["track_ids"]), "vehicle"),
-        counted(info["children"], "future"),
+        counted(info["futures"], "future"),
         f"{info['steps'] * STEP_S:.1f} s ahead",
         place,
     ]
@@ -90,7 +90,7 @@ def _row(name: str, values: Sequence[float | None]) -> str:
 
 def _big(share: Mapping[str, Any], what: str, name: str, kind: str) -> Html:
     value, interval = share["percent"], share["range"]
-    seen = f"{share['count']} of {counted(share['children'], 'future')}"
+    seen = f"{share['count']} of {counted(share['futures'], 'future')}"
     words = f"exact; sampled: {seen}, {interval}" if share["is_exact"] else f"{seen}; 95 %: {interval}"
     number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
     hurt = share["injuries"]

@@ -1,4 +1,4 @@
-"""Road as SVG paths, tracks of all children as integers, and a picture of both."""
+"""Road as SVG paths, tracks of all futures as integers, and a picture of both."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SAMPLED = 400  # tracks whose packed size stands for all
 _MAX_FUTURES = 1000
 
 Future: TypeAlias = tuple[Run, int, int]
-"""A run, its child, and the number of this future on the page."""
+"""A run, its future, and the number of this future on the page."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,8 +98,8 @@ def _different(poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 def poses_of(futures: Sequence[Future]) -> FloatArray:
     """Return (P, V, 1 + T, 4) x, y, heading, speed from the seed moment on."""
     poses: dict[int, FloatArray] = {}
-    for run, child, number in sorted(futures, key=lambda one: one[2]):
-        poses[number] = _poses(run.states(child)[:, LOGGED_HISTORY - 1 :])
+    for run, future, number in sorted(futures, key=lambda one: one[2]):
+        poses[number] = _poses(run.states(future)[:, LOGGED_HISTORY - 1 :])
     return np.stack([poses[number] for _, _, number in futures])
 
 
@@ -137,7 +137,7 @@ def _path(points: FloatArray) -> str:
 
 
 def scene_svg(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Html:
-    """Return a picture of the road, the vehicles and the paths of their children.
+    """Return a picture of the road, the vehicles and the paths of their futures.
 
     Args:
         info: of `report_contents`.

@@ -37,15 +37,15 @@ _SELECTED |= {"95 %": "range", "gap": "gap", "after": "after"}
 """Columns of encounters that follow a selection, by their names in ``selection.js``."""
 
 _WAYS = 2  # cut sets of a worst encounter that are told
-_NAMED = 4  # children of an event whose numbers are shown
+_NAMED = 4  # futures of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
 
 def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dict[str, Any]:
-    """Return the worst events by metric, the worst first; children with the same event share a row.
+    """Return the worst events by metric, the worst first; futures with the same event share a row.
 
     Returns:
-        Rows have the index of the ``metric`` (-1: collision), ``children``, the first ``child``, ``step``
+        Rows have the index of the ``metric`` (-1: collision), ``futures``, the first ``future``, ``step``
         after the seed moment, and ``pair`` by index or None.
     """
     groups: dict[tuple[int, tuple[int, ...], int, float], list[int]] = {}
@@ -54,7 +54,7 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
 
     def add(metric: int, row: Mapping[str, Any], step: int, value: float) -> None:
         vehicles = tuple(where[v] for v in (row["track_id"], row["other_id"]) if v in where)
-        groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["child"])
+        groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["future"])
 
     for row in _rows(run, "worst.parquet"):
         if row["metric"] in number:
@@ -72,36 +72,36 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
         {"title": "futures", "as": "times", "down": True},
         {"title": "which", "kind": "words"},
     ]
-    return {"columns": columns, "rows": [_event(key, children, track_ids) for key, children in order]}
+    return {"columns": columns, "rows": [_event(key, futures, track_ids) for key, futures in order]}
 
 
 def _event(
-    key: tuple[int, tuple[int, ...], int, float], children: list[int], track_ids: Sequence[int]
+    key: tuple[int, tuple[int, ...], int, float], futures: list[int], track_ids: Sequence[int]
 ) -> dict[str, Any]:
     metric, vehicles, step, value = key
-    which = ", ".join(str(child) for child in children[:_NAMED]) + (", …" if len(children) > _NAMED else "")
+    which = ", ".join(str(future) for future in futures[:_NAMED]) + (", …" if len(futures) > _NAMED else "")
     names = " – ".join(str(track_ids[vehicle]) for vehicle in vehicles)
     return {
-        "cells": [names, value, step * STEP_S, len(children), which],
+        "cells": [names, value, step * STEP_S, len(futures), which],
         "metric": metric,
         "pair": vehicles if len(vehicles) == 2 else None,
-        "child": children[0],
-        "children": children,
+        "future": futures[0],
+        "futures": futures,
         "step": step,
     }
 
 
 def collision_places(both: Sequence[Run], track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return ``children``, ``places`` (m) and ``pairs`` by index of collisions, by set of futures."""
+    """Return ``futures``, ``places`` (m) and ``pairs`` by index of collisions, by set of futures."""
     where = {int(track): index for index, track in enumerate(track_ids)}
-    found: dict[str, Any] = {"children": [], "places": [], "pairs": []}
+    found: dict[str, Any] = {"futures": [], "places": [], "pairs": []}
     first = 0
     for run in both:
         for row in _rows(run, COLLISIONS):
-            found["children"].append(first + row["child"])
+            found["futures"].append(first + row["future"])
             found["places"].append((round(row["x"], 2), round(row["y"], 2)))
             found["pairs"].append((where[row["track_id"]], where[row["other_id"]]))
-        first += run.children
+        first += run.futures
     return found
 
 
@@ -114,7 +114,7 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
     for index, (one, other) in enumerate(pairs):
         number[[one, other], [other, one]] = index
     where = {int(track): index for index, track in enumerate(track_ids)}
-    parts = [np.zeros((len(pairs), run.children), dtype=np.int64) for run in both]
+    parts = [np.zeros((len(pairs), run.futures), dtype=np.int64) for run in both]
     for run, found in zip(both, parts, strict=True):
         if not len(pairs):
             continue
@@ -127,7 +127,7 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
             tables.append((met, ("track_a", "track_b"), bits))
         for rows, names, values in tables:
             at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]
-            found[at[at >= 0], np.asarray(rows["child"])[at >= 0]] |= values[at >= 0]
+            found[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
     return np.concatenate(parts, axis=1)
 
 
@@ -138,7 +138,7 @@ def collision_share(run: Run) -> dict[str, Any] | None:
     share, count = run.collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
     return {
         "count": count,
-        "children": run.children,
+        "futures": run.futures,
         "injuries": expected_injuries(run),
         "driven": f"driven as {driven_as(run)}",
         "percent": share.percent if share.known else share.sampled.share,
@@ -148,9 +148,9 @@ def collision_share(run: Run) -> dict[str, Any] | None:
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return the encounters of both sets with ``words``, ``pair`` by index, ``child``, ``step``, ``worst``.
+    """Return the encounters of both sets with ``words``, ``pair`` by index, ``future``, ``step``, ``worst``.
 
-    Human-like futures follow those of the stress test: ``child`` counts both. ``pairs`` are all pairs by
+    Human-like futures follow those of the stress test: ``future`` counts both. ``pairs`` are all pairs by
     index, ``event`` of a row is its place among them. ``selected`` names what a column shows of selected
     futures.
     """
@@ -178,7 +178,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 "pair": pair,
                 "event": pairs.setdefault((min(pair), max(pair)), len(pairs)),
                 "human": is_human,
-                "child": row["child"] + (run.children if is_human else 0),
+                "future": row["future"] + (run.futures if is_human else 0),
                 "step": round(row["time_s"] / STEP_S),
                 "worst": one in worst,
                 **(_story(one, sets) if one in worst else {}),

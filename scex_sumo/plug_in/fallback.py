@@ -30,7 +30,7 @@ Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether
 class Fallible:
     """A model with a fallback: the path-following driver plans for vehicles without a usable plan.
 
-    A call that raises is repeated child by child, then vehicle by vehicle.
+    A call that raises is repeated future by future, then vehicle by vehicle.
     """
 
     def __init__(self, model: Behavior, name: str) -> None:
@@ -81,8 +81,8 @@ class Fallible:
     ) -> Answer:
         if isinstance(self.inner, SingleVehicle) and len(who) > 1:  # plans for one vehicle at a time anyway
             return self._ask_each(history, road, who, np.arange(len(who)), rng)
-        children = np.unique(who.child).tolist() if len(who) > 1 else []
-        before = [rng[child].bit_generator.state for child in children]
+        futures = np.unique(who.future).tolist() if len(who) > 1 else []
+        before = [rng[future].bit_generator.state for future in futures]
         try:
             with staying():
                 planned = self.inner.plan(history, road, who, rng)
@@ -91,10 +91,10 @@ class Fallible:
         except (Exception, SystemExit) as error:  # of a user's code
             if len(who) == 1:
                 return _blank(1), [own_error_reason(error)], np.ones(1, dtype=np.bool_)
-            for child, state in zip(children, before, strict=True):
-                rng[child].bit_generator.state = state
+            for future, state in zip(futures, before, strict=True):
+                rng[future].bit_generator.state = state
             single = np.arange(len(who))
-            parts = np.unique(who.child, return_inverse=True)[1] if len(children) > 1 else single
+            parts = np.unique(who.future, return_inverse=True)[1] if len(futures) > 1 else single
             return self._ask_each(history, road, who, parts, rng)
         said = made.reasons or (BY_ITSELF,) * len(who)
         fell = np.zeros(len(who), bool) if made.fallback is None else made.fallback
@@ -158,7 +158,7 @@ def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[s
 
 
 def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
-    now = history.now[who.child, who.vehicle]
+    now = history.now[who.future, who.vehicle]
     step = now.speed * STEP_S
     x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], made.x], axis=1)
     y = np.concatenate([(now.y - step * np.sin(now.heading))[:, None], now.y[:, None], made.y], axis=1)

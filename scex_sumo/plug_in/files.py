@@ -80,7 +80,7 @@ class ProcessDriver:
         return {**self.__dict__, "_program": None, "_starts": 0}  # each worker starts its own
 
     def plan_one(
-        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+        self, history: SceneHistory, road: Road, future: int, vehicle: int, rng: np.random.Generator
     ) -> States:
         """Ask the program; raise a `ScexError` if it gives no plan in time."""
         if self._given_up:
@@ -97,7 +97,7 @@ class ProcessDriver:
                 self._given_up = str(error)
                 raise
         try:
-            answer = self._program.ask(_question(history, child, vehicle), self.deadline_s)
+            answer = self._program.ask(_question(history, future, vehicle), self.deadline_s)
         except ScexError:
             self._program.end()
             self._program = None
@@ -218,8 +218,8 @@ def _setup(road: Road) -> str:
     return json.dumps({"step_s": STEP_S, "plan_steps": PLAN_STEPS, "lanes": lanes})
 
 
-def _question(history: SceneHistory, child: int, vehicle: int) -> str:
-    scene, states = history.scene, history.states[child]
+def _question(history: SceneHistory, future: int, vehicle: int) -> str:
+    scene, states = history.scene, history.states[future]
 
     def described(v: int) -> dict[str, Any]:
         past = states[v]
@@ -233,7 +233,7 @@ def _question(history: SceneHistory, child: int, vehicle: int) -> str:
         }
 
     others = [described(v) for v in range(scene.vehicles) if v != vehicle]
-    asked = {"child": int(history.children[child]), "step": history.step}
+    asked = {"future": int(history.futures[future]), "step": history.step}
     return json.dumps({**asked, "vehicle": described(vehicle), "others": others})
 
 

@@ -95,7 +95,7 @@ def predictor_inputs(
     ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False for unused rows, which are zero.
     """
     scene = history.scene
-    past = history.states[who.child, who.vehicle]
+    past = history.states[who.future, who.vehicle]
     now = past[:, -1]
     kinds = np.array([vehicle_kind(word) for word in scene.types], dtype=np.int64)
     made: dict[str, NDArray[Any]] = {
@@ -134,11 +134,11 @@ def _others(
         size = np.concatenate([size, more])
         kinds = np.concatenate([kinds, [vehicle_kind(word) for word in scene.obstacles.types]])
     x, y = states.x[:, :, -1], states.y[:, :, -1]
-    distance = np.hypot(x[who.child] - now.x[:, None], y[who.child] - now.y[:, None])
-    distance[~present[who.child]] = np.inf
+    distance = np.hypot(x[who.future] - now.x[:, None], y[who.future] - now.y[:, None])
+    distance[~present[who.future]] = np.inf
     distance[np.arange(len(who)), who.vehicle] = np.inf
     nearest, mask = _nearest(distance, surroundings.neighbours, surroundings.radius)
-    seen = seen_from(now, states[who.child[:, None], nearest])
+    seen = seen_from(now, states[who.future[:, None], nearest])
     return {
         "neighbours": np.where(mask[..., None, None], seen, 0.0),
         "neighbour_size": np.where(mask[..., None], size[nearest], 0.0),

@@ -35,7 +35,7 @@ class Predictor:
     returns (n, H >= 30, 2 to 4): x, y (m), and optionally heading (rad) and speed (m/s), one row per step of
     0.1 s. Missing headings and speeds follow the motion.
 
-    Without ``batched`` it is called once per child, because matrix products depend on the number of rows.
+    Without ``batched`` it is called once per future, because matrix products depend on the number of rows.
 
     Example:
         >>> def straight(history):
@@ -57,7 +57,7 @@ class Predictor:
 
         Args:
             inputs: names of its arguments; None takes its parameters.
-            batched: call it once for all children; its rows must not depend on each other.
+            batched: call it once for all futures; its rows must not depend on each other.
         """
         self.function, self.__name__ = function, name_of(function)
         self.inputs = tuple(inputs) if inputs is not None else wanted_inputs(function)
@@ -68,7 +68,7 @@ class Predictor:
             asks = f"asks for {unknown[0]!r}" if unknown else "asks for nothing"
             raise UsageError(f"predictor {name_of(function)}: {asks}; there are: {', '.join(INPUTS)}")
         if batched and "rng" in self.inputs:
-            raise UsageError(f"predictor {name_of(function)}: rng belongs to one child; leave out batched")
+            raise UsageError(f"predictor {name_of(function)}: rng belongs to one future; leave out batched")
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -86,14 +86,14 @@ class Predictor:
         calls = self._calls(who)
         predicted = []
         for at in calls:
-            child = 0 if self.batched else int(who.child[at[0]])
+            future = 0 if self.batched else int(who.future[at[0]])
             given: dict[str, Any] = {name: values[at] for name, values in arrays.items()}
             if graph is not None:
-                given["graph"] = graph if self.batched else graph_of_child(graph, child, vehicles)
+                given["graph"] = graph if self.batched else graph_of_future(graph, future, vehicles)
             if "node" in self.inputs:
-                given["node"] = (who.child[at] * vehicles if self.batched else 0) + who.vehicle[at]
+                given["node"] = (who.future[at] * vehicles if self.batched else 0) + who.vehicle[at]
             if "rng" in self.inputs:
-                given["rng"] = rng[child]
+                given["rng"] = rng[future]
             predicted.append(trajectories(self.function(**given), len(at)))
         whole = np.zeros((len(who), PLAN_STEPS, 4))
         if calls:
@@ -104,8 +104,8 @@ class Predictor:
     def _calls(self, who: VehicleIndex) -> list[IntArray]:
         if self.batched or len(who) == 0:
             return [np.arange(len(who))] if len(who) else []
-        order = np.argsort(who.child, kind="stable")
-        return np.split(order, np.flatnonzero(np.diff(who.child[order])) + 1)
+        order = np.argsort(who.future, kind="stable")
+        return np.split(order, np.flatnonzero(np.diff(who.future[order])) + 1)
 
 
 def trajectories(predicted: Any, count: int) -> FloatArray:
@@ -149,17 +149,17 @@ def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
     return heading
 
 
-def graph_of_child(graph: SceneGraph, child: int, vehicles: int) -> SceneGraph:
-    """Return the scene graph of one child of a batch."""
-    nodes = slice(child * vehicles, (child + 1) * vehicles)
-    edges = graph.edge_index[1] // vehicles == child
+def graph_of_future(graph: SceneGraph, future: int, vehicles: int) -> SceneGraph:
+    """Return the scene graph of one future of a batch."""
+    nodes = slice(future * vehicles, (future + 1) * vehicles)
+    edges = graph.edge_index[1] // vehicles == future
     return replace(
         graph,
-        child=np.zeros(vehicles, dtype=np.int64),
+        future=np.zeros(vehicles, dtype=np.int64),
         vehicle=graph.vehicle[nodes],
         node=graph.node[nodes],
         history=graph.history[nodes],
-        edge_index=graph.edge_index[:, edges] - child * vehicles,
+        edge_index=graph.edge_index[:, edges] - future * vehicles,
         edge_kind=graph.edge_kind[edges],
         edge=graph.edge[edges],
         on_road=graph.on_road[nodes],

@@ -132,8 +132,8 @@ class SingleVehicle:
         """Ask the model for one vehicle after the other; see `Behavior.plan`."""
         now = history.now
         plans = []
-        alone = {c: _child_history(history, c) for c in np.unique(who.child).tolist()}
-        for c, v in zip(who.child.tolist(), who.vehicle.tolist(), strict=True):
+        alone = {c: _future_history(history, c) for c in np.unique(who.future).tolist()}
+        for c, v in zip(who.future.tolist(), who.vehicle.tolist(), strict=True):
             visible = road
             if self.radius is not None:
                 visible = narrow_road(road, float(now.x[c, v]), float(now.y[c, v]), self.radius)
@@ -153,12 +153,12 @@ class SingleVehicle:
         return plan
 
 
-def _child_history(history: SceneHistory, child: int) -> SceneHistory:
-    only = slice(child, child + 1)
+def _future_history(history: SceneHistory, future: int) -> SceneHistory:
+    only = slice(future, future + 1)
     return replace(
         history,
         states=history.states[only],
-        children=history.children[only],
+        futures=history.futures[only],
         route_draw=history.route_draw[only],
     )
 

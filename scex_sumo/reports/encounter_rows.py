@@ -68,7 +68,7 @@ class Meeting:
         if self.futures == STRESS_TEST:
             return text
         possible = "never" if not (self.stress and self.stress[event]) else percent_of(self.stress, event)
-        return f"{text}; human-like, of {self.run.children} futures; in the stress test {possible}"
+        return f"{text}; human-like, of {self.run.futures} futures; in the stress test {possible}"
 
 
 def surely_above(value: float, low: float, other: float, other_high: float) -> bool:
@@ -125,7 +125,7 @@ def probability_in(run: Run, pair: tuple[int, int], event: str) -> Probability:
     found = next((row for row in rows if {row["track_id"], row["other_id"]} == set(pair)), None)
     if found is not None:
         return Encounter(row=found, run=run).probability(event)
-    return probability_of(run, run.intervals.share(np.zeros(run.children, dtype=np.bool_)), event, pair)
+    return probability_of(run, run.intervals.share(np.zeros(run.futures, dtype=np.bool_)), event, pair)
 
 
 def driven_as(run: Run) -> str:

@@ -106,7 +106,7 @@ def human_above(run: Run) -> str:
     few = "no model of the mix drives" if never else "few models of the mix drive"
     whys = {True: f"{few} like this", False: "no more than by chance"}
     parts = [f"{'; '.join(above[surely])} ({why})" for surely, why in whys.items() if above[surely]]
-    shares = f"in shares of {human.children} and {run.children} futures"
+    shares = f"in shares of {human.futures} and {run.futures} futures"
     return f"human-like exceeds the stress test, {shares}: {'; '.join(parts)}" if parts else ""
 
 
@@ -186,9 +186,9 @@ def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -
 def summary_table(run: Run, preset: str | None = None) -> Table:
     """Return recorded value, median, critical share and number of defined futures by metric."""
     scene, likely = run.info["seed_scene"], run.reference
-    title = f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
+    title = f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, {counted(run.futures, 'future')}"
     if likely is not None:
-        title += f", {likely.children} human-like ones"
+        title += f", {likely.futures} human-like ones"
     if region := run.info.get("region"):
         inside = counted(len(region["vehicles"]), "vehicle")
         title += f"\nonly pairs with one of {inside} {region['words']}"
@@ -273,7 +273,7 @@ def _median(run: Run, column: str) -> str:
 
 def _defined(run: Run, column: str, likely: Run | None) -> str:
     """Return in how many futures of each set a metric is defined."""
-    counts = [(len(one.samples(column)), one.children) for one in (run, likely) if one is not None]
+    counts = [(len(one.samples(column)), one.futures) for one in (run, likely) if one is not None]
     return "all" if all(n == of for n, of in counts) else "\n".join(f"{n}/{of}" for n, of in counts)
 
 

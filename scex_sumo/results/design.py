@@ -17,7 +17,7 @@ from scex_sumo.statistics.intervals import DesignIntervals
 def design_intervals(
     assignment: IntArray, weights: Sequence[float], fixed: BoolArray, design: str
 ) -> DesignIntervals:
-    """Return the intervals of the children of a run.
+    """Return the intervals of the futures of a run.
 
     Args:
         assignment: (C, V) model of every vehicle; models that are drawn come first.
@@ -29,17 +29,17 @@ def design_intervals(
     return DesignIntervals(levels, design=design, shares=shares)
 
 
-def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, children: int) -> DesignIntervals:
+def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures: int) -> DesignIntervals:
     """Return the intervals from ``run.json``; without the assignments, those of independent draws."""
     tracks = info["seed_scene"].get("track_ids", ())
     if assignments is None or not tracks:
-        return DesignIntervals(np.zeros((children, 0), dtype=np.int64), design="random")
+        return DesignIntervals(np.zeros((futures, 0), dtype=np.int64), design="random")
     always = info.get("assign") or {}
     models = [entry["model"] for entry in info["models"]]
     place = {name: k for k, name in enumerate([*models, *sorted(set(always.values()) - set(models))])}
     coded = assignments["model"].combine_chunks().dictionary_encode()
     number = np.array([place[name] for name in coded.dictionary.to_pylist()], dtype=np.int64)
-    drawn = number[np.asarray(coded.indices)].reshape(children, len(tracks))
+    drawn = number[np.asarray(coded.indices)].reshape(futures, len(tracks))
     fixed = np.array([str(track) in always for track in tracks], dtype=np.bool_)
     return design_intervals(drawn, [entry["weight"] for entry in info["models"]], fixed, info["design"])
 
@@ -90,7 +90,7 @@ def densities_table(
 ) -> pa.Table:
     """Return the rows of ``densities.parquet``: metric, x, pdf, cdf, low, high, atom.
 
-    ``atom`` is the share of the defined children with exactly this x. A metric that is never defined has no
+    ``atom`` is the share of the defined futures with exactly this x. A metric that is never defined has no
     rows.
     """
     parts = [DENSITIES_SCHEMA.empty_table()]

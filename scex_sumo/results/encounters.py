@@ -1,4 +1,4 @@
-"""Encounters over all children: probability, time, place and models of each pair."""
+"""Encounters over all futures: probability, time, place and models of each pair."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MODELS = pa.list_(
         [
             ("model", pa.string()),
             ("other_model", pa.string()),
-            ("children", pa.int64()),
+            ("futures", pa.int64()),
             ("critical", pa.int64()),
             ("probability", pa.float64()),
             ("share", pa.float64()),
@@ -46,7 +46,7 @@ SCHEMA: Final = pa.schema(
         ("relative_speed", pa.float64()),
         ("expected_mais3", pa.float64()),
         *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
-        ("child", pa.int64()),
+        ("future", pa.int64()),
         ("gap", pa.float64()),
         ("model", pa.string()),
         ("other_model", pa.string()),
@@ -57,16 +57,16 @@ SCHEMA: Final = pa.schema(
         ("models", _MODELS),
     ]
 )
-"""One row a pair; ``met`` is the share of children in which the pair has an encounter, ``expected_mais3`` the
-mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all children."""
+"""One row a pair; ``met`` is the share of futures in which the pair has an encounter, ``expected_mais3`` the
+mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all futures."""
 
 OUTCOMES_SCHEMA: Final = pa.schema(
     [
-        *((name, pa.int64()) for name in ("child", "track_a", "track_b")),
+        *((name, pa.int64()) for name in ("future", "track_a", "track_b")),
         *((event.column, pa.float32()) for event in MEASURED),
     ]
 )
-"""One row a pair and child in which the value of some event is defined, sorted by pair and child.
+"""One row a pair and future in which the value of some event is defined, sorted by pair and future.
 
 ``track_a`` is the lower id; values of `MEASURED` events, NaN where undefined.
 """
@@ -89,13 +89,13 @@ def encounters_table(
     Args:
         track_ids: (V,).
         models: (C, V).
-        collisions: of the children, for their severity.
+        collisions: of the futures, for their severity.
         road: names the places; None leaves them null.
 
     Returns:
         Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
         ``track_id`` hits or follows ``other_id``. ``gap``, ``model``, ``other_model``, ``time_s``, ``x``
-        and ``y`` belong to ``child``, the typical future: its least gap, then its time, is the median of
+        and ``y`` belong to ``future``, the typical future: its least gap, then its time, is the median of
         those that collide (else have the most frequent event, else meet). Gaps above 10 m are null.
     """
     vehicles = len(track_ids)
@@ -104,7 +104,7 @@ def encounters_table(
     answers = answers_of(encounters)
     shares = {
         name: intervals.all_shares(
-            _by_child(which, encounters.child, answers[name], len(pairs), intervals.count)
+            _by_future(which, encounters.future, answers[name], len(pairs), intervals.count)
         )
         for name in QUESTIONS
     }
@@ -128,24 +128,24 @@ def encounters_table(
 
 
 def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
-    """Tabulate the values of `MEASURED` events by pair and child, with the columns of ``OUTCOMES_SCHEMA``."""
+    """Tabulate the values of `MEASURED` events by pair and future, with the columns of ``OUTCOMES_SCHEMA``."""
     values = {event.column: event.defined(getattr(encounters, event.value)) for event in MEASURED}
     defined = np.any([~np.isnan(part) for part in values.values()], axis=0)
     a, b = np.sort(np.asarray(track_ids)[np.stack([encounters.first, encounters.second])], axis=0)
-    order = np.lexsort((encounters.child, b, a))
+    order = np.lexsort((encounters.future, b, a))
     rows = order[defined[order]]
-    columns = {"child": encounters.child, "track_a": a, "track_b": b, **values}
+    columns = {"future": encounters.future, "track_a": a, "track_b": b, **values}
     arrays = [pa.array(columns[kind.name][rows]).cast(kind.type, safe=False) for kind in OUTCOMES_SCHEMA]
     return pa.table(arrays, schema=OUTCOMES_SCHEMA)
 
 
-def _injured(collisions: pa.Table | None, children: int) -> dict[frozenset[int], float]:
-    """Return the expected severe injuries of each pair of track ids that collides, per child."""
+def _injured(collisions: pa.Table | None, futures: int) -> dict[frozenset[int], float]:
+    """Return the expected severe injuries of each pair of track ids that collides, per future."""
     found: dict[frozenset[int], float] = {}
     for hit in [] if collisions is None else collisions.to_pylist():
         pair = frozenset((hit["track_id"], hit["other_id"]))
         risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
-        found[pair] = found.get(pair, 0.0) + risk / children
+        found[pair] = found.get(pair, 0.0) + risk / futures
     return found
 
 
@@ -155,10 +155,10 @@ def answers_of(encounters: Encounters) -> dict[str, BoolArray]:
     return {**answers, "critical": np.any(list(answers.values()), axis=0)}
 
 
-def _by_child(which: IntArray, child: IntArray, answer: BoolArray, pairs: int, children: int) -> BoolArray:
+def _by_future(which: IntArray, future: IntArray, answer: BoolArray, pairs: int, futures: int) -> BoolArray:
     """Return (C, pairs) answers, False where a pair does not meet."""
-    full = np.zeros((children, pairs), dtype=bool)
-    full[child[answer], which[answer]] = True
+    full = np.zeros((futures, pairs), dtype=bool)
+    full[future[answer], which[answer]] = True
     return full
 
 
@@ -185,26 +185,26 @@ def _row(
     named = mine[answers[event][mine]] if event else mine
     order = np.lexsort((encounters.time_s[named], encounters.gap[named]))
     typical = named[order[(len(named) - 1) // 2]]
-    child = int(encounters.child[typical])
+    future = int(encounters.future[typical])
     hits = mine[encounters.collided[mine]]
-    children = len(models)
-    gaps = np.concatenate([encounters.gap[mine], np.full(children - len(mine), np.inf)])
+    futures = len(models)
+    gaps = np.concatenate([encounters.gap[mine], np.full(futures - len(mine), np.inf)])
     quantiles = np.quantile(gaps, _GAPS, method="inverted_cdf")
     return {
         "track_id": int(track_ids[first]),
         "other_id": int(track_ids[second]),
-        "met": len(mine) / children,
+        "met": len(mine) / futures,
         "kind": KINDS[int(encounters.kind[typical])] if hits.size else None,
         "relative_speed": float(np.median(encounters.relative_speed[hits])) if hits.size else None,
         **{f"gap_p{round(100 * level):02}": _near(gap) for level, gap in zip(_GAPS, quantiles, strict=True)},
-        "child": child,
+        "future": future,
         "gap": _near(encounters.gap[typical]),
-        "model": str(models[child, first]),
-        "other_model": str(models[child, second]),
+        "model": str(models[future, first]),
+        "other_model": str(models[future, second]),
         "time_s": float(encounters.time_s[typical]),
         "x": float(encounters.x[typical]),
         "y": float(encounters.y[typical]),
-        "models": _by_models(encounters.child[worst], models[:, first], models[:, second])
+        "models": _by_models(encounters.future[worst], models[:, first], models[:, second])
         if worst is not mine
         else [],
     }
@@ -215,9 +215,9 @@ def _near(gap: float) -> float | None:
 
 
 def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
-    """Count children and hits by combination of the pair's models.
+    """Count futures and hits by combination of the pair's models.
 
-    ``probability``: of a hit given the models; ``lift``: relative to all children.
+    ``probability``: of a hit given the models; ``lift``: relative to all futures.
     """
     struck = np.zeros(len(own), dtype=bool)
     struck[hit] = True
@@ -230,7 +230,7 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
         {
             "model": str(names[i, 0]),
             "other_model": str(names[i, 1]),
-            "children": int(count[i]),
+            "futures": int(count[i]),
             "critical": int(hits[i]),
             "probability": float(chance[i]),
             "share": float(hits[i] / struck.sum()),

@@ -1,6 +1,6 @@
 """Output folder of one process at a time: locked, resumed after an interruption, finished as a result.
 
-That of a run holds its tables, written from finished batches of children.
+That of a run holds its tables, written from finished batches of futures.
 """
 
 from __future__ import annotations
@@ -151,16 +151,16 @@ class ResultFolder(OutputFolder):
             (self.path / name).mkdir(exist_ok=True)
         remove_broken(self.path)
 
-    def in_order(self, children: int, *, size: int, plans: bool = True) -> Iterator[Part]:
-        """Yield all children in order, some at a time; raise a `ResultError` if some are missing."""
+    def in_order(self, futures: int, *, size: int, plans: bool = True) -> Iterator[Part]:
+        """Yield all futures in order, some at a time; raise a `ResultError` if some are missing."""
         parts = Parts(self.path)
-        there = int((parts.children < children).sum())
-        if there != children:
+        there = int((parts.futures < futures).sum())
+        if there != futures:
             raise ResultError(
-                f"{self.path}: {there} of {children} futures are finished; run the same command again"
+                f"{self.path}: {there} of {futures} futures are finished; run the same command again"
             )
-        for first in range(0, children, size):
-            yield parts.read(first, min(first + size, children), plans=plans)
+        for first in range(0, futures, size):
+            yield parts.read(first, min(first + size, futures), plans=plans)
 
     def write_table(self, name: str, table: pa.Table) -> None:
         """Write one of the folder's Parquet files."""
@@ -222,7 +222,7 @@ _TABLES = tuple(
 
 
 def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
-    """Return children as INTERACTION cases, ordered by child, vehicle, frame; frame 10 is the seed scene."""
+    """Return futures as INTERACTION cases, ordered by future, vehicle, frame; frame 10 is the seed scene."""
     count, steps, vehicles = part.states.shape
     past = scene.history[:, -LOGGED_HISTORY:]
     frames = LOGGED_HISTORY + steps
@@ -240,7 +240,7 @@ def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
     types = pa.DictionaryArray.from_arrays(pa.array(per_vehicle), pa.array(list(scene.types), pa.string()))
     return pa.table(
         {
-            "case_id": np.repeat(part.children, vehicles * frames),
+            "case_id": np.repeat(part.futures, vehicles * frames),
             "track_id": np.asarray(scene.track_ids)[per_vehicle],
             "frame_id": frame,
             "timestamp_ms": frame * 100,
@@ -257,10 +257,10 @@ def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
 
 
 def values_table(
-    columns: Sequence[str], values: FloatArray, defined: BoolArray, children: IntArray | None = None
+    columns: Sequence[str], values: FloatArray, defined: BoolArray, futures: IntArray | None = None
 ) -> pa.Table:
-    """Return metric values (C, columns), one row per child, null where undefined."""
-    data: dict[str, Any] = {} if children is None else {"child": children}
+    """Return metric values (C, columns), one row per future, null where undefined."""
+    data: dict[str, Any] = {} if futures is None else {"future": futures}
     for index, name in enumerate(columns):
         data[name] = pa.array(values[:, index], mask=~defined[:, index])
     return pa.table(data)
@@ -274,7 +274,7 @@ def assignments_table(scene: SeedScene, assignment: IntArray, names: Sequence[st
     )
     return pa.table(
         {
-            "child": np.repeat(np.arange(count, dtype=np.int64), vehicles),
+            "future": np.repeat(np.arange(count, dtype=np.int64), vehicles),
             "track_id": np.tile(np.asarray(scene.track_ids), count),
             "model": models.cast(pa.string()),
         }

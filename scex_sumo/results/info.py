@@ -19,7 +19,7 @@ from scex_sumo.base.version import version_of
 from scex_sumo.scene import SeedScene
 
 MAX_COUNT: Final = 10**9
-"""Limit of numbers of children, steps and vehicles."""
+"""Limit of numbers of futures, steps and vehicles."""
 
 
 class Info(dict[str, Any]):
@@ -115,7 +115,7 @@ def _is_metrics(value: Any) -> bool:
 
 
 _CHECKS: Final[dict[str, Callable[[Any], bool]]] = {
-    "children": _is_count,
+    "futures": _is_count,
     "steps": _is_count,
     "replan": _is_count,
     "net": _is_name,
@@ -133,7 +133,7 @@ _CHECKS: Final[dict[str, Callable[[Any], bool]]] = {
 
 
 def digest(scene: SeedScene) -> str:
-    """Return the SHA-256 of everything in a seed scene that its children depend on."""
+    """Return the SHA-256 of everything in a seed scene that its futures depend on."""
     digest = hashlib.sha256()
     for array in (scene.track_ids, scene.length, scene.width):
         digest.update(np.ascontiguousarray(array).tobytes())

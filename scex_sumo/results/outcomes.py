@@ -1,4 +1,4 @@
-"""Outcomes of children as tables: collisions with their severity and fault, and encounters of batches.
+"""Outcomes of futures as tables: collisions with their severity and fault, and encounters of batches.
 
 Perfectly plastic impact of two point masses: the speed change of a vehicle is the other's share of both
 masses times the relative speed. P(MAIS 3+) of its occupant is a logistic curve of the speed change, a mean
@@ -130,7 +130,7 @@ def severity_of(
 
 def _faults(tracks: SceneTracks, hits: Collisions, road: Road | None) -> IntArray:
     start = max(tracks.first - 1, 0)
-    moves = Moves(tracks, hits.child, hits.step - 1, hits.first, hits.second)
+    moves = Moves(tracks, hits.future, hits.step - 1, hits.first, hits.second)
     share = np.clip(hits.time_s / tracks.step_s - (moves.step - start), 0.0, 1.0)
     speeds = [moves.speed(vehicle, share) for vehicle in (hits.first, hits.second)]
     stands = [np.abs(speed) <= _STANDING_MPS for speed in speeds]
@@ -195,7 +195,7 @@ def _with_before(road: Road, lane: int) -> tuple[int, ...]:
 COLLISIONS: Final = "collisions.parquet"
 COLLISIONS_SCHEMA: Final = pa.schema(
     [
-        ("child", pa.int64()),
+        ("future", pa.int64()),
         ("step", pa.int64()),
         ("time_s", pa.float64()),
         ("track_id", pa.int64()),
@@ -215,15 +215,15 @@ _SMALL = {"first": np.int32, "second": np.int32, "kind": np.int8, "towards": np.
 
 
 def collisions_table(
-    hits: Collisions, severity: Severity, *, children: IntArray, track_ids: IntArray, first: int
+    hits: Collisions, severity: Severity, *, futures: IntArray, track_ids: IntArray, first: int
 ) -> pa.Table:
-    """Tabulate the collisions of C children with numbers (C,), by child, time and pair.
+    """Tabulate the collisions of C futures with numbers (C,), by future, time and pair.
 
     In a rear-end collision ``track_id`` hits ``other_id``.
     """
     sides = np.array(SIDES)
     columns = {
-        "child": np.asarray(children)[hits.child],
+        "future": np.asarray(futures)[hits.future],
         "step": hits.step - first + 1,
         "time_s": hits.time_s,
         "track_id": np.asarray(track_ids)[hits.first],
@@ -244,16 +244,16 @@ def collisions_table(
     return pa.table({name: pa.array(values) for name, values in columns.items()}, schema=COLLISIONS_SCHEMA)
 
 
-def collided(table: pa.Table, children: IntArray) -> BoolArray:
-    """Return (C,) whether children have a collision in the table."""
-    hit: BoolArray = np.isin(children, np.asarray(table["child"]))
+def collided(table: pa.Table, futures: IntArray) -> BoolArray:
+    """Return (C,) whether futures have a collision in the table."""
+    hit: BoolArray = np.isin(futures, np.asarray(table["future"]))
     return hit
 
 
-def encounter_rows(encounters: Encounters, children: IntArray) -> pa.Table:
-    """Tabulate the encounters of a batch in small types, with the child's number."""
+def encounter_rows(encounters: Encounters, futures: IntArray) -> pa.Table:
+    """Tabulate the encounters of a batch in small types, with the future's number."""
     columns = {f.name: getattr(encounters, f.name) for f in fields(encounters)}
-    columns["child"] = np.asarray(children, dtype=np.int64)[encounters.child]
+    columns["future"] = np.asarray(futures, dtype=np.int64)[encounters.future]
     return pa.table({name: values.astype(_SMALL.get(name, values.dtype)) for name, values in columns.items()})
 
 
@@ -264,21 +264,21 @@ def encounters_of_rows(table: pa.Table) -> Encounters:
 
 
 def after_collision(
-    hits: Collisions, child: IntArray, step: IntArray, vehicle: IntArray, other: IntArray | None
+    hits: Collisions, future: IntArray, step: IntArray, vehicle: IntArray, other: IntArray | None
 ) -> BoolArray:
     """Return (N,) whether two vehicles had collided by a step; False for single vehicles.
 
     ``step`` (N,) is on the step axis of the tracks.
     """
     if other is None or len(hits) == 0:
-        return np.zeros(len(child), dtype=np.bool_)
+        return np.zeros(len(future), dtype=np.bool_)
     count = int(max(vehicle.max(initial=0), other.max(initial=0), hits.first.max(), hits.second.max())) + 1
 
-    def key(child: IntArray, one: IntArray, two: IntArray) -> IntArray:
-        return (child * count + np.minimum(one, two)) * count + np.maximum(one, two)
+    def key(future: IntArray, one: IntArray, two: IntArray) -> IntArray:
+        return (future * count + np.minimum(one, two)) * count + np.maximum(one, two)
 
-    struck, at = np.unique(key(hits.child, hits.first, hits.second), return_index=True)
-    wanted = key(child, vehicle, other)
+    struck, at = np.unique(key(hits.future, hits.first, hits.second), return_index=True)
+    wanted = key(future, vehicle, other)
     place = np.minimum(np.searchsorted(struck, wanted), len(struck) - 1)
     after: BoolArray = (struck[place] == wanted) & (step >= hits.step[at[place]])
     return after

@@ -1,4 +1,4 @@
-"""Parts of a run: finished batches of children, in a hidden folder until the run is finished."""
+"""Parts of a run: finished batches of futures, in a hidden folder until the run is finished."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ _STATES = ("x", "y", "heading", "speed")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Some children of a run, simulated and measured; states and plans as in `Rollout`.
+    """Some futures of a run, simulated and measured; states and plans as in `Rollout`.
 
     Attributes:
         values: (C, M) metric values.
-        defined: (C, M) False where a metric is defined in no scene of the child.
+        defined: (C, M) False where a metric is defined in no scene of the future.
         worst: rows of ``worst.parquet``; so ``fallbacks``, ``collisions``.
         tested: (2, C, M) values, and 1 where defined, of the vehicles under test alone; None without any.
         encounters: rows of `encounter_rows`.
     """
 
-    children: IntArray
+    futures: IntArray
     states: States
     values: FloatArray
     defined: BoolArray
@@ -47,8 +47,8 @@ class Part:
 
 
 def save_part(folder: Path, part: Part) -> None:
-    """Save a batch of children in a result folder."""
-    name = f"{int(part.children[0]):08d}-{int(part.children[-1]):08d}.npz"
+    """Save a batch of futures in a result folder."""
+    name = f"{int(part.futures[0]):08d}-{int(part.futures[-1]):08d}.npz"
     target = folder / PARTS / name
     tables = {name: table for name in TABLES if (table := getattr(part, name)) is not None}
     given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "tested": part.tested}
@@ -56,11 +56,11 @@ def save_part(folder: Path, part: Part) -> None:
     some |= {name: _packed(table) for name, table in tables.items()}
     some |= {name: getattr(part.states, name) for name in _STATES}
     with replacing(target) as temporary, temporary.open("wb") as file:
-        np.savez(file, children=part.children, values=part.values, defined=part.defined, **some)
+        np.savez(file, futures=part.futures, values=part.values, defined=part.defined, **some)
 
 
 def remove_broken(folder: Path) -> None:
-    """Remove damaged parts of an interrupted run; their children run again."""
+    """Remove damaged parts of an interrupted run; their futures run again."""
     remove_unfinished(folder / PARTS)
     for file in (folder / PARTS).glob("*.npz"):
         if not _is_whole(file):
@@ -72,7 +72,7 @@ def _is_whole(file: Path) -> bool:
         with file.open("rb") as opened, np.load(opened) as data:
             arrays = {name: data[name] for name in data}
             [_unpacked(arrays[name]) for name in TABLES if name in arrays]
-            rows = {arrays[name].shape[0] for name in ("children", *_STATES, "values", "defined")}
+            rows = {arrays[name].shape[0] for name in ("futures", *_STATES, "values", "defined")}
     except Exception:  # of zipfile, numpy or Arrow, by whatever bytes
         return False
     return "worst" in arrays and len(rows) == 1
@@ -90,38 +90,38 @@ def _packed(table: pa.Table) -> NDArray[np.uint8]:
 
 
 class Parts:
-    """The parts in a result folder, read by child, whatever the batches."""
+    """The parts in a result folder, read by future, whatever the batches."""
 
     def __init__(self, folder: Path) -> None:
         self._files = sorted((folder / PARTS).glob("*.npz"))
-        rows = [(np.load(file)["children"], index) for index, file in enumerate(self._files)]
-        numbers = np.concatenate([np.empty(0, np.int64), *(children for children, _ in rows)])
-        self.children, first = np.unique(numbers, return_index=True)
-        """(C,) numbers of the finished children, ascending."""
-        self._file = np.repeat([index for _, index in rows], [len(children) for children, _ in rows])[first]
+        rows = [(np.load(file)["futures"], index) for index, file in enumerate(self._files)]
+        numbers = np.concatenate([np.empty(0, np.int64), *(futures for futures, _ in rows)])
+        self.futures, first = np.unique(numbers, return_index=True)
+        """(C,) numbers of the finished futures, ascending."""
+        self._file = np.repeat([index for _, index in rows], [len(futures) for futures, _ in rows])[first]
         self._row = np.concatenate([np.empty(0, np.int64), *(np.arange(len(c)) for c, _ in rows)])[first]
 
-    def values(self, children: int) -> tuple[FloatArray, BoolArray]:
-        """Return the metric values (C, M) of the first children, and where they are defined."""
-        some = self._taken(slice(0, children), ("values", "defined"))
+    def values(self, futures: int) -> tuple[FloatArray, BoolArray]:
+        """Return the metric values (C, M) of the first futures, and where they are defined."""
+        some = self._taken(slice(0, futures), ("values", "defined"))
         return some["values"], some["defined"]
 
     def read(self, first: int, stop: int, *, plans: bool = True) -> Part:
-        """Return children ``first`` to ``stop - 1`` in order; they must be there."""
-        part = slice(*np.searchsorted(self.children, (first, stop)))
+        """Return futures ``first`` to ``stop - 1`` in order; they must be there."""
+        part = slice(*np.searchsorted(self.futures, (first, stop)))
         names = (*_STATES, "values", "defined", *(("plan_x", "plan_y") if plans else ()), "tested")
         some = self._taken(part, names)
         tables: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
         for file in np.unique(self._file[part]):
-            mine = pa.array(self.children[part][self._file[part] == file])
+            mine = pa.array(self.futures[part][self._file[part] == file])
             with np.load(self._files[file]) as data:
                 for name in tables.keys() & data.keys():
                     table = _unpacked(data[name])
-                    tables[name].append(table.filter(pc.is_in(table["child"], value_set=mine)))
+                    tables[name].append(table.filter(pc.is_in(table["future"], value_set=mine)))
         return Part(
-            children=self.children[part],
+            futures=self.futures[part],
             states=States(**{name: some[name] for name in _STATES}),
-            worst=_by_child(tables["worst"]),
+            worst=_by_future(tables["worst"]),
             fallbacks=_none_if_empty(_in_order(tables["fallbacks"])),
             collisions=_in_order(tables["collisions"]),
             encounters=_in_order(tables["encounters"]),
@@ -133,7 +133,7 @@ class Parts:
         )
 
     def _taken(self, part: slice, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Return the arrays of some children; one file at a time."""
+        """Return the arrays of some futures; one file at a time."""
         files, rows = self._file[part], self._row[part]
         whole: dict[str, NDArray[Any]] = {}
         for file in np.unique(files):
@@ -147,11 +147,11 @@ class Parts:
         return {name: np.moveaxis(values, 0, _AXIS.get(name, 0)) for name, values in whole.items()}
 
 
-_AXIS = {"tested": 1}  # the children's axis, where it is not the first
+_AXIS = {"tested": 1}  # the futures's axis, where it is not the first
 
 
 def joined_parts(parts: Sequence[Part]) -> Part:
-    """Join parts of consecutive children."""
+    """Join parts of consecutive futures."""
 
     def one(arrays: Sequence[Any], axis: int = 0) -> Any:
         there = [array for array in arrays if array is not None]
@@ -162,7 +162,7 @@ def joined_parts(parts: Sequence[Part]) -> Part:
         return pa.concat_tables(there) if there else None
 
     return Part(
-        children=one([part.children for part in parts]),
+        futures=one([part.futures for part in parts]),
         states=States.concatenate([part.states for part in parts], axis=0),
         values=one([part.values for part in parts]),
         defined=one([part.defined for part in parts]),
@@ -176,18 +176,18 @@ def joined_parts(parts: Sequence[Part]) -> Part:
     )
 
 
-def _by_child(tables: Sequence[pa.Table]) -> pa.Table:
+def _by_future(tables: Sequence[pa.Table]) -> pa.Table:
     whole = pa.concat_tables(tables)
     names = np.asarray(whole["metric"])
-    return whole.take(np.lexsort((names, np.asarray(whole["child"]))))
+    return whole.take(np.lexsort((names, np.asarray(whole["future"]))))
 
 
 def _in_order(tables: Sequence[pa.Table]) -> pa.Table | None:
-    """Join tables, with rows ordered by child; None if no part has the table."""
+    """Join tables, with rows ordered by future; None if no part has the table."""
     if not tables:
         return None
     whole = pa.concat_tables(tables)
-    return whole.take(np.argsort(np.asarray(whole["child"]), kind="stable"))
+    return whole.take(np.argsort(np.asarray(whole["future"]), kind="stable"))
 
 
 def _none_if_empty(table: pa.Table | None) -> pa.Table | None:

@@ -1,4 +1,4 @@
-"""Stored plans of all vehicles of all children, ``plans.parquet``."""
+"""Stored plans of all vehicles of all futures, ``plans.parquet``."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ PLANS = "plans.parquet"
 
 
 def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table:
-    """Tabulate the plans of a part that has them, by child, vehicle, step.
+    """Tabulate the plans of a part that has them, by future, vehicle, step.
 
     Returns:
-        child, track_id, step of the plan from the seed scene, x and y: lists of H centres in m, the first one
+        future, track_id, step of the plan from the seed scene, x and y: lists of H centres in m, the first one
         a step later.
     """
     assert part.plan_x is not None and part.plan_y is not None
@@ -37,7 +37,7 @@ def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table:
 
     return pa.table(
         {
-            "child": np.repeat(part.children, vehicles * rounds),
+            "future": np.repeat(part.futures, vehicles * rounds),
             "track_id": np.tile(np.repeat(np.asarray(scene.track_ids), rounds), count),
             "step": np.tile(np.arange(rounds, dtype=np.int64) * replan, count * vehicles),
             "x": column(part.plan_x),
@@ -52,14 +52,14 @@ class StoredPlans:
 
     Attributes:
         path: the file, for messages.
-        children: (C,) numbers, ascending.
+        futures: (C,) numbers, ascending.
         track_ids: (V,).
         made_at: (R,) steps from the seed scene, ascending.
         x: (C, V, R, H) m; column 0 is one step after the plan.
     """
 
     path: Path
-    children: IntArray
+    futures: IntArray
     track_ids: IntArray
     made_at: IntArray
     x: FloatArray
@@ -68,16 +68,16 @@ class StoredPlans:
     def paths(
         self, cases: NDArray[np.str_], track_ids: IntArray, there: BoolArray, steps: int
     ) -> PlannedPaths:
-        """Return the planned paths of children ``cases`` (C,) and vehicles (C, V) in any order.
+        """Return the planned paths of futures ``cases`` (C,) and vehicles (C, V) in any order.
 
-        ``there`` (C, V) is False where a child has fewer vehicles.
+        ``there`` (C, V) is False where a future has fewer vehicles.
 
         Raises:
             ResultError: a vehicle has no plan.
         """
-        child, known_child = _find(self.children.astype(str), cases)
+        future, known_future = _find(self.futures.astype(str), cases)
         vehicle, known_vehicle = _find(self.track_ids, track_ids)
-        missing = there & ~(known_child[:, None] & known_vehicle)
+        missing = there & ~(known_future[:, None] & known_vehicle)
         if missing.any():
             c, v = (int(i) for i in np.argwhere(missing)[0])
             raise ResultError(
@@ -86,7 +86,7 @@ class StoredPlans:
             )
 
         def chosen(values: FloatArray) -> FloatArray:
-            taken = values[child[:, None], vehicle]
+            taken = values[future[:, None], vehicle]
             taken[~there] = np.nan
             return taken.transpose(0, 2, 1, 3)
 
@@ -109,19 +109,19 @@ def read_plans(folder: Path) -> StoredPlans | None:
     path = folder / PLANS
     if not path.is_file():
         return None
-    names, axes = ("child", "track_id", "step"), ("x", "y")
+    names, axes = ("future", "track_id", "step"), ("x", "y")
     table = read_table(path, columns=(*names, *axes))
-    child, track_id, step = (np.asarray(table[name]) for name in names)
+    future, track_id, step = (np.asarray(table[name]) for name in names)
     lists = [table[name].combine_chunks() for name in axes]
-    children, made_at = np.unique(child), np.unique(step)
+    futures, made_at = np.unique(future), np.unique(step)
     rounds = max(len(made_at), 1)
-    track_ids = track_id[: len(child) // max(len(children), 1) : rounds]
-    grid = (len(children), len(track_ids), rounds)
+    track_ids = track_id[: len(future) // max(len(futures), 1) : rounds]
+    grid = (len(futures), len(track_ids), rounds)
     whole = (
-        len(child) > 0
-        and all(values.dtype == np.int64 for values in (child, track_id, step))
-        and len(child) == np.prod(grid)
-        and np.array_equal(child, np.repeat(children, grid[1] * rounds))
+        len(future) > 0
+        and all(values.dtype == np.int64 for values in (future, track_id, step))
+        and len(future) == np.prod(grid)
+        and np.array_equal(future, np.repeat(futures, grid[1] * rounds))
         and np.array_equal(track_id, np.tile(np.repeat(track_ids, rounds), grid[0]))
         and np.array_equal(step, np.tile(made_at, grid[0] * grid[1]))
         and all(pa.types.is_fixed_size_list(column.type) for column in lists)
@@ -129,4 +129,4 @@ def read_plans(folder: Path) -> StoredPlans | None:
     if not whole:
         raise ResultError(f"{path}: plans of some vehicles or futures are missing; run again")
     x, y = (np.asarray(column.flatten(), dtype=np.float64).reshape(*grid, -1) for column in lists)
-    return StoredPlans(path=path, children=children, track_ids=track_ids, made_at=made_at, x=x, y=y)
+    return StoredPlans(path=path, futures=futures, track_ids=track_ids, made_at=made_at, x=x, y=y)

@@ -20,7 +20,7 @@ class PairTables(Protocol):
     """Parts of a `Run` that tell what happens to a pair in each future."""
 
     @property
-    def children(self) -> int:
+    def futures(self) -> int:
         """Number of futures."""
 
     @property
@@ -112,20 +112,20 @@ class Encounter:
     def probability(self, event: str) -> Probability:
         """Return the probability of an event, a column of ``encounters.parquet`` such as ``critical``."""
         ends = {end: float(self.row[event + name]) for end, name in _ENDS.items()}
-        count = round(ends["value"] * self.run.children)
+        count = round(ends["value"] * self.run.futures)
         return probability_of(self.run, Interval(**ends, count=count), event, self.pair)
 
     def happens(self, event: str) -> BoolArray:
         """Return (C,) whether an event, or any (``critical``), happens in each drawn future."""
         hits, outcomes = self.run.collisions, self.run.pair_outcomes
         struck = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0)
-        child = [np.asarray(hits["child"])[(np.array(self.pair) == struck.T).all(axis=1)]]
+        future = [np.asarray(hits["future"])[(np.array(self.pair) == struck.T).all(axis=1)]]
         a, b = (np.asarray(outcomes[name]) for name in ("track_a", "track_b"))
         own = (a == self.pair[0]) & (b == self.pair[1])
         for name, critical in critical_outcomes(outcomes).items():
             if event in (name, "critical"):
-                child.append(np.asarray(outcomes["child"])[own & critical])
-        found: BoolArray = np.isin(np.arange(self.run.children), np.concatenate(child))
+                future.append(np.asarray(outcomes["future"])[own & critical])
+        found: BoolArray = np.isin(np.arange(self.run.futures), np.concatenate(future))
         return found
 
 

@@ -27,7 +27,7 @@ class Region:
         UsageError: both are given, or the circle is none.
 
     Example:
-        >>> part = scex.extrapolate(scene, children=4, region=scex.Region(around=16))
+        >>> part = scex.extrapolate(scene, futures=4, region=scex.Region(around=16))
         >>> len(part.info["region"]["vehicles"]) < scene.vehicles
         True
     """

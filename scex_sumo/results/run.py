@@ -51,7 +51,7 @@ class Run:
         written: files that the extras of this run wrote for the user, by what they are, e.g. ``report``.
 
     Example:
-        >>> run.children, run.collision.estimate.value
+        >>> run.futures, run.collision.estimate.value
         (4, 0.0)
         >>> run.most_critical("ttc")  # number of the future
         0
@@ -67,7 +67,7 @@ class Run:
     def __repr__(self) -> str:
         name = self.info["seed_scene"]["name"]
         collision = f", a collision in {self.collision.percent}" if self.outcomes else ""
-        return f"Run({str(self.folder)!r}: {self.info['children']} futures of {name}{collision})"
+        return f"Run({str(self.folder)!r}: {self.info['futures']} futures of {name}{collision})"
 
     def _repr_html_(self) -> str:
         return str(DRAWINGS.load("run")(self))
@@ -97,8 +97,8 @@ class Run:
 
     @cached_property
     def metrics(self) -> pa.Table:
-        """One row per child: ``child``, the metric columns, null where undefined, and ``collision``."""
-        return read_metrics(self.folder / "metrics.parquet", rows=self.info.get("children"))
+        """One row per future: ``future``, the metric columns, null where undefined, and ``collision``."""
+        return read_metrics(self.folder / "metrics.parquet", rows=self.info.get("futures"))
 
     @cached_property
     def recorded(self) -> pa.Table | None:
@@ -108,41 +108,41 @@ class Run:
 
     @cached_property
     def assignments(self) -> pa.Table:
-        """``child``, ``track_id``, ``model``: the model of each vehicle."""
-        rows = self.children * int(self.info["seed_scene"]["vehicles"])
+        """``future``, ``track_id``, ``model``: the model of each vehicle."""
+        rows = self.futures * int(self.info["seed_scene"]["vehicles"])
         return read_assignments(self.folder / "assignments.parquet", rows=rows)
 
     @cached_property
     def tracks(self) -> pa.Table:
-        """States of all children in INTERACTION columns; ``case_id`` is the child."""
+        """States of all futures in INTERACTION columns; ``case_id`` is the future."""
         vehicles, frames = int(self.info["seed_scene"]["vehicles"]), LOGGED_HISTORY + int(self.info["steps"])
-        return read_states(self.folder / "tracks.parquet", rows=self.children * vehicles * frames)
+        return read_states(self.folder / "tracks.parquet", rows=self.futures * vehicles * frames)
 
     @cached_property
     def worst(self) -> pa.Table:
-        """Origin of each extremum: child, metric, time, the two tracks, value, ``after_collision``."""
-        return self.table("worst.parquet", columns=("child", "metric", "timestamp_ms", "track_id", "value"))
+        """Origin of each extremum: future, metric, time, the two tracks, value, ``after_collision``."""
+        return self.table("worst.parquet", columns=("future", "metric", "timestamp_ms", "track_id", "value"))
 
     @cached_property
     def collisions(self) -> pa.Table:
-        """Collisions, one row per child and pair of vehicles: time, place, severity."""
+        """Collisions, one row per future and pair of vehicles: time, place, severity."""
         return self.table("collisions.parquet")
 
     @cached_property
     def encounters(self) -> pa.Table:
-        """Encounters, one row per pair of vehicles that meet in some child; the most critical pair first."""
+        """Encounters, one row per pair of vehicles that meet in some future; the most critical pair first."""
         return self.table("encounters.parquet")
 
     @cached_property
     def pair_outcomes(self) -> pa.Table:
-        """Least TTC on the path, largest DRAC, least PET by ``child``, ``track_a`` and ``track_b``."""
-        return self.table(PAIR_OUTCOMES, columns=("child", "track_a", "track_b", "min_ttc_path"))
+        """Least TTC on the path, largest DRAC, least PET by ``future``, ``track_a`` and ``track_b``."""
+        return self.table(PAIR_OUTCOMES, columns=("future", "track_a", "track_b", "min_ttc_path"))
 
     @cached_property
     def intervals(self) -> DesignIntervals:
-        """Intervals for the children's design."""
+        """Intervals for the futures's design."""
         there = (self.folder / "assignments.parquet").is_file()
-        return intervals_of(self.info, self.assignments if there else None, self.children)
+        return intervals_of(self.info, self.assignments if there else None, self.futures)
 
     @cached_property
     def collision(self) -> Probability:
@@ -159,7 +159,7 @@ class Run:
         """Return the encounter of two vehicles.
 
         Raises:
-            UsageError: these two meet in no child.
+            UsageError: these two meet in no future.
         """
         for row in self.encounters.to_pylist():
             if {row["track_id"], row["other_id"]} == {one, other}:
@@ -168,7 +168,7 @@ class Run:
 
     @cached_property
     def baseline(self) -> Run | None:
-        """The same children without the models under test; None if it was not run."""
+        """The same futures without the models under test; None if it was not run."""
         return self._within(BASELINE)
 
     @cached_property
@@ -192,31 +192,31 @@ class Run:
 
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
 
-    def states(self, child: int) -> States:
-        """Return the states (V, T) of a child; frames 1 to 10 are the history, 10 is the seed scene."""
-        if not 0 <= child < self.children:
-            raise UsageError(f"no future {child} in {self.folder}; it has 0 to {self.children - 1}")
-        return self._blocks.child(child)
+    def states(self, future: int) -> States:
+        """Return the states (V, T) of a future; frames 1 to 10 are the history, 10 is the seed scene."""
+        if not 0 <= future < self.futures:
+            raise UsageError(f"no future {future} in {self.folder}; it has 0 to {self.futures - 1}")
+        return self._blocks.future(future)
 
     def state_blocks(self) -> Iterator[States]:
-        """Yield the states (C, V, T) of all children in order, some at a time."""
+        """Yield the states (C, V, T) of all futures in order, some at a time."""
         return map(self._blocks.read, range(len(self._blocks.ends)))
 
     @cached_property
     def _blocks(self) -> StateBlocks:
         vehicles, frames = len(self.info["seed_scene"]["track_ids"]), LOGGED_HISTORY + int(self.info["steps"])
         file = self.folder / "tracks.parquet"
-        return StateBlocks(file, children=self.children, vehicles=vehicles, frames=frames)
+        return StateBlocks(file, futures=self.futures, vehicles=vehicles, frames=frames)
 
-    def models_of(self, child: int) -> list[str]:
-        """Return the model (V,) of each vehicle of a child."""
+    def models_of(self, future: int) -> list[str]:
+        """Return the model (V,) of each vehicle of a future."""
         vehicles = len(self.info["seed_scene"]["track_ids"])
-        return [str(m) for m in self.assignments["model"].slice(child * vehicles, vehicles).to_pylist()]
+        return [str(m) for m in self.assignments["model"].slice(future * vehicles, vehicles).to_pylist()]
 
     @property
     def columns(self) -> list[str]:
         """The metric columns."""
-        return [name for name in self.metrics.column_names if name not in ("child", COLLISION)]
+        return [name for name in self.metrics.column_names if name not in ("future", COLLISION)]
 
     @property
     def outcomes(self) -> list[str]:
@@ -224,8 +224,8 @@ class Run:
         return [name for name in self.metrics.column_names if name == COLLISION]
 
     @property
-    def children(self) -> int:
-        """Number of children."""
+    def futures(self) -> int:
+        """Number of futures."""
         return int(self.metrics.num_rows)
 
     @property
@@ -242,7 +242,7 @@ class Run:
         return column_of(self.metrics, self.column(column))
 
     def samples(self, column: str) -> FloatArray:
-        """Return the values (n,) of a metric in the children where it is defined."""
+        """Return the values (n,) of a metric in the futures where it is defined."""
         values = self.values(column)
         return values[~np.isnan(values)]
 
@@ -256,7 +256,7 @@ class Run:
         folded = bool(self.info.get("reflect", True)) if reflect is None else reflect
         column = self.column(column)
         if column == COLLISION:
-            raise UsageError(f"{column}: is 0 or 1 in each child and has no density; see its share instead")
+            raise UsageError(f"{column}: is 0 or 1 in each future and has no density; see its share instead")
         width = self._half_widths[column]
         return metric_density(self.values(column), width, reflect=folded, bandwidth=bandwidth)
 
@@ -265,7 +265,7 @@ class Run:
         return half_widths(self.metrics, self.columns, self.intervals)
 
     def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
-        """Return the share of critical children with its 95 % interval; an undefined metric is not critical.
+        """Return the share of critical futures with its 95 % interval; an undefined metric is not critical.
 
         Raises:
             UsageError: no ``threshold`` is given, and the run has none for this metric.
@@ -288,13 +288,13 @@ class Run:
         return None if value is None else float(value)
 
     def most_critical(self, column: str) -> int:
-        """Return the child with the most critical value; `ResultError` if the metric is never defined."""
+        """Return the future with the most critical value; `ResultError` if the metric is never defined."""
         column = self.column(column)
         values = self.values(column)
         if np.isnan(values).all():
-            raise ResultError(f"{self.folder}: {column} is defined in none of {self.children} children")
+            raise ResultError(f"{self.folder}: {column} is defined in none of {self.futures} futures")
         index = np.nanargmin(values) if side_of(column) == "left" else np.nanargmax(values)
-        return int(self.metrics["child"][int(index)].as_py())
+        return int(self.metrics["future"][int(index)].as_py())
 
     def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
         """Read one of the folder's Parquet files, checked for columns and number of rows."""
@@ -305,7 +305,7 @@ def open_run(folder: str | Path) -> Run:
     """Open a result folder; raise a `ResultError` if it has no finished result.
 
     Example:
-        >>> scex.open_run(run.folder).children
+        >>> scex.open_run(run.folder).futures
         4
     """
     return Run(Path(folder))

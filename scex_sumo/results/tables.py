@@ -40,10 +40,10 @@ def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = No
 
 
 def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
-    """Read ``metrics.parquet``: children in order, and numbers of known metrics."""
-    table = read_table(file, columns=("child",), rows=rows)
-    if table["child"].to_pylist() != list(range(table.num_rows)):
-        raise ResultError(f"{file}: its children are not 0 to {table.num_rows - 1}; run again")
+    """Read ``metrics.parquet``: futures in order, and numbers of known metrics."""
+    table = read_table(file, columns=("future",), rows=rows)
+    if table["future"].to_pylist() != list(range(table.num_rows)):
+        raise ResultError(f"{file}: its futures are not 0 to {table.num_rows - 1}; run again")
     for name in table.column_names[1:]:
         kind = table.schema.field(name).type
         if name == COLLISION and pa.types.is_boolean(kind) and not table[name].null_count:
@@ -61,7 +61,7 @@ def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
 
 def read_assignments(file: Path, *, rows: int) -> pa.Table:
     """Read ``assignments.parquet``."""
-    table = read_table(file, columns=("child", "track_id", "model"), rows=rows)
+    table = read_table(file, columns=("future", "track_id", "model"), rows=rows)
     if not pa.types.is_string(table.schema.field("model").type) or table["model"].null_count:
         raise ResultError(f"{file}: column model holds no names; run again")
     return table
@@ -95,22 +95,22 @@ def _check_fit(
 class StateBlocks:
     """States in ``tracks.parquet``, read a row group at a time to save memory."""
 
-    def __init__(self, file: Path, *, children: int, vehicles: int, frames: int) -> None:
+    def __init__(self, file: Path, *, futures: int, vehicles: int, frames: int) -> None:
         self._file, self._shape = file, (-1, vehicles, frames)
         rows = vehicles * frames
         with as_table(file):
             self._parquet = pq.ParquetFile(file.absolute())
             there = self._parquet.metadata
             groups = [there.row_group(index).num_rows for index in range(there.num_row_groups)]
-        _check_fit(file, self._parquet.schema_arrow.names, _STATES, there.num_rows, children * rows)
-        self._whole = any(size % rows for size in groups)  # a child lies in two groups
+        _check_fit(file, self._parquet.schema_arrow.names, _STATES, there.num_rows, futures * rows)
+        self._whole = any(size % rows for size in groups)  # a future lies in two groups
         groups = [there.num_rows] if self._whole else groups
         self.ends = np.cumsum([size // rows for size in groups], dtype=np.int64)
-        """Number of children up to the end of each row group."""
+        """Number of futures up to the end of each row group."""
         self._last: tuple[int, States] | None = None
 
     def read(self, block: int) -> States:
-        """Return the states (C, V, T) of the children of a row group."""
+        """Return the states (C, V, T) of the futures of a row group."""
         if self._last is None or self._last[0] != block:
             self._last = None
             with as_table(self._file):
@@ -121,8 +121,8 @@ class StateBlocks:
             self._last = block, States(x=x, y=y, heading=psi, speed=np.hypot(vx, vy))
         return self._last[1]
 
-    def child(self, number: int) -> States:
-        """Return the states (V, T) of a child."""
+    def future(self, number: int) -> States:
+        """Return the states (V, T) of a future."""
         block = int(np.searchsorted(self.ends, number, side="right"))
         states: States = self.read(block)[number - (int(self.ends[block - 1]) if block else 0)]
         return states
@@ -132,18 +132,18 @@ def with_own_collisions(table: pa.Table, collisions: pa.Table, vehicles: Iterabl
     """Add the column ``collision`` of some vehicles to the metrics of their pairs."""
     own = [int(track) for track in vehicles]
     either = [np.isin(np.asarray(collisions[name]), own) for name in ("track_id", "other_id")]
-    struck = np.asarray(collisions["child"])[either[0] | either[1]]
-    hit = np.isin(np.asarray(table["child"]), struck).astype(np.float64)
+    struck = np.asarray(collisions["future"])[either[0] | either[1]]
+    hit = np.isin(np.asarray(table["future"]), struck).astype(np.float64)
     return table.add_column(1, COLLISION, pa.array(hit))
 
 
-def own_injuries(collisions: pa.Table, vehicles: Iterable[str], children: int) -> FloatArray:
+def own_injuries(collisions: pa.Table, vehicles: Iterable[str], futures: int) -> FloatArray:
     """Return (C,) expected severe injuries in the collisions of some vehicles."""
     own = np.array([int(track) for track in vehicles])
     mine = np.isin([np.asarray(collisions[name]) for name in ("track_id", "other_id")], own).any(axis=0)
     risks = [np.asarray(collisions[name].fill_null(0.0)) for name in ("p_mais3", "p_mais3_other")]
-    child, risk = np.asarray(collisions["child"])[mine], np.sum(risks, axis=0)[mine]
-    return np.bincount(child, risk, minlength=children).astype(np.float64)
+    future, risk = np.asarray(collisions["future"])[mine], np.sum(risks, axis=0)[mine]
+    return np.bincount(future, risk, minlength=futures).astype(np.float64)
 
 
 def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:

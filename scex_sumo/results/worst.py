@@ -16,24 +16,24 @@ from scex_sumo.results.outcomes import after_collision
 def worst_table(
     values: ScenarioValues,
     *,
-    child: Sequence[int] | IntArray,
+    future: Sequence[int] | IntArray,
     track_ids: IntArray,
     timestamp_ms: IntArray,
     hits: Collisions | None = None,
 ) -> pa.Table:
-    """Tabulate the origin of each child's extrema: ``worst.parquet``.
+    """Tabulate the origin of each future's extrema: ``worst.parquet``.
 
     Args:
-        child: (C,) numbers.
+        future: (C,) numbers.
         track_ids: (V,).
         timestamp_ms: (T,) history included.
 
     Returns:
-        child, metric, timestamp_ms, track_id, other_id (null for single vehicles), value, after_collision
+        future, metric, timestamp_ms, track_id, other_id (null for single vehicles), value, after_collision
         (whether the two had collided by then); no row where undefined.
     """
     parts = []
-    numbers = np.asarray(child, dtype=np.int64)
+    numbers = np.asarray(future, dtype=np.int64)
     for name, worst in values.worst.items():
         at = np.flatnonzero(worst.defined)
         rows = worst.take(at)
@@ -41,7 +41,7 @@ def worst_table(
         if hits is not None:
             after = after_collision(hits, at, rows.step, rows.vehicle, rows.other)
         columns = {
-            "child": numbers[at],
+            "future": numbers[at],
             "metric": pa.repeat(pa.scalar(name), len(at)),
             "timestamp_ms": timestamp_ms[rows.step],
             "track_id": track_ids[rows.vehicle],
@@ -50,7 +50,7 @@ def worst_table(
             "after_collision": pa.array(after),
         }
         parts.append(pa.table(columns))
-    return pa.concat_tables(parts).sort_by([("child", "ascending")]) if parts else pa.table({})
+    return pa.concat_tables(parts).sort_by([("future", "ascending")]) if parts else pa.table({})
 
 
 def other_ids(ids: IntArray | None, count: int) -> pa.Array:

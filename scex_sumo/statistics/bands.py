@@ -13,14 +13,14 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.intervals import DesignIntervals
 
 FIRST_LOOK: Final = 100
-MAX_CHILDREN: Final = 10_000
+MAX_FUTURES: Final = 10_000
 RARE: Final = 0.2
-"""Metrics that are defined in a smaller share of the children do not count."""
+"""Metrics that are defined in a smaller share of the futures do not count."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """Certainty of the metrics after some children.
+    """Certainty of the metrics after some futures.
 
     Attributes:
         width: half-width of the widest band, that of ``metric``.
@@ -28,7 +28,7 @@ class Look:
         remainder: of an exact P(collision); None without one.
     """
 
-    children: int
+    futures: int
     width: float
     metric: str
     left_out: tuple[str, ...]
@@ -56,7 +56,7 @@ def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, col
     }
     widest = max(widths, key=lambda name: widths[name], default="")
     return Look(
-        children=intervals.count,
+        futures=intervals.count,
         width=widths.get(widest, 0.0),
         metric=widest,
         left_out=tuple(columns[m] for m in range(len(columns)) if m not in counted),
@@ -64,13 +64,13 @@ def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, col
 
 
 def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
-    """Run more and more children until the widest band, or the remainder, is narrow; return the last look.
+    """Run more and more futures until the widest band, or the remainder, is narrow; return the last look.
 
     The next number depends on the values only, not on workers, batches or interruptions.
 
     Args:
-        measure: runs the first N children if they have not run yet, and looks at all.
-        most: children at which it ends in any case.
+        measure: runs the first N futures if they have not run yet, and looks at all.
+        most: futures at which it ends in any case.
     """
     count = min(FIRST_LOOK, most)
     while True:

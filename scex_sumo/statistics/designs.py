@@ -1,6 +1,6 @@
-"""Designs of assignments: independent draws, and balanced ones, which need fewer children.
+"""Designs of assignments: independent draws, and balanced ones, which need fewer futures.
 
-A design gives every child (row) a level, a behaviour model, for each factor, a vehicle.
+A design gives every future (row) a level, a behaviour model, for each factor, a vehicle.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Intervals of means over the children of a design.
+"""Intervals of means over the futures of a design.
 
 Independent draws have Wilson's interval and the band of Dvoretzky, Kiefer and Wolfowitz. In a balanced design
 the variance of the mean is the sum over orders k of s²(k) · b(k): s²(k) is the variance of interactions of k
 vehicles, b(k) the mean of the normed kernel of order k over all pairs of rows. s² is estimated from products
-of residuals; typical components count like a few children. p (1 - p) / variance is the number of children in
+of residuals; typical components count like a few futures. p (1 - p) / variance is the number of futures in
 Wilson's interval.
 
 Source: Rao 1971 (MINQUE); Wilson 1927. ``benchmarks/intervals.py`` measures the coverage.
@@ -25,24 +25,24 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.density import Interval, dkw_half_width, wilson_of
 
 ORDERS: Final = 3
-"""Interactions of more vehicles count as noise of single children."""
+"""Interactions of more vehicles count as noise of single futures."""
 
-FEWEST_CHILDREN: Final = 30
+FEWEST_FUTURES: Final = 30
 """With fewer, the interval is that of independent draws."""
 
 _FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, for which the forms are best
 _TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # prior components of shares
-_PRIOR_CHILDREN: Final = 30  # weight of the typical components
+_PRIOR_FUTURES: Final = 30  # weight of the typical components
 _BLOCK_ROWS: Final = 1024
 MAX_DOUBLE: Final = 4096
-"""Children up to which memory keeps the matrices of blocks; for more, a file does, in single precision."""
+"""Futures up to which memory keeps the matrices of blocks; for more, a file does, in single precision."""
 
 _THRESHOLDS: Final = 33
 _WIDEST: Final = 0.9  # quantile over thresholds
 
 
 class DesignIntervals:
-    """95 % intervals of shares, and bands of distributions, over the children of one design.
+    """95 % intervals of shares, and bands of distributions, over the futures of one design.
 
     Attributes:
         balanced: False for independent draws, which have the ordinary intervals.
@@ -56,17 +56,17 @@ class DesignIntervals:
         design: str,
         shares: Sequence[FloatArray] | None = None,
     ) -> None:
-        """Prepare for children.
+        """Prepare for futures.
 
         Args:
-            levels: (C, V) model of each vehicle in each child, whole numbers from 0.
+            levels: (C, V) model of each vehicle in each future, whole numbers from 0.
             design: how the assignments were drawn; ``all`` are all assignments.
             shares: per vehicle, the intended share of each level; by default equal for all that occur.
         """
         self.count = len(levels)
         factors = _factors(np.asarray(levels, dtype=np.int64), shares)
         self.whole = design == "all"
-        self.balanced = design not in ("random", "all") and bool(factors) and self.count >= FEWEST_CHILDREN
+        self.balanced = design not in ("random", "all") and bool(factors) and self.count >= FEWEST_FUTURES
         self._blocks: list[_Block] = []
         if self.balanced:
             starts = range(0, self.count, _BLOCK_ROWS)
@@ -77,7 +77,7 @@ class DesignIntervals:
             ]
 
     def variance(self, values: FloatArray) -> FloatArray:
-        """Return (M,) variances of the means of values (C, M) over the children under the design."""
+        """Return (M,) variances of the means of values (C, M) over the futures under the design."""
         if self.whole:
             return np.zeros(values.shape[1])
         if not self.balanced:
@@ -92,14 +92,14 @@ class DesignIntervals:
         return np.asarray(np.sum(parts, axis=0))
 
     def share(self, critical: BoolArray) -> Interval:
-        """Return the share of the critical children (C,) with its interval; NaN without children."""
+        """Return the share of the critical futures (C,) with its interval; NaN without futures."""
         return self.all_shares(np.asarray(critical)[:, None])[0]
 
     def all_shares(self, critical: BoolArray) -> list[Interval]:
         """Return the shares of many questions at once, (C, M)."""
         hits = np.asarray(critical, dtype=np.float64)
         if len(hits) != self.count:
-            raise InputError(f"intervals: {len(hits)} values for the {self.count} children of the design")
+            raise InputError(f"intervals: {len(hits)} values for the {self.count} futures of the design")
         if self.count == 0:
             return [Interval(value=float("nan"), low=0.0, high=1.0, count=0)] * hits.shape[1]
         share = hits.mean(axis=0)
@@ -111,7 +111,7 @@ class DesignIntervals:
         ]
 
     def effective_number(self, critical: FloatArray) -> FloatArray:
-        """Return (M,) numbers of independent children that would be as certain of shares (C, M)."""
+        """Return (M,) numbers of independent futures that would be as certain of shares (C, M)."""
         share = critical.mean(axis=0)
         spread = share * (1 - share)
         number = np.full(spread.shape, np.inf if self.whole else float(self.count))
@@ -120,7 +120,7 @@ class DesignIntervals:
         some = np.flatnonzero(spread > 0)
         if not len(some):
             return number
-        seen = self.count / (self.count + _PRIOR_CHILDREN)
+        seen = self.count / (self.count + _PRIOR_FUTURES)
         typical = spread[some] * float(self._weight() @ self._blocks[0].of_orders(_TYPICAL))
         variance = seen * self.variance(critical[:, some]) + (1 - seen) * typical
         # A design of all assignments leaves only rounding.

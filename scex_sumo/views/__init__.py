@@ -1,1 +1,1 @@
-"""Views of children in plain sumo-gui."""
+"""Views of futures in plain sumo-gui."""

@@ -20,7 +20,7 @@ EXAMPLE = "out/k733 --critical wttc"
 
 def view_command(
     folder: Result,
-    child: Annotated[int | None, Option(metavar="N", help="Show this future.")] = None,
+    future: Annotated[int | None, Option(metavar="N", help="Show this future.")] = None,
     grid: Annotated[
         int | None, Option(metavar="N", help="Show the N most different futures, or the most --critical.")
     ] = None,
@@ -37,10 +37,10 @@ def view_command(
     """Open futures in sumo-gui."""
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.views.children import write_child, write_encounter, write_grid, write_worst
+    from scex_sumo.views.futures import write_encounter, write_future, write_grid, write_worst
 
-    if sum(option is not None for option in (child, grid or critical, encounter)) > 1:
-        raise UsageError("view: --child, --critical and --encounter exclude one another; give one of them")
+    if sum(option is not None for option in (future, grid or critical, encounter)) > 1:
+        raise UsageError("view: --future, --critical and --encounter exclude one another; give one of them")
     with as_written(folder):
         run = open_run(folder)
         if grid is not None:
@@ -50,7 +50,7 @@ def view_command(
         elif encounter is not None:
             file = write_encounter(run, *two_tracks(encounter))
         else:
-            file = write_child(run, 0 if child is None else child)
+            file = write_future(run, 0 if future is None else future)
     if write_only:
         print(file)
     else:

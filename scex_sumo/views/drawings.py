@@ -79,8 +79,8 @@ _SETTINGS = """<viewsettings>
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ChildView:
-    """Child to be shown.
+class FutureView:
+    """Future to be shown.
 
     Attributes:
         states: (V, T) from 0.1 s on: past, seed scene, future.
@@ -112,15 +112,15 @@ class ChildView:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TiledChild:
-    """Child with its tile.
+class TiledFuture:
+    """Future with its tile.
 
     Attributes:
         slot: None in a net without tiles.
         offset: m.
     """
 
-    child: ChildView
+    future: FutureView
     slot: int | None
     offset: tuple[int, int]
 
@@ -228,24 +228,24 @@ def legend_entries(
     return entries
 
 
-def draw_children(shown: Sequence[TiledChild], colors: Mapping[str, Rgb], frame: Frame) -> str:
+def draw_futures(shown: Sequence[TiledFuture], colors: Mapping[str, Rgb], frame: Frame) -> str:
     """Draw tracks, rings, and titles above the tiles."""
     lines = []
     for s in shown:
         dx, dy = s.offset
-        for v, model in enumerate(s.child.models):
-            track = s.child.states[v, max(s.child.past - 1, 0) :]
+        for v, model in enumerate(s.future.models):
+            track = s.future.states[v, max(s.future.past - 1, 0) :]
             way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
             lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=frame.way_m))
-        title = f"future {s.child.number}" + (f" · {s.child.title}" if s.child.title else "")
+        title = f"future {s.future.number}" + (f" · {s.future.title}" if s.future.title else "")
         x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
         lines.append(_text(title, x, y, frame.line_m))
-        lines += [_ring(s, vehicle) for vehicle in s.child.event]
+        lines += [_ring(s, vehicle) for vehicle in s.future.event]
     return "".join(lines)
 
 
-def draw_seams(junctions: Sequence[FloatArray], shown: Sequence[TiledChild]) -> str:
+def draw_seams(junctions: Sequence[FloatArray], shown: Sequence[TiledFuture]) -> str:
     """Draw outlines of junctions, shapes (P, 2), as asphalt below the road: lanes end before them."""
     lines = []
     for s in shown:
@@ -256,10 +256,10 @@ def draw_seams(junctions: Sequence[FloatArray], shown: Sequence[TiledChild]) -> 
     return "".join(lines)
 
 
-def _ring(shown: TiledChild, vehicle: int) -> str:
+def _ring(shown: TiledFuture, vehicle: int) -> str:
     x, y = (
-        float(v[vehicle, shown.child.stop_state]) + d
-        for v, d in zip((shown.child.states.x, shown.child.states.y), shown.offset, strict=True)
+        float(v[vehicle, shown.future.stop_state]) + d
+        for v, d in zip((shown.future.states.x, shown.future.states.y), shown.offset, strict=True)
     )
     angles = [2 * math.pi * k / _RING_POINTS for k in range(_RING_POINTS + 1)]
     shape = " ".join(f"{x + _RING_M * math.cos(a):.2f},{y + _RING_M * math.sin(a):.2f}" for a in angles)

@@ -1,7 +1,7 @@
-"""Replay of children in sumo-gui without Python: ``sumo-gui -c child_0007.sumocfg``.
+"""Replay of futures in sumo-gui without Python: ``sumo-gui -c future_0007.sumocfg``.
 
 Colours show the behaviour models, thin lines the paths from the seed scene on.
-For children side by side the net is cropped. Only shapes change: lanes outside of the box shrink to dots on
+For futures side by side the net is cropped. Only shapes change: lanes outside of the box shrink to dots on
 its border, so that ids and connections stay.
 """
 
@@ -25,10 +25,10 @@ from scex_sumo.converters.net.files import net_root, points_of
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.drawings import (
     WINDOW_SIZE,
-    ChildView,
     Frame,
-    TiledChild,
-    draw_children,
+    FutureView,
+    TiledFuture,
+    draw_futures,
     draw_ids,
     draw_legend,
     draw_seams,
@@ -56,44 +56,44 @@ def write_view(
     folder: Path,
     net: SumoNet,
     scene: SeedScene,
-    children: Sequence[ChildView],
+    futures: Sequence[FutureView],
     colors: Mapping[str, Rgb],
     *,
     snapshots: tuple[tuple[float, str], ...] = (),
 ) -> Path:
-    """Write files that show one child in sumo-gui, or several side by side, and return the file to open.
+    """Write files that show one future in sumo-gui, or several side by side, and return the file to open.
 
     Args:
         snapshots: times in s and picture names for sumo-gui.
     """
-    grid = len(children) > 1
-    name = f"grid_{len(children)}" if grid else f"child_{children[0].number:04d}"
+    grid = len(futures) > 1
+    name = f"grid_{len(futures)}" if grid else f"future_{futures[0].number:04d}"
     folder.mkdir(parents=True, exist_ok=True)
-    source = _cropped(folder / name, net, children) if grid else (net.path, net.extras)
+    source = _cropped(folder / name, net, futures) if grid else (net.path, net.extras)
     template = template_of(source[0])
-    layout = template.window_layout(len(children), margin_m=_GRID_MARGIN_M)
+    layout = template.window_layout(len(futures), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
     if grid:
-        net_file, additional = _write_tiles(folder / name, source[1], template, layout, len(children))
+        net_file, additional = _write_tiles(folder / name, source[1], template, layout, len(futures))
     tiled = [
-        TiledChild(child=child, slot=slot if grid else None, offset=layout.offset(slot))
-        for slot, child in enumerate(children)
+        TiledFuture(future=future, slot=slot if grid else None, offset=layout.offset(slot))
+        for slot, future in enumerate(futures)
     ]
     groups = [group for s in tiled for group in _groups(scene, s)]
     write_fcd(folder / f"{name}.fcd.xml", groups, LaneFinder(source[0]))
-    entries = legend_entries(scene, [model for child in children for model in child.models], colors)
+    entries = legend_entries(scene, [model for future in futures for model in future.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in tiled], entries)
     if not grid:
-        frame = frame.closer(children[0].looked_at)
-    drawn = draw_seams(_junctions(source[0]), tiled) + draw_children(tiled, colors, frame)
+        frame = frame.closer(futures[0].looked_at)
+    drawn = draw_seams(_junctions(source[0]), tiled) + draw_futures(tiled, colors, frame)
     drawn += draw_legend(frame)
     letter_m = 0.0
     if not grid:
         letter_m = frame.exaggeration * letter_height([key for group in groups for key in group.ids])
-        drawn += _choose_ids(folder / f"{name}.ids.txt", groups, children[0], letter_m, frame)
+        drawn += _choose_ids(folder / f"{name}.ids.txt", groups, futures[0], letter_m, frame)
     additional.append(folder / f"{name}.add.xml")
-    types = _types(scene, children, colors)
-    lights = _delayed(net_file, (children[0].past - 1) * STEP_S)
+    types = _types(scene, futures, colors)
+    lights = _delayed(net_file, (futures[0].past - 1) * STEP_S)
     additional[-1].write_text(f"<additional>\n{types}{lights}{drawn}</additional>\n", encoding="utf-8")
     write_view_settings(
         folder / f"{name}.view.xml",
@@ -103,9 +103,9 @@ def write_view(
         lights=bool(lights),
         snapshots=snapshots,
         # A pause at the end would keep a sumo-gui open that only writes snapshots.
-        pause_s=None if snapshots else (children[0].stop_state + 1) * STEP_S,
+        pause_s=None if snapshots else (futures[0].stop_state + 1) * STEP_S,
     )
-    return _write_configuration(folder, name, net_file, additional, children[0].states.shape[1], ids=not grid)
+    return _write_configuration(folder, name, net_file, additional, futures[0].states.shape[1], ids=not grid)
 
 
 def _junctions(net: Path) -> list[FloatArray]:
@@ -114,12 +114,12 @@ def _junctions(net: Path) -> list[FloatArray]:
     return [shape for shape in shapes if len(shape) > 2]
 
 
-def _cropped(stem: Path, net: SumoNet, children: Sequence[ChildView]) -> tuple[Path, Path | None]:
-    states = [child.states for child in children]
+def _cropped(stem: Path, net: SumoNet, futures: Sequence[FutureView]) -> tuple[Path, Path | None]:
+    states = [future.states for future in futures]
     xs, ys = (np.concatenate([getattr(s, axis) for s in states], axis=None) for axis in ("x", "y"))
     around = _GRID_AROUND_M
     box = xs.min() - around, ys.min() - around, xs.max() + around, ys.max() + around
-    box = _filling(box, len(children))
+    box = _filling(box, len(futures))
     file = crop_net(net.path, box, stem.with_name(f"{stem.name}.cropped.net.xml"))
     if net.extras is None:
         return file, None
@@ -149,14 +149,14 @@ def _delayed(net: Path, by_s: float) -> str:
 
 
 def _choose_ids(
-    path: Path, groups: Sequence[FcdTracks], child: ChildView, letter_m: float, frame: Frame
+    path: Path, groups: Sequence[FcdTracks], future: FutureView, letter_m: float, frame: Frame
 ) -> str:
-    at, here = child.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
-    here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in child.event)
+    at, here = future.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
+    here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in future.event)
     here = [(group, n) for group, n in here if group.present[n, at]]
     names = [group.ids[n] for group, n in here]
     x, y = (np.array([getattr(group.states, axis)[n, at] for group, n in here]) for axis in ("x", "y"))
-    event, beside = list(range(len(child.event))), ""
+    event, beside = list(range(len(future.event))), ""
     kept = readable(names, x, y, letter_m)
     if not set(event) <= set(kept):
         rest = [n for n in range(len(here)) if n not in event]
@@ -177,21 +177,21 @@ def _write_tiles(
     return net_file, [extras]
 
 
-def _groups(scene: SeedScene, tiled: TiledChild) -> list[FcdTracks]:
-    steps = tiled.child.states.shape[1]
+def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
+    steps = tiled.future.states.shape[1]
     vehicles = FcdTracks(
         ids=[tiled.id(str(track)) for track in scene.track_ids],
-        types=[_type_id(model, v) for v, model in enumerate(tiled.child.models)],
+        types=[_type_id(model, v) for v, model in enumerate(tiled.future.models)],
         length=scene.length,
-        states=tiled.child.states,
-        present=np.ones(tiled.child.states.shape, dtype=bool),
+        states=tiled.future.states,
+        present=np.ones(tiled.future.states.shape, dtype=bool),
         tile=tiled.slot,
         offset=tiled.offset,
     )
     others = scene.obstacles
     if others is None:
         return [vehicles]
-    # Frame 1 of a child is the second of the eleven past states of a seed scene.
+    # Frame 1 of a future is the second of the eleven past states of a seed scene.
     columns = np.minimum(np.arange(1, steps + 1), others.states.shape[1] - 1)
     obstacles = FcdTracks(
         ids=[tiled.id(f"P{name}") for name in others.ids],
@@ -216,11 +216,11 @@ def _type_id(model: str, vehicle: int) -> str:
     return f"{re.sub('[^A-Za-z0-9_.=-]', '_', model)}.{vehicle}"
 
 
-def _types(scene: SeedScene, children: Sequence[ChildView], colors: Mapping[str, Rgb]) -> str:
+def _types(scene: SeedScene, futures: Sequence[FutureView], colors: Mapping[str, Rgb]) -> str:
     lines = []
     for v in range(scene.vehicles):
         size = scene.types[v], float(scene.length[v]), float(scene.width[v])
-        for model in sorted({child.models[v] for child in children}):
+        for model in sorted({future.models[v] for future in futures}):
             lines.append(given_type(_type_id(model, v), *size, colors[model]))
     if (others := scene.obstacles) is not None:
         for o, kind in enumerate(others.types):
@@ -288,9 +288,9 @@ def crop_extras(extras: Path, box: Box, out: Path) -> Path:
     return out
 
 
-def _write(out: Path, tag: str, root: ElementTree.Element, children: Iterable[ElementTree.Element]) -> None:
+def _write(out: Path, tag: str, root: ElementTree.Element, futures: Iterable[ElementTree.Element]) -> None:
     made = ElementTree.Element(tag, {key: value for key, value in root.attrib.items() if "}" not in key})
-    made.extend(children)
+    made.extend(futures)
     ElementTree.ElementTree(made).write(out, encoding="utf-8", xml_declaration=True)
 
 

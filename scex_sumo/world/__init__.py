@@ -1,1 +1,1 @@
-"""Worlds of children: SUMO (libsumo, sumo-gui) or plain arrays; the only package with libsumo and traci."""
+"""Worlds of futures: SUMO (libsumo, sumo-gui) or plain arrays; the only package with libsumo and traci."""

@@ -29,7 +29,7 @@ WORLDS = Registry(
 
 
 class World(Protocol):
-    """Batch of children in closed loop, set to the seed scene."""
+    """Batch of futures in closed loop, set to the seed scene."""
 
     def move(self, states: States, mask: BoolArray) -> None:
         """Set the next states (C, V) where ``mask`` is True; SUMO drives the others."""
@@ -54,7 +54,7 @@ class SumoDriven:
         edges: route; the vehicle is on the first edge.
     """
 
-    child: int
+    future: int
     vehicle: int
     model: str
     parameters: Mapping[str, str]
@@ -67,7 +67,7 @@ class WorldRequest:
 
     Attributes:
         models: names of behaviour models.
-        slots: tile slots of all children.
+        slots: tile slots of all futures.
         compared: whether a checked world is compared with SUMO's.
     """
 
@@ -82,10 +82,10 @@ class WorldRequest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BatchStart:
-    """Children of a batch.
+    """Futures of a batch.
 
     Attributes:
-        slots: (C,) tile slots; children share one if SUMO drives nobody and nobody watches.
+        slots: (C,) tile slots; futures share one if SUMO drives nobody and nobody watches.
         assignment: (C, V) index into the models of the request.
     """
 

@@ -61,7 +61,7 @@ def from_sumo(
 
 
 def vehicle_ids(slots: Sequence[int], track_ids: IntArray) -> list[str]:
-    """Return unique SUMO ids, child by child; children may share a tile."""
+    """Return unique SUMO ids, future by future; futures may share a tile."""
     ids, before = [], Counter[int]()
     for slot in slots:
         mark = f"~{before[slot]}" if before[slot] else ""
@@ -118,7 +118,7 @@ class Selection:
         index: (n,) flat index into (C, V).
         ids: (n) SUMO's ids.
         lanes: (n) moveToXY's ``keepRoute``.
-        watched: indices into n of vehicles in mixed children.
+        watched: indices into n of vehicles in mixed futures.
     """
 
     index: IntArray
@@ -129,7 +129,7 @@ class Selection:
 
 @dataclass(kw_only=True, eq=False)
 class RunningBatch:
-    """Running batch of C children.
+    """Running batch of C futures.
 
     Attributes:
         offset: (2, C, 1) of the tiles, m.
@@ -157,10 +157,10 @@ class RunningBatch:
     obstacles: set[str] = field(default_factory=set)
     _selected: dict[bool, Selection] = field(default_factory=dict)
 
-    def id_of(self, child: int, vehicle: int) -> str:
+    def id_of(self, future: int, vehicle: int) -> str:
         """Return SUMO's id of a vehicle."""
         vehicles: int = self.overridden.shape[1]
-        return self.ids[child * vehicles + vehicle]
+        return self.ids[future * vehicles + vehicle]
 
     @property
     def everybody(self) -> Selection:
@@ -195,9 +195,9 @@ class RunningBatch:
     def hand_over(self, driven: Sequence[SumoDriven], sumo: Any) -> None:
         """Let SUMO drive from now on; a vehicle on no lane goes straight on."""
         for d in driven:
-            key = self.id_of(d.child, d.vehicle)
+            key = self.id_of(d.future, d.vehicle)
             if sumo.vehicle.getLaneID(key):
-                self.route_ends[key] = tile_id(self.slots[d.child], d.edges[-1])
+                self.route_ends[key] = tile_id(self.slots[d.future], d.edges[-1])
             else:
                 self._take_back(key, sumo)
 
@@ -215,12 +215,12 @@ class RunningBatch:
         yield from self.straight_on
 
     def refuse_shared_slots(self) -> None:
-        """Raise a `SimulationError` if a child with SUMO drivers shares its slot."""
+        """Raise a `SimulationError` if a future with SUMO drivers shares its slot."""
         count = Counter(self.slots)
         mixed = {slot for slot, m in zip(self.slots, self.mixed, strict=True) if m}
         if shared := sorted(slot for slot in mixed if count[slot] > 1):
             raise SimulationError(
-                f"slots {shared} hold several children, one with SUMO drivers or shown in sumo-gui; "
+                f"slots {shared} hold several futures, one with SUMO drivers or shown in sumo-gui; "
                 "give each its own slot"
             )
 
@@ -251,11 +251,11 @@ def new_batch(
     """Return a batch before its start; ``watched``: sumo-gui shows it."""
     overridden = np.ones(start.shape, dtype=bool)
     for d in driven:
-        overridden[d.child, d.vehicle] = False
+        overridden[d.future, d.vehicle] = False
     # Looking for lanes takes three quarters of the time, and only SUMO's drivers need it.
     mixed = np.full(len(slots), watched) | ~overridden.all(axis=1)
-    children, vehicles = start.shape
-    own = np.arange(children * vehicles).reshape(start.shape)
+    futures, vehicles = start.shape
+    own = np.arange(futures * vehicles).reshape(start.shape)
     group = np.where(mixed[:, None], vehicles + own, np.arange(vehicles))
     return RunningBatch(
         slots=slots,

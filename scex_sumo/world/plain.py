@@ -16,18 +16,18 @@ from scex_sumo.world.base import BatchStart, World, WorldRequest
 from scex_sumo.world.batch import angle_read_back, from_sumo, to_sumo
 from scex_sumo.world.sumo import SumoSimulator
 
-SAMPLE = 2  # children of a checked batch in SUMO
+SAMPLE = 2  # futures of a checked batch in SUMO
 
 
 class PlainWorld:
     """World of arrays: vehicles are where they were moved to."""
 
-    def __init__(self, children: int, vehicles: int, *, length: FloatArray | None = None) -> None:
+    def __init__(self, futures: int, vehicles: int, *, length: FloatArray | None = None) -> None:
         """Make a world without states.
 
         ``length`` (V,), m, rounds as SUMO, which stores front bumpers and degrees; None rounds nothing.
         """
-        self._states = States.empty((children, vehicles))
+        self._states = States.empty((futures, vehicles))
         self._length = length
 
     def move(self, states: States, mask: BoolArray) -> None:
@@ -72,7 +72,7 @@ class PlainSimulator:
 
 
 class _CheckedWorld:
-    """Plain world whose first children run in SUMO's world, too; both must be equal, to the bit."""
+    """Plain world whose first futures run in SUMO's world, too; both must be equal, to the bit."""
 
     def __init__(self, plain: World, sumo: World, sample: int) -> None:
         self._plain, self._sumo, self._sample = plain, sumo, sample
@@ -103,7 +103,7 @@ class _CheckedWorld:
 class CheckedSimulator:
     """Simulator of checked worlds.
 
-    SUMO simulates all children if it drives or shows vehicles. Without a comparison the world is plain.
+    SUMO simulates all futures if it drives or shows vehicles. Without a comparison the world is plain.
     """
 
     has_sumo = True

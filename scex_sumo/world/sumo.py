@@ -42,9 +42,9 @@ _AS_TOLD = 0b0001010101  # SUMO's lane change mode: its own decisions, and told 
 
 
 class SumoWorld:
-    """SUMO simulation of a batch, each child in its tile; a context manager, one per process.
+    """SUMO simulation of a batch, each future in its tile; a context manager, one per process.
 
-    Children without SUMO drivers may share a tile, because moved vehicles do not react. One vehicle in SUMO
+    Futures without SUMO drivers may share a tile, because moved vehicles do not react. One vehicle in SUMO
     then represents all with the same way, see `SharedVehicles`.
     """
 
@@ -95,7 +95,7 @@ class SumoWorld:
 
         Args:
             start: (C, V) states of the seed scene.
-            slots: (C,) tile slots; children without SUMO drivers may share one.
+            slots: (C,) tile slots; futures without SUMO drivers may share one.
             driven: vehicles that SUMO drives; all others must be moved before each step.
         """
         wanted, tiles = [int(slot) for slot in slots], self._session.slots
@@ -128,7 +128,7 @@ class SumoWorld:
     def _plan_stops(self, batch: RunningBatch, driven: Sequence[SumoDriven]) -> None:
         for d in driven:
             intention = self._scene.intention(d.vehicle)
-            key, slot = batch.id_of(d.child, d.vehicle), batch.slots[d.child]
+            key, slot = batch.id_of(d.future, d.vehicle), batch.slots[d.future]
             for stop in () if intention is None else intention.stops:
                 edge, _, lane = stop.lane.rpartition("_")
                 begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
@@ -147,7 +147,7 @@ class SumoWorld:
     def _go_on_changing(self, batch: RunningBatch, driven: Sequence[SumoDriven]) -> None:
         """Let vehicles go on that change their lanes, whoever is beside them, as SUMO had decided."""
         for d in driven:
-            intention, key = self._scene.intention(d.vehicle), batch.id_of(d.child, d.vehicle)
+            intention, key = self._scene.intention(d.vehicle), batch.id_of(d.future, d.vehicle)
             if intention is not None and intention.change:
                 with suppress(*self._session.errors):  # no lane there
                     self._changing[key] = self._sumo.vehicle.getLaneChangeMode(key)
@@ -175,8 +175,8 @@ class SumoWorld:
             return
         front_x, front_y, angle = to_sumo(states, others.length)
         with self._session.refusals("move pedestrians and cyclists"):
-            for child in np.flatnonzero(batch.mixed):
-                slot, (dx, dy) = batch.slots[child], batch.offset[:, child, 0]
+            for future in np.flatnonzero(batch.mixed):
+                slot, (dx, dy) = batch.slots[future], batch.offset[:, future, 0]
                 for o, name in enumerate(others.ids):
                     key = tile_id(slot, f"other{name}")
                     if present[o]:
@@ -218,9 +218,9 @@ class SumoWorld:
             front = np.fromiter(ends, np.float64, 2 * len(held)).reshape(-1, 2)[place]
             angle = np.fromiter(map(get.getAngle, held), np.float64, len(held))[place]
             speed = batch.held.copy()
-            for child in np.flatnonzero(batch.mixed):
-                mine = batch.ids[child * shape[1] : (child + 1) * shape[1]]
-                speed[child] = list(map(get.getSpeed, mine))
+            for future in np.flatnonzero(batch.mixed):
+                mine = batch.ids[future * shape[1] : (future + 1) * shape[1]]
+                speed[future] = list(map(get.getSpeed, mine))
         x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
         return from_sumo(x, y, angle, speed, self._length)
 
@@ -231,11 +231,11 @@ class SumoWorld:
         with self._session.refusals("save its state"):
             self._sumo.simulation.saveState(str(folder / "state.xml"))
 
-    def color(self, child: int, vehicle: int, rgb: Rgb) -> None:
+    def color(self, future: int, vehicle: int, rgb: Rgb) -> None:
         """Colour a vehicle in sumo-gui; does nothing without it."""
         if self._gui:
             with self._session.refusals("colour a vehicle"):
-                self._sumo.vehicle.setColor(self._batch.id_of(child, vehicle), (*rgb, 255))
+                self._sumo.vehicle.setColor(self._batch.id_of(future, vehicle), (*rgb, 255))
 
     @property
     def _batch(self) -> RunningBatch:
@@ -276,10 +276,10 @@ class SumoWorld:
 
     def _add_vehicles(self, new: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
         batch, vehicles = self._batch, self._scene.vehicles
-        by_sumo = {d.child * vehicles + d.vehicle: d for d in driven}
+        by_sumo = {d.future * vehicles + d.vehicle: d for d in driven}
         for index in new.tolist():
-            child, v = divmod(index, vehicles)
-            key, slot = batch.ids[index], batch.slots[child]
+            future, v = divmod(index, vehicles)
+            key, slot = batch.ids[index], batch.slots[future]
             if d := by_sumo.get(index):
                 self._routes += 1
                 route = f"route{self._routes}"
@@ -289,7 +289,7 @@ class SumoWorld:
                     self._sumo.vehicle.setSpeedFactor(key, intention.speed_factor)
             else:
                 self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
-                if batch.mixed[child]:
+                if batch.mixed[future]:
                     # Else others give way to lane changes that never happen.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
 
@@ -317,6 +317,6 @@ class SumoSimulator:
         """Return the world, set to the seed scene."""
         self._world.begin(self._scene.now.repeat(len(batch.slots)), batch.slots, batch.driven)
         if self._gui:
-            for (child, vehicle), model in np.ndenumerate(batch.assignment):
-                self._world.color(child, vehicle, self._colors[model])
+            for (future, vehicle), model in np.ndenumerate(batch.assignment):
+                self._world.color(future, vehicle, self._colors[model])
         return self._world

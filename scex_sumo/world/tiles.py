@@ -1,4 +1,4 @@
-"""Tiles: copies of a SUMO net side by side, one for each child of a batch.
+"""Tiles: copies of a SUMO net side by side, one for each future of a batch.
 
 A tile has prefixed ids and coordinates moved by whole metres. Its offset depends on the slot alone.
 """
@@ -18,7 +18,7 @@ from scex_sumo.base.errors import SimulationError, listed
 from scex_sumo.converters.net.allowed import prune
 
 TILE_SLOTS = 64
-"""Number of tile slots; a child i with its own tile is in slot ``i % TILE_SLOTS``."""
+"""Number of tile slots; a future i with its own tile is in slot ``i % TILE_SLOTS``."""
 
 TILE_COLUMNS = 8
 WINDOW_ASPECT = 1.5  # least usual width by height of sumo-gui's view
@@ -97,8 +97,8 @@ class TileTemplate:
         self.lanes = sum(1 for _ in root.iter("lane"))  # internal ones included
         for element in list(root.iter()):
             element.tail, element.text = "\n", None
-            for child in [child for child in element if child.tag in _LEFT_OUT]:
-                element.remove(child)
+            for future in [future for future in element if future.tag in _LEFT_OUT]:
+                element.remove(future)
             if element.tag not in _ONCE:
                 _mark(element)
         texts = [(e.tag in _ONCE, ElementTree.tostring(e, encoding="unicode")) for e in root]

@@ -31,10 +31,10 @@ def test_a_comma_in_the_temporary_folder_is_refused_before_the_run(
     monkeypatch.setattr("tempfile.tempdir", str(folder))
     seed = scex.read_seed(scex.example_path("roundabout"))
     with pytest.raises(SimulationError, match=r"SUMO splits paths at commas; set TMPDIR"):
-        extrapolate(seed, children=1, models=["sumo:EIDM"], out=tmp_path / "out")
+        extrapolate(seed, futures=1, models=["sumo:EIDM"], out=tmp_path / "out")
 
 
 def test_a_comma_in_the_result_folder_does_no_harm(tmp_path: Path) -> None:
     seed = scex.read_seed(scex.example_path("roundabout"))
-    run = extrapolate(seed, children=1, models=["sumo:EIDM"], out=tmp_path / "a,b")
-    assert run.info["children"] == 1
+    run = extrapolate(seed, futures=1, models=["sumo:EIDM"], out=tmp_path / "a,b")
+    assert run.info["futures"] == 1

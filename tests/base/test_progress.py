@@ -41,5 +41,5 @@ def test_notes_are_warnings_of_one_class(tmp_path: Path) -> None:
     with pytest.warns(scex.ScexWarning, match="previous steps recorded"):
         scene = scex.read_seed(scex.example_path("roundabout"), time=0.5)
     with pytest.warns(scex.ScexWarning, match="leave within the time of a future") as caught:
-        extrapolate(scene, children=2, steps=20, out=tmp_path / "out")
+        extrapolate(scene, futures=2, steps=20, out=tmp_path / "out")
     assert {warning.filename for warning in caught} == {__file__}  # the user's line

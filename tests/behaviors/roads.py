@@ -106,15 +106,15 @@ def scene_of(
     )
 
 
-def present(scene: SeedScene, children: int = 1, draw: np.ndarray | None = None) -> SceneHistory:
-    """The history of several children at the moment of the seed scene."""
+def present(scene: SeedScene, futures: int = 1, draw: np.ndarray | None = None) -> SceneHistory:
+    """The history of several futures at the moment of the seed scene."""
     obstacles = scene.obstacles
     return SceneHistory(
         scene=scene,
-        states=States.stack([scene.history] * children, axis=0),
-        children=np.arange(children),
+        states=States.stack([scene.history] * futures, axis=0),
+        futures=np.arange(futures),
         step=0,
-        route_draw=np.zeros((children, scene.vehicles)) if draw is None else draw,
+        route_draw=np.zeros((futures, scene.vehicles)) if draw is None else draw,
         obstacle_states=None if obstacles is None else obstacles.states[:, 10],
         obstacle_present=None if obstacles is None else obstacles.present[:, 10],
     )
@@ -122,11 +122,11 @@ def present(scene: SeedScene, children: int = 1, draw: np.ndarray | None = None)
 
 def every(history: SceneHistory) -> VehicleIndex:
     c, v = np.indices(history.now.shape).reshape(2, -1)
-    return VehicleIndex(child=c, vehicle=v)
+    return VehicleIndex(future=c, vehicle=v)
 
 
 def generators(history: SceneHistory) -> list[np.random.Generator]:
-    return [np.random.default_rng(int(c)) for c in history.children]
+    return [np.random.default_rng(int(c)) for c in history.futures]
 
 
 def plan(model: Behavior, where: Road, history: SceneHistory, who: VehicleIndex | None = None) -> Plan:
@@ -134,10 +134,10 @@ def plan(model: Behavior, where: Road, history: SceneHistory, who: VehicleIndex 
 
 
 def closed_loop(
-    model: Behavior, where: Road, scene: SeedScene, *, steps: int, replan: int, children: int = 1
+    model: Behavior, where: Road, scene: SeedScene, *, steps: int, replan: int, futures: int = 1
 ) -> States:
     """Drive all vehicles of a scene by one model, exactly as planned: (C, V, steps)."""
-    history = present(scene, children)
+    history = present(scene, futures)
     driven = []
     for step in range(steps):
         if step % replan == 0:

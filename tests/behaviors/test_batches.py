@@ -40,14 +40,14 @@ def crowd() -> SeedScene:
 SCENE = crowd()
 
 
-def history(children: int = 7) -> SceneHistory:
-    """Children that have come apart, as after some steps."""
+def history(futures: int = 7) -> SceneHistory:
+    """Futures that have come apart, as after some steps."""
     rng = np.random.default_rng(11)
-    whole = roads.present(SCENE, children, rng.random((children, SCENE.vehicles)))
+    whole = roads.present(SCENE, futures, rng.random((futures, SCENE.vehicles)))
     states = States(
-        x=whole.states.x + rng.normal(0, 0.5, (children, SCENE.vehicles, 1)),
-        y=whole.states.y + rng.normal(0, 0.3, (children, SCENE.vehicles, 1)),
-        heading=whole.states.heading + rng.normal(0, 0.03, (children, SCENE.vehicles, 1)),
+        x=whole.states.x + rng.normal(0, 0.5, (futures, SCENE.vehicles, 1)),
+        y=whole.states.y + rng.normal(0, 0.3, (futures, SCENE.vehicles, 1)),
+        heading=whole.states.heading + rng.normal(0, 0.03, (futures, SCENE.vehicles, 1)),
         speed=whole.states.speed,
     )
     return replace(whole, states=states, step=5)
@@ -87,21 +87,21 @@ def test_some_of_the_vehicles_get_the_very_plans_they_get_among_all(model: Behav
     whole = history()
     everyone = rows(roads.plan(model, ROAD, whole)).reshape(4, 7, 9, 30)
     for keep in (np.array([3]), np.array([0, 8]), np.array([1, 2, 4, 5, 6, 7])):
-        child, vehicle = (a.ravel() for a in np.meshgrid(np.arange(7), keep, indexing="ij"))
-        some = rows(roads.plan(model, ROAD, whole, VehicleIndex(child=child, vehicle=vehicle)))
-        assert np.array_equal(some, everyone[:, child, vehicle])
+        future, vehicle = (a.ravel() for a in np.meshgrid(np.arange(7), keep, indexing="ij"))
+        some = rows(roads.plan(model, ROAD, whole, VehicleIndex(future=future, vehicle=vehicle)))
+        assert np.array_equal(some, everyone[:, future, vehicle])
 
 
-def test_a_child_gets_the_very_plans_in_any_batch(model: Behavior) -> None:
+def test_a_future_gets_the_very_plans_in_any_batch(model: Behavior) -> None:
     whole = history()
     everyone = rows(roads.plan(model, ROAD, whole)).reshape(4, 7, 9, 30)
     for keep in (np.array([6]), np.array([2, 0]), np.array([1, 3, 5])):
         part = replace(
-            whole, states=whole.states[keep], children=whole.children[keep], route_draw=whole.route_draw[keep]
+            whole, states=whole.states[keep], futures=whole.futures[keep], route_draw=whole.route_draw[keep]
         )
         assert np.array_equal(rows(roads.plan(model, ROAD, part)).reshape(4, -1, 9, 30), everyone[:, keep])
 
 
 def test_nobody_to_plan_for_gives_an_empty_plan(model: Behavior) -> None:
-    nobody = VehicleIndex(child=np.zeros(0, dtype=np.int64), vehicle=np.zeros(0, dtype=np.int64))
+    nobody = VehicleIndex(future=np.zeros(0, dtype=np.int64), vehicle=np.zeros(0, dtype=np.int64))
     assert rows(roads.plan(model, ROAD, history(), nobody)).shape == (4, 0, 30)

@@ -159,7 +159,7 @@ class Parked:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        now = history.now[who.child, who.vehicle]
+        now = history.now[who.future, who.vehicle]
         x, y, heading = (np.repeat(a[:, None], self.steps, axis=1) for a in (now.x, now.y, now.heading))
         return Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
 
@@ -241,10 +241,10 @@ class Drift:
         self.seen: list[tuple[int, int, int]] = []
 
     def plan_one(
-        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+        self, history: SceneHistory, road: Road, future: int, vehicle: int, rng: np.random.Generator
     ) -> States:
-        self.seen.append((child, vehicle, len(road.lanes)))
-        now, ahead = history.now[child, vehicle], np.arange(1, 31)
+        self.seen.append((future, vehicle, len(road.lanes)))
+        now, ahead = history.now[future, vehicle], np.arange(1, 31)
         return States(
             x=np.full(30, float(now.x)),
             y=float(now.y) + ahead + rng.integers(0, 1),
@@ -297,7 +297,7 @@ def test_a_run_with_rule_based_drivers_loads_no_wing_of_drivers() -> None:
         "import sys\n"
         "import scex_sumo as scex\n"
         "scene = scex.read_seed(scex.example_path('roundabout'))\n"
-        "scex.extrapolate(scene, models='rules', reference='none', children=2, steps=2)\n"
+        "scex.extrapolate(scene, models='rules', reference='none', futures=2, steps=2)\n"
         "rooms = 'humans.driver', 'humans.guard', 'learned', 'plug_in'\n"
         "wings = tuple(f'scex_sumo.{room}' for room in rooms)\n"
         "sys.exit(', '.join(name for name in sys.modules if name.startswith(wings)) or None)"

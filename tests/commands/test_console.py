@@ -63,7 +63,7 @@ def test_tables_keep_their_own_colours_alone(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_names_in_results_and_of_files_do_not_reach_a_terminal_unescaped(tmp_path: Path) -> None:
     out = tmp_path / f"o{TITLE}"
-    extrapolate(scex_sumo.read_seed(ROUNDABOUT), children=2, out=out)
+    extrapolate(scex_sumo.read_seed(ROUNDABOUT), futures=2, out=out)
     info = json.loads((out / "run.json").read_text())
     info["seed_scene"]["name"] += TITLE
     (out / "run.json").write_text(json.dumps(info))

@@ -15,7 +15,7 @@ from scex_sumo.commands.shared import plain
 from tests.command import scex
 
 MAP = example_path("roundabout")
-SHORT = ("--children", 4, "--steps", 5)
+SHORT = ("--futures", 4, "--steps", 5)
 DOCS = Path(__file__).parents[2] / "docs" / "json.md"
 
 
@@ -38,8 +38,8 @@ def documented(command: str) -> list[str]:
 def test_json_is_all_on_standard_output_and_has_the_documented_keys(
     command: str, result: Path, tmp_path: Path
 ) -> None:
-    small = {"rank": (MAP, "--every", 9, "--children", 2, "--first", 2), "inspect": (MAP,)}
-    small |= {"validate": (MAP, "--every", 9, "--children", 4), "run": (MAP, *SHORT, "--no-report")}
+    small = {"rank": (MAP, "--every", 9, "--futures", 2, "--first", 2), "inspect": (MAP,)}
+    small |= {"validate": (MAP, "--every", 9, "--futures", 4), "run": (MAP, *SHORT, "--no-report")}
     out = () if command in ("encounters", "explain", "inspect") else ("-o", tmp_path / "out")
     done = scex(command, *small.get(command, (result,)), *out, "--json")
     assert done.returncode == 0, done.stderr
@@ -70,13 +70,13 @@ def test_json_has_no_numbers_that_it_does_not_know() -> None:
 def test_a_file_gives_options_and_the_command_line_wins(tmp_path: Path) -> None:
     config = tmp_path / "run.toml"
     config.write_text(
-        f'map = "{MAP}"\nchildren = 9\nsteps = 5\nmodels = ["standard_driver", "risky_driver"]\n'
+        f'map = "{MAP}"\nfutures = 9\nsteps = 5\nmodels = ["standard_driver", "risky_driver"]\n'
         'report = false\nreference = "none"\nthreshold = {ttc = 0.25}\nassign = {3 = "risky_driver"}\n'
     )
-    done = scex("run", "--config", config, "--children", 3, "-o", tmp_path / "one")
+    done = scex("run", "--config", config, "--futures", 3, "-o", tmp_path / "one")
     assert done.returncode == 0, done.stderr
     info = json.loads((tmp_path / "one" / "run.json").read_text())
-    assert (info["children"], info["steps"], info["thresholds"]["ttc"]) == (3, 5, 0.25)
+    assert (info["futures"], info["steps"], info["thresholds"]["ttc"]) == (3, 5, 0.25)
     assert not (tmp_path / "one" / "report.html").exists()
     assert scex("run", "--config", tmp_path / "one" / "run.json", "-o", tmp_path / "two").returncode == 0
     for name in ("tracks.parquet", "metrics.parquet", "assignments.parquet"):
@@ -90,7 +90,7 @@ def test_paths_of_a_file_are_relative_to_its_folder(tmp_path: Path) -> None:
         shutil.copy(MAP.with_suffix(ending), maps)
     text = f'map = "maps/{MAP.name}"\ntracks = "maps/{MAP.stem}.csv"\nout = "../result"\n'
     (tmp_path / "conf" / "run.toml").write_text(
-        text + 'children = 2\nsteps = 2\nreport = false\nreference = "none"\n'
+        text + 'futures = 2\nsteps = 2\nreport = false\nreference = "none"\n'
     )
     done = scex("run", "--config", tmp_path / "conf" / "run.toml")
     assert done.returncode == 0, done.stderr
@@ -104,9 +104,9 @@ def test_paths_of_a_file_are_relative_to_its_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("childern = 3", "unknown key 'childern'; nearest: children"),
+        ("futureern = 3", "unknown key 'futureern'; nearest: futures"),
         ("report = 3", "report is 3, needs true or false"),
-        ("children = ", "Invalid value"),
+        ("futures = ", "Invalid value"),
     ],
 )
 def test_a_wrong_file_is_one_line(text: str, said: str, tmp_path: Path) -> None:

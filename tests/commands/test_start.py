@@ -17,7 +17,7 @@ def after_a_run(tmp_path: Path, code: str, *more: str) -> list[str]:
     """What code prints after a run in the same process."""
     run = (
         "import sys\nfrom scex_sumo.cli import main\n"
-        f"sys.argv = ['scex-sumo', 'run', {str(example_path('motorway_merge'))!r}, '--children', '1', "
+        f"sys.argv = ['scex-sumo', 'run', {str(example_path('motorway_merge'))!r}, '--futures', '1', "
         f"'--steps', '3', '--overwrite', '-o', {str(tmp_path / 'out')!r}, *{more}]\nmain()\nprint()\n"
     )
     done = subprocess.run([sys.executable, "-c", run + code], capture_output=True, text=True, check=True)

@@ -63,11 +63,11 @@ def test_paths_in_a_configuration_are_relative_to_it(tmp_path: Path) -> None:
     config = tmp_path / "in" / "run.cfg"
     config.parent.mkdir()
     with pytest.raises(SystemExit):
-        words_of("run", ["--map-path", "../m.osm", "--children", "4", "-o", "../out", "-C", str(config)])
-    words = words_of("run", ["-c", str(config), "--children", "5"])
+        words_of("run", ["--map-path", "../m.osm", "--futures", "4", "-o", "../out", "-C", str(config)])
+    words = words_of("run", ["-c", str(config), "--futures", "5"])
     assert words == [
         "run",
-        "--children=5",
+        "--futures=5",
         f"--out={config.parent}/../out",
         "--",
         f"{config.parent}/../m.osm",

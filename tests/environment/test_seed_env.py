@@ -49,11 +49,11 @@ def test_a_flat_observation_is_the_flattened_one(scene: scex.SeedScene) -> None:
 
 
 def test_the_others_drive_as_in_a_run(scene: scex.SeedScene, tmp_path: Path) -> None:
-    """An agent that repeats a run's driver: the others end where they end in that run's children."""
+    """An agent that repeats a run's driver: the others end where they end in that run's futures."""
     count, agent = 24, 6
     run = extrapolate(
         scene,
-        children=count,
+        futures=count,
         design="random",
         seed=3,
         models="rules",
@@ -61,7 +61,7 @@ def test_the_others_drive_as_in_a_run(scene: scex.SeedScene, tmp_path: Path) -> 
         exact=False,
         out=tmp_path / "run",
     )
-    states = States.stack([run.states(child) for child in range(count)], axis=0)[:, :, -30:]
+    states = States.stack([run.states(future) for future in range(count)], axis=0)[:, :, -30:]
     place = scene.track_ids.tolist().index(agent)
     track, now = states[:, place], scene.now[place]
     envs = gymnasium.make_vec(
@@ -84,15 +84,15 @@ def test_the_others_drive_as_in_a_run(scene: scex.SeedScene, tmp_path: Path) -> 
     assert np.abs(here.x - states.x[calm, :, 29])[:, others].max() < 0.05
     assert np.abs(here.y - states.y[calm, :, 29])[:, others].max() < 0.05
     table = run.collisions.to_pydict()
-    pairs = zip(table["child"], table["track_id"], table["other_id"], strict=True)
-    hit = {child for child, *pair in pairs if agent in pair}
+    pairs = zip(table["future"], table["track_id"], table["other_id"], strict=True)
+    hit = {future for future, *pair in pairs if agent in pair}
     assert set(np.flatnonzero(~calm).tolist()) == hit
 
 
 def test_a_collision_ends_the_episode_and_the_next_step_begins_another(scene: scex.SeedScene) -> None:
     envs = gymnasium.make_vec(SEED_ENV, num_envs=8, seed_scene=scene, agent=8, steps=40)
     first, info = envs.reset(seed=0)
-    assert info["child"].tolist() == list(range(8))
+    assert info["future"].tolist() == list(range(8))
     ended = np.zeros(8, dtype=bool)
     for _ in range(40):
         seen, reward, terminated, truncated, info = envs.step(np.tile([1.0, 0.0], (8, 1)))
@@ -101,7 +101,7 @@ def test_a_collision_ends_the_episode_and_the_next_step_begins_another(scene: sc
         assert np.array_equal(seen[begun][:, -1], first[begun][:, -1])
         assert (reward[terminated] < -5).all()
         ended = terminated | truncated
-    assert (info["child"] >= 8).any()  # full throttle in a roundabout ends early
+    assert (info["future"] >= 8).any()  # full throttle in a roundabout ends early
 
 
 def test_the_kinematic_bicycle_drives_a_circle() -> None:

@@ -109,12 +109,12 @@ def wandering(tmp_path: Path, *, case_id: bool) -> TrackTable:
     """Three random scenes as cases, or one of 100 steps as a recording."""
     rng = np.random.default_rng(5)
     tracks, _ = random_run(
-        rng, children=3 if case_id else 1, steps=40 if case_id else 100, history=1, vehicles=7, absent=0.2
+        rng, futures=3 if case_id else 1, steps=40 if case_id else 100, history=1, vehicles=7, absent=0.2
     )
     assert tracks.present is not None
     rows = []
-    for child, step, vehicle in np.argwhere(tracks.present):
-        at = (child, step, vehicle)
+    for future, step, vehicle in np.argwhere(tracks.present):
+        at = (future, step, vehicle)
         s = tracks.states
         line = row(
             int(vehicle) + 1,
@@ -124,7 +124,7 @@ def wandering(tmp_path: Path, *, case_id: bool) -> TrackTable:
             float(s.speed[at]),
             float(s.heading[at]),
         )
-        rows.append(f"{child + 1}.0,{line}" if case_id else line)
+        rows.append(f"{future + 1}.0,{line}" if case_id else line)
     rng.shuffle(rows)
     return write_csv(tmp_path / "random.csv", rows, f"case_id,{HEADER}" if case_id else HEADER)
 

@@ -1,4 +1,4 @@
-"""A finished run of few children, shared by the tests of all exporters."""
+"""A finished run of few futures, shared by the tests of all exporters."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ from tests.runs import extrapolate
 
 @pytest.fixture(scope="session")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Four children of the example intersection."""
+    """Four futures of the example intersection."""
     scene = read_seed(example_path("urban_intersection"))
-    return extrapolate(scene, children=4, out=tmp_path_factory.mktemp("run") / "out", seed=3)
+    return extrapolate(scene, futures=4, out=tmp_path_factory.mktemp("run") / "out", seed=3)

@@ -61,10 +61,10 @@ class Actor:
         self.put = transform
 
 
-def test_the_actor_is_where_the_child_has_it_mirrored_into_carla_s_frame(
+def test_the_actor_is_where_the_future_has_it_mirrored_into_carla_s_frame(
     run: Run, controller: ModuleType, tmp_path: Path
 ) -> None:
-    file = EXPORTERS.load("openscenario")(Request(run=run, children=(1,), out=tmp_path))[1]
+    file = EXPORTERS.load("openscenario")(Request(run=run, futures=(1,), out=tmp_path))[1]
     states = run.states(1)
     actor = Actor(f"vehicle{run.scene.track_ids[2]}")
     control = controller.Replay(actor, {"file": str(file)})

@@ -27,13 +27,13 @@ reader = pytest.importorskip("commonroad.common.file_reader")
 @pytest.fixture(scope="module")
 def file(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (written,) = EXPORTERS.load("commonroad")(
-        Request(run=run, children=(2,), out=tmp_path_factory.mktemp("cr"))
+        Request(run=run, futures=(2,), out=tmp_path_factory.mktemp("cr"))
     )
     return written
 
 
 def test_the_road_read_back_is_the_same(run: Run, file: Path) -> None:
-    road, back = Request(run=run, children=(2,)).road, read_map(file)
+    road, back = Request(run=run, futures=(2,)).road, read_map(file)
     assert back.lanes.keys() == road.lanes.keys()
     for i, lane in road.lanes.items():
         other = back.lanes[i]
@@ -70,7 +70,7 @@ def test_the_states_read_back_are_the_same(run: Run, file: Path) -> None:
 
 def test_commonroad_io_reads_an_ego_s_task_from_the_seed_scene_on(run: Run, tmp_path: Path) -> None:
     track = int(run.scene.track_ids[0])
-    request = Request(run=run, children=(2,), out=tmp_path, ego=track)
+    request = Request(run=run, futures=(2,), out=tmp_path, ego=track)
     (file,) = EXPORTERS.load("commonroad")(request)
     scenario, tasks = reader.CommonRoadFileReader(str(file)).open()
     (task,) = tasks.planning_problem_dict.values()
@@ -80,12 +80,12 @@ def test_commonroad_io_reads_an_ego_s_task_from_the_seed_scene_on(run: Run, tmp_
     first = scenario.dynamic_obstacles[0]
     assert first.initial_state.time_step == 0 and first.prediction.final_time_step == 30
     with pytest.raises(UsageError, match="--ego 999: not in the seed scene"):
-        EXPORTERS.load("commonroad")(Request(run=run, children=(2,), out=tmp_path, ego=999))
+        EXPORTERS.load("commonroad")(Request(run=run, futures=(2,), out=tmp_path, ego=999))
 
 
 def test_commonroad_io_reads_the_intersection_with_its_arms_and_turns(run: Run, file: Path) -> None:
     network = reader.CommonRoadFileReader(str(file)).open()[0].lanelet_network
-    lanes = Request(run=run, children=(2,)).road.lanes
+    lanes = Request(run=run, futures=(2,)).road.lanes
     (intersection,) = network.intersections
     assert len(intersection.incomings) == 4
     for arm in intersection.incomings:
@@ -108,7 +108,7 @@ def lit_run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     net = folder / "lit.net.xml"
     net.write_text(net.read_text().replace('offset="0"', 'offset="7"'))
     scene = synthetic_seed(net, vehicles=4)
-    return extrapolate(scene, children=1, models=["standard_driver"], out=folder / "out")
+    return extrapolate(scene, futures=1, models=["standard_driver"], out=folder / "out")
 
 
 def shown_by_sumo(net: Path, folder: Path, steps: int) -> dict[str, list[str]]:
@@ -131,7 +131,7 @@ def test_commonroad_io_reads_lights_that_show_what_sumo_shows(
     lit_run: Run, tmp_path: Path, *, ego: bool
 ) -> None:
     track = int(lit_run.scene.track_ids[0]) if ego else None
-    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, children=(0,), out=tmp_path, ego=track))
+    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, futures=(0,), out=tmp_path, ego=track))
     network = reader.CommonRoadFileReader(str(file)).open()[0].lanelet_network
     seed_step, steps = (0 if ego else 9), 1200
     shown = shown_by_sumo(lit_run.net.path, tmp_path, steps)
@@ -158,7 +158,7 @@ def test_an_export_with_lights_and_ego_meets_the_schema_of_commonroad_io(
 ) -> None:
     etree = pytest.importorskip("lxml.etree")
     ego = int(lit_run.scene.track_ids[0])
-    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, children=(0,), out=tmp_path, ego=ego))
+    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, futures=(0,), out=tmp_path, ego=ego))
     (schema,) = Path(reader.__file__).parents[1].rglob("XML_commonRoad_XSD.xsd")
     etree.XMLSchema(etree.parse(schema)).assertValid(etree.parse(file))
 
@@ -166,7 +166,7 @@ def test_an_export_with_lights_and_ego_meets_the_schema_of_commonroad_io(
 def test_commonroad_crime_computes_its_wttc_on_an_export_with_lights(lit_run: Run, tmp_path: Path) -> None:
     configuration = pytest.importorskip("commonroad_crime.data_structure.configuration")
     measure = pytest.importorskip("commonroad_crime.measure")
-    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, children=(0,), out=tmp_path))
+    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, futures=(0,), out=tmp_path))
     scenario, _ = reader.CommonRoadFileReader(str(file)).open(lanelet_assignment=True)
     ego, *others = (vehicle.obstacle_id for vehicle in scenario.dynamic_obstacles)
     settings = configuration.CriMeConfiguration()

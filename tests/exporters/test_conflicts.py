@@ -17,18 +17,18 @@ from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import States
-from scex_sumo.views.children import write_child
+from scex_sumo.views.futures import write_future
 from tests.runs import extrapolate
 from tests.seeds import straight_seed
 
 
-def exported(run: Run, to: str, folder: Path, children: tuple[int, ...] = (0, 1, 2, 3)) -> list[Path]:
-    return list(EXPORTERS.load(to)(Request(run=run, children=children, out=folder)))
+def exported(run: Run, to: str, folder: Path, futures: tuple[int, ...] = (0, 1, 2, 3)) -> list[Path]:
+    return list(EXPORTERS.load(to)(Request(run=run, futures=futures, out=folder)))
 
 
-def device(run: Run, child: int, file: Path) -> ET.Element:
-    """Conflicts of SUMO's own device on the replay of a child."""
-    config = write_child(run, child)
+def device(run: Run, future: int, file: Path) -> ET.Element:
+    """Conflicts of SUMO's own device on the replay of a future."""
+    config = write_future(run, future)
     options = {"probability": "1", "measures": "TTC DRAC PET", "thresholds": "3 3 2", "file": str(file)}
     options["range"] = "200"
     words = [word for name, value in options.items() for word in (f"--device.ssm.{name}", value)]
@@ -44,8 +44,8 @@ def number(element: ET.Element, tag: str, name: str = "value") -> float:
 
 def test_conflicts_have_the_form_and_the_values_of_sumo_s_device(run: Run, tmp_path: Path) -> None:
     files, off, forms = exported(run, "ssm", tmp_path / "ours"), [], set()
-    for child, file in enumerate(files):
-        ours, theirs = ET.parse(file).getroot(), device(run, child, tmp_path / f"{child}.xml")
+    for future, file in enumerate(files):
+        ours, theirs = ET.parse(file).getroot(), device(run, future, tmp_path / f"{future}.xml")
         forms |= {form_of(conflict) for conflict in (*theirs, *ours)}
         assert ours.tag == theirs.tag
         own = {(c.get("ego"), c.get("foe")): c for c in ours}
@@ -71,7 +71,7 @@ def kind_of(conflict: ET.Element) -> str | None:
     return None if found is None else found.get("type")
 
 
-def test_conflicts_of_several_children_are_read_back_by_sumolib(run: Run, tmp_path: Path) -> None:
+def test_conflicts_of_several_futures_are_read_back_by_sumolib(run: Run, tmp_path: Path) -> None:
     for file in exported(run, "ssm", tmp_path):
         for conflict in sumolib.xml.parse(str(file), "conflict"):
             assert float(conflict.begin) <= float(
@@ -89,9 +89,9 @@ def test_collisions_fit_sumo_s_schema_and_the_table(run: Run, tmp_path: Path) ->
     etree = pytest.importorskip("lxml.etree")
     schema = etree.XMLSchema(etree.parse(str(sumo_home() / "data" / "xsd" / "collision_file.xsd")))
     count = 0
-    for child, file in enumerate(exported(run, "collisions", tmp_path)):
+    for future, file in enumerate(exported(run, "collisions", tmp_path)):
         schema.assertValid(etree.parse(str(file)))
-        rows = [row for row in run.collisions.to_pylist() if row["child"] == child]
+        rows = [row for row in run.collisions.to_pylist() if row["future"] == future]
         written = list(sumolib.xml.parse(str(file), "collision"))
         assert len(written) == len(rows)
         for row, collision in zip(rows, written, strict=True):
@@ -113,8 +113,8 @@ def test_pet_of_a_right_angle_is_that_of_the_second_vehicle(tmp_path: Path) -> N
         speed=np.full((2, 11), 10.0),
     )
     scene = dataclasses.replace(straight_seed(2), history=history, road=road)
-    run = extrapolate(scene, models="constant_velocity", children=1, steps=40, out=tmp_path / "run")
-    (file,) = exported(run, "ssm", tmp_path / "pet.ssm.xml", children=(0,))
+    run = extrapolate(scene, models="constant_velocity", futures=1, steps=40, out=tmp_path / "run")
+    (file,) = exported(run, "ssm", tmp_path / "pet.ssm.xml", futures=(0,))
     (conflict,) = ET.parse(file).getroot()
     assert (conflict.get("ego"), conflict.get("foe")) == ("1", "0")
     pet = conflict.find("PET")

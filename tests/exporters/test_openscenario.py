@@ -17,12 +17,14 @@ pytest.importorskip("scenariogeneration")
 @pytest.fixture(scope="module")
 def files(run: Run, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     out = tmp_path_factory.mktemp("osc")
-    return EXPORTERS.load("openscenario")(Request(run=run, children=(0, 2), out=out))
+    return EXPORTERS.load("openscenario")(Request(run=run, futures=(0, 2), out=out))
 
 
-def test_the_box_of_each_vehicle_is_where_the_child_has_it_at_every_step(run: Run, files: list[Path]) -> None:
-    for child, file in ((0, files[1]), (2, files[2])):
-        states = run.states(child)
+def test_the_box_of_each_vehicle_is_where_the_future_has_it_at_every_step(
+    run: Run, files: list[Path]
+) -> None:
+    for future, file in ((0, files[1]), (2, files[2])):
+        states = run.states(future)
         boxes = box_centres(file, 0.1 * np.arange(states.shape[1]))
         for v, track in enumerate(run.scene.track_ids):
             x, y, heading = boxes[f"vehicle{track}"].T

@@ -33,8 +33,8 @@ def nothing_against(map_path: Path, folder: Path) -> None:
     assert findings(file) == []
 
 
-def test_children_as_openscenario_are_valid_by_asam_s_checker(run: Run, tmp_path: Path) -> None:
-    files = EXPORTERS.load("openscenario")(Request(run=run, children=(0, 1, 2, 3), out=tmp_path))
+def test_futures_as_openscenario_are_valid_by_asam_s_checker(run: Run, tmp_path: Path) -> None:
+    files = EXPORTERS.load("openscenario")(Request(run=run, futures=(0, 1, 2, 3), out=tmp_path))
     assert [line for file in files if file.suffix in (".xosc", ".xodr") for line in findings(file)] == []
 
 

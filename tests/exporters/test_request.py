@@ -8,22 +8,22 @@ import pytest
 from pyarrow import csv
 
 from scex_sumo.base.errors import MapError, ResultError, UsageError
-from scex_sumo.exporters.request import EXPORTERS, Request, closest_encounters, critical_children
+from scex_sumo.exporters.request import EXPORTERS, Request, closest_encounters, critical_futures
 from scex_sumo.results.run import Run
 
 
-def test_the_most_critical_children_come_worst_first(run: Run) -> None:
-    children = critical_children(run, "wttc", 3)
+def test_the_most_critical_futures_come_worst_first(run: Run) -> None:
+    futures = critical_futures(run, "wttc", 3)
     values = run.metrics["wttc"].to_numpy()
-    assert children[0] == run.most_critical("wttc")
-    assert list(values[list(children)]) == sorted(values)[:3]
+    assert futures[0] == run.most_critical("wttc")
+    assert list(values[list(futures)]) == sorted(values)[:3]
     with pytest.raises(UsageError, match="unknown metric 'nonsense'; nearest: "):
-        critical_children(run, "nonsense", 1)
+        critical_futures(run, "nonsense", 1)
 
 
 def test_the_typical_future_of_an_encounter_is_that_of_view(run: Run) -> None:
     for row in run.encounters.to_pylist():
-        assert closest_encounters(run, row["other_id"], row["track_id"], 1) == (row["child"],)
+        assert closest_encounters(run, row["other_id"], row["track_id"], 1) == (row["future"],)
 
 
 def test_encounters_are_sorted_by_the_gap_of_the_two(run: Run) -> None:
@@ -32,10 +32,10 @@ def test_encounters_are_sorted_by_the_gap_of_the_two(run: Run) -> None:
     met = next(
         (r for r in run.encounters.to_pylist() if {r["track_id"], r["other_id"]} == {first, second}), None
     )
-    assert met is None or order[0] == met["child"]
+    assert met is None or order[0] == met["future"]
     apart = []
-    for child in order[met is not None :]:
-        now = run.states(child)[:, 10:]
+    for future in order[met is not None :]:
+        now = run.states(future)[:, 10:]
         apart.append(np.hypot(now.x[0] - now.x[1], now.y[0] - now.y[1]).min())
     assert sorted(order) == [0, 1, 2, 3] and apart[0] <= apart[-1] + 1.0  # boxes, not centres
     with pytest.raises(UsageError, match="no vehicle 999; known: 1"):
@@ -43,39 +43,39 @@ def test_encounters_are_sorted_by_the_gap_of_the_two(run: Run) -> None:
 
 
 def test_a_map_that_is_gone_is_asked_for(run: Run, tmp_path: Path) -> None:
-    request = Request(run=run, children=(0,), map_path=tmp_path / "gone.osm")
+    request = Request(run=run, futures=(0,), map_path=tmp_path / "gone.osm")
     with pytest.raises(MapError, match="give it with --map MAP"):
         _ = request.road
 
 
 def test_an_exporter_of_ones_own_is_named_by_its_import_path(run: Run) -> None:
     write = EXPORTERS.load("tests.exporters.test_request:write_nothing")
-    assert write(Request(run=run, children=(1,))) == [Path("1")]
+    assert write(Request(run=run, futures=(1,))) == [Path("1")]
     with pytest.raises(UsageError, match="known: interaction, interpret, fcd, openscenario, sumo"):
         EXPORTERS.load("word")
 
 
 def write_nothing(request: Request) -> list[Path]:
-    return [Path(str(child)) for child in request.children]
+    return [Path(str(future)) for future in request.futures]
 
 
-def test_all_children_are_cases_of_one_interaction_file(run: Run, tmp_path: Path) -> None:
-    (file,) = EXPORTERS.load("interaction")(Request(run=run, children=(0, 1, 2, 3), out=tmp_path / "all.csv"))
+def test_all_futures_are_cases_of_one_interaction_file(run: Run, tmp_path: Path) -> None:
+    (file,) = EXPORTERS.load("interaction")(Request(run=run, futures=(0, 1, 2, 3), out=tmp_path / "all.csv"))
     lines = file.read_text().splitlines()
     assert len(lines) == 1 + 4 * run.scene.vehicles * 40
     assert lines[0].startswith("case_id,track_id,frame_id")
 
 
-def test_six_children_are_the_modalities_of_an_interpret_case(run: Run, tmp_path: Path) -> None:
-    children = (3, 0, 1, 2)
-    (file,) = EXPORTERS.load("interpret")(Request(run=run, children=children, out=tmp_path / "x_sub.csv"))
+def test_six_futures_are_the_modalities_of_an_interpret_case(run: Run, tmp_path: Path) -> None:
+    futures = (3, 0, 1, 2)
+    (file,) = EXPORTERS.load("interpret")(Request(run=run, futures=futures, out=tmp_path / "x_sub.csv"))
     rows = csv.read_csv(file).to_pandas()
     assert len(rows) == 30 * run.scene.vehicles and list(rows.columns[-3:]) == ["x4", "y4", "psi_rad4"]
     track = run.scene.track_ids[1]
     mine = rows[rows["track_id"] == track]
     assert mine["frame_id"].tolist() == list(range(11, 41)) and (mine["timestamp_ms"] % 100 == 0).all()
-    for number, child in enumerate(children, start=1):
-        states = run.states(child)[1, 10:40]
+    for number, future in enumerate(futures, start=1):
+        states = run.states(future)[1, 10:40]
         assert np.array_equal(mine[f"x{number}"], states.x)
         assert np.array_equal(mine[f"psi_rad{number}"], states.heading)
 
@@ -103,7 +103,7 @@ def test_a_submission_has_the_marked_vehicles_of_all_cases(
     tracks = marked(tmp_path / "DR_X_obs.csv", *marks)
     write = EXPORTERS.load("interpret")
     for case in ("3.0", "4.0", "3.0"):  # the third replaces the first
-        (file,) = write(Request(run=of_case(run, case, tracks), children=(0, 1)))
+        (file,) = write(Request(run=of_case(run, case, tracks), futures=(0, 1)))
     assert file == Path("DR_X_sub.csv")
     rows = csv.read_csv(file).to_pandas()
     assert set(zip(rows["case_id"], rows["track_id"], rows["interesting_agent"], strict=True)) == {
@@ -113,20 +113,20 @@ def test_a_submission_has_the_marked_vehicles_of_all_cases(
     }
     assert len(rows) == 90 and (rows["track_to_predict"] == 1).all()
     with pytest.raises(UsageError, match="has other columns"):
-        write(Request(run=of_case(run, "4.0", tracks), children=(0,)))
+        write(Request(run=of_case(run, "4.0", tracks), futures=(0,)))
     marked(tracks, "3.0,999,1,1,0")
     with pytest.raises(ResultError, match="vehicle 999 is to be predicted"):
-        write(Request(run=of_case(run, "3.0", tracks), children=(0, 1)))
+        write(Request(run=of_case(run, "3.0", tracks), futures=(0, 1)))
     with pytest.raises(UsageError, match="which vehicles to predict"):
-        write(Request(run=of_case(run, "3.0", tmp_path / "gone.csv"), children=(0,)))
+        write(Request(run=of_case(run, "3.0", tmp_path / "gone.csv"), futures=(0,)))
 
 
 @pytest.mark.parametrize(
-    ("out", "file"), [("mp4", "mp4/{}_child0007.mp4"), ("a.mp4", "a.mp4"), ("b.c", "b.c/{}_child0007.mp4")]
+    ("out", "file"), [("mp4", "mp4/{}_future0007.mp4"), ("a.mp4", "a.mp4"), ("b.c", "b.c/{}_future0007.mp4")]
 )
 def test_an_out_without_an_ending_is_a_folder(run: Run, tmp_path: Path, out: str, file: str) -> None:
     (tmp_path / "b.c").mkdir()
-    request = Request(run=run, children=(7,), out=tmp_path / out)
+    request = Request(run=run, futures=(7,), out=tmp_path / out)
     path = tmp_path / file.format(request.name)
     assert request.files(".mp4") == [path]
     assert path.parent.is_dir()

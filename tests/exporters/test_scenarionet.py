@@ -1,4 +1,4 @@
-"""Children as a data set of ScenarioNet, read back and by the rules of MetaDrive."""
+"""Futures as a data set of ScenarioNet, read back and by the rules of MetaDrive."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from scex_sumo.results.run import Run
 @pytest.fixture(scope="module")
 def files(run: Run, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     request = Request(
-        run=run, children=(2, 0), out=tmp_path_factory.mktemp("sn"), ego=int(run.scene.track_ids[1])
+        run=run, futures=(2, 0), out=tmp_path_factory.mktemp("sn"), ego=int(run.scene.track_ids[1])
     )
     return EXPORTERS.load("scenarionet")(request)
 
@@ -31,7 +31,7 @@ def load(path: Path) -> Any:
         return unpickle(file)
 
 
-def test_a_folder_has_a_pickle_for_each_child_and_its_summary(run: Run, files: list[Path]) -> None:
+def test_a_folder_has_a_pickle_for_each_future_and_its_summary(run: Run, files: list[Path]) -> None:
     *scenarios, summary, mapping = files
     assert [path.name[:3] for path in scenarios] == ["sd_", "sd_"]
     assert [path.name for path in (summary, mapping)] == ["dataset_summary.pkl", "dataset_mapping.pkl"]
@@ -53,7 +53,7 @@ def test_the_states_read_back_are_the_same(run: Run, files: list[Path]) -> None:
 
 
 def test_the_road_read_back_has_the_same_lanes(run: Run, files: list[Path], tmp_path: Path) -> None:
-    road, back = Request(run=run, children=(2,)).road, read_map(files[0])
+    road, back = Request(run=run, futures=(2,)).road, read_map(files[0])
     driven = road.vehicle_lanes
     assert back.vehicle_lanes.keys() == driven.keys()
     for i, lane in driven.items():

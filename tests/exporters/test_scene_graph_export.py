@@ -17,15 +17,15 @@ PARALLEL = road(lane(1, [(0.0, 0.0), (200.0, 0.0)], left=2), lane(2, [(0.0, 3.5)
 SCENE = scene_of((50.0, 0.0, 0.0, 9.0), (70.0, 0.0, 0.0, 7.0), (55.0, 3.5, 0.0, 9.0), (90.0, 30.0, 0.0, 9.0))
 
 
-def two_children() -> scex.SceneGraph:
-    """In child 1 the third vehicle is gone from the second lane."""
+def two_futures() -> scex.SceneGraph:
+    """In future 1 the third vehicle is gone from the second lane."""
     history = present(SCENE, 2)
     y = history.states.y.copy()
     y[1, 2] += 50.0
     return scex.scene_graph(replace(history, states=replace(history.states, y=y)), PARALLEL)
 
 
-def test_networkx_gets_one_child_with_named_attributes() -> None:
+def test_networkx_gets_one_future_with_named_attributes() -> None:
     pytest.importorskip("networkx")
     graph = scex.scene_graph(SCENE, PARALLEL)
     made = scex.to_networkx(graph)
@@ -40,24 +40,24 @@ def test_networkx_gets_one_child_with_named_attributes() -> None:
     assert made.nodes[3]["lane_id"] is None and made.nodes[3]["arc"] is None
 
 
-def test_networkx_gets_the_child_that_was_asked_for() -> None:
+def test_networkx_gets_the_future_that_was_asked_for() -> None:
     pytest.importorskip("networkx")
-    graph = two_children()
-    assert {*scex.to_networkx(graph, child=0)} == {*scex.to_networkx(graph, child=1)} == {0, 1, 2, 3}
-    assert scex.to_networkx(graph, child=0).number_of_edges() == 6
-    assert {*scex.to_networkx(graph, child=1).edges} == {(0, 1), (1, 0)}
-    with pytest.raises(UsageError, match="child 2 of a batch of 2; choose 0 to 1"):
-        scex.to_networkx(graph, child=2)
+    graph = two_futures()
+    assert {*scex.to_networkx(graph, future=0)} == {*scex.to_networkx(graph, future=1)} == {0, 1, 2, 3}
+    assert scex.to_networkx(graph, future=0).number_of_edges() == 6
+    assert {*scex.to_networkx(graph, future=1).edges} == {(0, 1), (1, 0)}
+    with pytest.raises(UsageError, match="future 2 of a batch of 2; choose 0 to 1"):
+        scex.to_networkx(graph, future=2)
 
 
-def test_pyg_gets_all_children_with_an_edge_type_per_kind() -> None:
+def test_pyg_gets_all_futures_with_an_edge_type_per_kind() -> None:
     pytest.importorskip("torch_geometric")
-    graph = two_children()
+    graph = two_futures()
     data = scex.to_hetero_data(graph)
     assert data.validate()
     assert [relation for _, relation, _ in data.edge_types] == [*KINDS]
     assert np.allclose(data["vehicle"].x, graph.node, rtol=1e-6)  # float32
-    assert data["vehicle"].child.tolist() == graph.child.tolist()
+    assert data["vehicle"].future.tolist() == graph.future.tolist()
     for number, kind in enumerate(KINDS):
         mine = graph.edge_kind == number
         assert np.array_equal(data["vehicle", kind, "vehicle"].edge_index, graph.edge_index[:, mine])
@@ -68,10 +68,10 @@ def test_pyg_gets_all_children_with_an_edge_type_per_kind() -> None:
 def test_without_networkx_the_export_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "networkx", None)
     with pytest.raises(MissingExtraError, match=r"needs networkx; pip install 'scex-sumo\[learned\]'"):
-        scex.to_networkx(two_children())
+        scex.to_networkx(two_futures())
 
 
 def test_without_pyg_the_export_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch_geometric.data", None)
     with pytest.raises(MissingExtraError, match=r"PyTorch Geometric; pip install 'scex-sumo\[learned\]'"):
-        scex.to_hetero_data(two_children())
+        scex.to_hetero_data(two_futures())

@@ -14,8 +14,8 @@ from scex_sumo.scenarios.seeds import read_seed
 from tests.runs import extrapolate
 
 
-def test_sumo_goes_on_from_the_child_s_last_step(run: Run, tmp_path: Path) -> None:
-    (file,) = EXPORTERS.load("sumo")(Request(run=run, children=(1,), out=tmp_path))
+def test_sumo_goes_on_from_the_future_s_last_step(run: Run, tmp_path: Path) -> None:
+    (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(1,), out=tmp_path))
     command = [program("sumo"), "-c", str(file), "--fcd-output", "fcd.xml", "--end", "3"]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, env=environment())
     (first, *_, last) = ET.parse(tmp_path / "fcd.xml").getroot().findall("timestep")
@@ -36,24 +36,24 @@ def test_sumo_goes_on_from_the_child_s_last_step(run: Run, tmp_path: Path) -> No
 
 def test_vehicles_beside_the_middle_of_their_lane_go_on(tmp_path: Path) -> None:
     """SUMO holds a vehicle beside the middle of its lane for good where lane changes take time."""
-    run = extrapolate(read_seed(example_path("roundabout")), children=4, models="paper", out=tmp_path / "run")
-    collided = set(run.collisions["child"].to_pylist())
-    children = tuple(child for child in range(run.children) if child not in collided)
-    assert children
-    assert staying(run, children, tmp_path) == []
+    run = extrapolate(read_seed(example_path("roundabout")), futures=4, models="paper", out=tmp_path / "run")
+    collided = set(run.collisions["future"].to_pylist())
+    futures = tuple(future for future in range(run.futures) if future not in collided)
+    assert futures
+    assert staying(run, futures, tmp_path) == []
 
 
 def test_a_future_that_ends_in_a_deadlock_is_dissolved(tmp_path: Path) -> None:
     """Vehicles that braked within the intersection stand in each other's way: ten of twelve stood."""
     scene = read_seed(example_path("urban_intersection"))
-    run = extrapolate(scene, children=64, steps=30, out=tmp_path / "run")
+    run = extrapolate(scene, futures=64, steps=30, out=tmp_path / "run")
     assert staying(run, (3,), tmp_path) == []
 
 
-def staying(run: Run, children: tuple[int, ...], folder: Path) -> list[dict[str, str]]:
+def staying(run: Run, futures: tuple[int, ...], folder: Path) -> list[dict[str, str]]:
     """Vehicles that SUMO has not brought to the end of their routes after 150 s."""
     vehicles = []
-    for file in EXPORTERS.load("sumo")(Request(run=run, children=children, out=folder / "sumo")):
+    for file in EXPORTERS.load("sumo")(Request(run=run, futures=futures, out=folder / "sumo")):
         command = [program("sumo"), "-c", file.name, "--fcd-output", "fcd.xml", "--end", "150"]
         subprocess.run(command, cwd=file.parent, check=True, capture_output=True, env=environment())
         last = ET.parse(file.with_name("fcd.xml")).getroot().findall("timestep")[-1]

@@ -1,4 +1,4 @@
-"""A child as a video: in real time, vehicles in the colours of their models, a critical pair ringed."""
+"""A future as a video: in real time, vehicles in the colours of their models, a critical pair ringed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image
 from scex_sumo.base.errors import UsageError
 from scex_sumo.exporters.command import export_command
 from scex_sumo.results.run import Run
-from scex_sumo.views.children import colors_of
+from scex_sumo.views.futures import colors_of
 
 RING = (208, 40, 40)
 
@@ -24,7 +24,7 @@ def pixels(picture: Image.Image, color: tuple[int, int, int], within: int) -> in
 
 
 def test_a_gif_shows_every_frame_for_a_tenth_of_a_second(run: Run, tmp_path: Path) -> None:
-    export_command(run.folder, child=2, to="gif", out=tmp_path / "two.gif")
+    export_command(run.folder, future=2, to="gif", out=tmp_path / "two.gif")
     with Image.open(tmp_path / "two.gif") as film:
         assert film.size == (800, 450)
         shown = []
@@ -38,8 +38,8 @@ def test_a_gif_shows_every_frame_for_a_tenth_of_a_second(run: Run, tmp_path: Pat
 
 def test_an_mp4_plays_in_real_time_and_rings_the_critical_pair(run: Run, tmp_path: Path) -> None:
     av = pytest.importorskip("av")
-    child = run.most_critical("ttc")
-    export_command(run.folder, child=child, to="mp4", out=tmp_path / "plain.mp4")
+    future = run.most_critical("ttc")
+    export_command(run.folder, future=future, to="mp4", out=tmp_path / "plain.mp4")
     export_command(run.folder, critical="ttc", to="mp4", out=tmp_path / "ringed.mp4")
     last = {}
     for name in ("plain", "ringed"):
@@ -50,17 +50,17 @@ def test_an_mp4_plays_in_real_time_and_rings_the_critical_pair(run: Run, tmp_pat
             assert len(pictures) == 39 * 3 + 1 + 30
             last[name] = pictures[-1].to_image()
     assert pixels(last["ringed"], RING, 24) > pixels(last["plain"], RING, 24) + 300
-    for model in set(run.models_of(child)):
+    for model in set(run.models_of(future)):
         assert pixels(last["plain"], colors_of(run)[model], 24) > 200
 
 
-def test_several_children_are_files_in_a_folder(run: Run, tmp_path: Path) -> None:
+def test_several_futures_are_files_in_a_folder(run: Run, tmp_path: Path) -> None:
     first, second = run.info["seed_scene"]["track_ids"][:2]
     export_command(run.folder, encounter=f"{first},{second}", top=2, to="gif", out=tmp_path / "films")
-    assert len(list((tmp_path / "films").glob("*_child000?.gif"))) == 2
+    assert len(list((tmp_path / "films").glob("*_future000?.gif"))) == 2
 
 
 def test_without_the_encoder_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"pip install 'scex-sumo\[video\]'"):
-        export_command(run.folder, child=0, to="mp4")
+        export_command(run.folder, future=0, to="mp4")

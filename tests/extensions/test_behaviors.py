@@ -34,7 +34,7 @@ def test_a_model_of_another_package_drives_by_its_name(tmp_path: Path) -> None:
     wrong = scex(tmp_path, "run", MAP, "--synthetic", 3, "--models", "braker:speed=2")
     assert wrong.returncode == 2 and "braker: unknown parameter 'speed'; nearest:" in wrong.stderr
     out = tmp_path / "out"
-    run = [MAP, "--synthetic", 3, "--children", 2, "--steps", 10, "-o", out, "--workers", 1]
+    run = [MAP, "--synthetic", 3, "--futures", 2, "--steps", 10, "-o", out, "--workers", 1]
     done = scex(tmp_path, "run", *run, "--reference", "none", "--models", "braker:deceleration=2")
     assert done.returncode == 0, done.stderr
     said = json.loads((out / "run.json").read_text())

@@ -56,7 +56,7 @@ def test_a_recording_of_another_packages_dataset_is_inspected(tmp_path: Path) ->
 
 def test_a_folder_of_another_packages_dataset_is_ranked(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.datasets", name="cars", target="stranger", code=CODE)
-    options = ("--children", 2, "--every", 2, "--workers", 1, "-o", tmp_path / "out")
+    options = ("--futures", 2, "--every", 2, "--workers", 1, "-o", tmp_path / "out")
     done = scex(tmp_path, "rank", a_street(tmp_path), *options)
     assert done.returncode == 0, done.stderr
     assert "morning" in (tmp_path / "out/ranking.csv").read_text()

@@ -12,9 +12,9 @@ from tests.extensions.package import install, scex
 CODE = '''
 def write_places(request):
     """Write where each vehicle ends, one line each."""
-    (child,) = request.children
-    end = request.run.states(child)[:, -1]
-    path = request.folder / f"{request.file_stem(child)}.txt"
+    (future,) = request.futures
+    end = request.run.states(future)[:, -1]
+    path = request.folder / f"{request.file_stem(future)}.txt"
     path.write_text("".join(f"{t} {x:.2f}\\n" for t, x in zip(request.scene.track_ids, end.x)))
     return [path]
 '''
@@ -22,29 +22,29 @@ def write_places(request):
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two children of the example roundabout."""
+    """Two futures of the example roundabout."""
     out = tmp_path_factory.mktemp("run") / "out"
-    return extrapolate(read_seed(example_path("roundabout")), children=2, out=out).folder
+    return extrapolate(read_seed(example_path("roundabout")), futures=2, out=out).folder
 
 
 def test_an_exporter_of_another_package_is_used_by_its_name(result: Path, tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.exporters", name="places", target="stranger:write_places", code=CODE)
-    done = scex(tmp_path, "export", result, "--child", 0, "--to", "places", "-o", tmp_path / "mine")
+    done = scex(tmp_path, "export", result, "--future", 0, "--to", "places", "-o", tmp_path / "mine")
     assert done.returncode == 0, done.stderr
     file = Path(done.stdout.strip())
-    assert file.parent == tmp_path / "mine" and file.name.endswith("_child0000.txt")
+    assert file.parent == tmp_path / "mine" and file.name.endswith("_future0000.txt")
     assert len(file.read_text().splitlines()) == 14
 
 
 def test_an_unknown_format_names_the_exporters_of_other_packages(result: Path, tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.exporters", name="places", target="stranger:write_places", code=CODE)
-    done = scex(tmp_path, "export", result, "--child", 0, "--to", "word")
+    done = scex(tmp_path, "export", result, "--future", 0, "--to", "word")
     assert done.returncode == 2
     assert "unknown export format 'word'; known: interaction" in done.stderr and "places" in done.stderr
 
 
 def test_an_exporter_that_cannot_be_imported_is_one_line(result: Path, tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.exporters", name="places", target="stranger:no", code="import nowhere")
-    done = scex(tmp_path, "export", result, "--child", 0, "--to", "places")
+    done = scex(tmp_path, "export", result, "--future", 0, "--to", "places")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert "nowhere" in done.stderr

@@ -25,7 +25,7 @@ class Speeding(scex.Extra):
         speed = work.part.states.speed[:, 0]
         return [scex.Row(name="fast vehicles", value=100 * float(np.mean(speed > self.fast)), unit="%")]
 '''
-RUN = ("run", example_path("urban_intersection"), "--children", 4, "--steps", 5, "--models", "rules")
+RUN = ("run", example_path("urban_intersection"), "--futures", 4, "--steps", 5, "--models", "rules")
 
 
 def command(folder: Path, *options: object) -> list[object]:

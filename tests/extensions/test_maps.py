@@ -42,7 +42,7 @@ def a_map(folder: Path) -> Path:
 
 def test_a_map_of_another_packages_format_is_populated_and_run(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code=CODE)
-    options = ("--synthetic", 2, "--children", 2, "--models", "constant_velocity", "--reference", "none")
+    options = ("--synthetic", 2, "--futures", 2, "--models", "constant_velocity", "--reference", "none")
     done = scex(tmp_path, "run", a_map(tmp_path), *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "out/run.json").read_text())["seed_scene"]["location"] == "mymap"

@@ -21,7 +21,7 @@ def convoy(road, *, vehicles, **options):
 def test_a_population_of_another_package_is_used_by_its_name(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.populations", name="convoy", target="stranger:convoy", code=CODE)
     options = (
-        "--children",
+        "--futures",
         1,
         "--models",
         "constant_velocity",

@@ -19,7 +19,7 @@ def tracks(table, exact):
 
 
 def seed_of(folder: Path, name: str) -> tuple[dict, list[str]]:
-    options = ("--time", 4, "--children", 1, "--models", "constant_velocity", "--reference", "none")
+    options = ("--time", 4, "--futures", 1, "--models", "constant_velocity", "--reference", "none")
     done = scex(folder, "run", example_path("roundabout"), *options, "-o", folder / name)
     assert done.returncode == 0, done.stderr
     rows = (folder / name / "seed.csv").read_text().splitlines()

@@ -42,7 +42,7 @@ class Recorder:
         return states
 '''
 ROUNDABOUT = scex_sumo.example_path("roundabout")
-OPTIONS = ("--children", 3, "--steps", 5, "--no-report", "--reference", "none")
+OPTIONS = ("--futures", 3, "--steps", 5, "--no-report", "--reference", "none")
 
 
 def test_a_world_of_another_package_is_used_by_its_name(tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_a_world_of_another_package_is_used_by_its_name(tmp_path: Path) -> None:
 
 def test_a_world_by_its_import_path_runs_its_reference_in_the_plain_one(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CODE)
-    options = ("--children", 2, "--steps", 2, "--no-report", "--world", "mine:Logged", "-o", "out")
+    options = ("--futures", 2, "--steps", 2, "--no-report", "--world", "mine:Logged", "-o", "out")
     done = scex(tmp_path, "run", ROUNDABOUT, *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert scex_sumo.open_run(tmp_path / "out" / "reference").info["world"] == "plain"

@@ -1,4 +1,4 @@
-"""Assignments are random where asked, complete where asked, and a child's own."""
+"""Assignments are random where asked, complete where asked, and a future's own."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from scex_sumo.extrapolation import assignments as module
 from scex_sumo.extrapolation.assignments import (
     all_assignments,
     assignments,
-    child_generator,
+    future_generator,
     random_assignments,
     route_draws,
 )
 
 
-def test_a_childs_assignment_does_not_depend_on_the_other_children() -> None:
+def test_a_futures_assignment_does_not_depend_on_the_other_futures() -> None:
     together = random_assignments([1, 1, 1], range(20), 5, seed=7)
     alone = random_assignments([1, 1, 1], [13], 5, seed=7)
     assert np.array_equal(together[13], alone[0])
@@ -49,43 +49,43 @@ def test_too_many_combinations_are_refused_with_their_number() -> None:
         all_assignments([4] * 12)
 
 
-def test_a_fixed_vehicle_has_its_model_in_every_child() -> None:
-    picked = assignments([1, 1], [4, 9, 2], children=40, seed=0, fixed={9: 2})
+def test_a_fixed_vehicle_has_its_model_in_every_future() -> None:
+    picked = assignments([1, 1], [4, 9, 2], futures=40, seed=0, fixed={9: 2})
     assert (picked[:, 1] == 2).all()
     assert set(np.unique(picked[:, [0, 2]])) == {0, 1}
 
 
 def test_two_models_for_fourteen_vehicles_are_too_many_combinations() -> None:
     with pytest.raises(UsageError, match="16,384 combinations for 14 vehicles, at most 10,000"):
-        assignments([1, 1], range(14), children=None, seed=0)
+        assignments([1, 1], range(14), futures=None, seed=0)
 
 
 def test_a_fixed_vehicle_is_left_out_of_the_combinations() -> None:
-    picked = assignments([1, 1], [4, 9, 2], children=None, seed=0, fixed={9: 1})
+    picked = assignments([1, 1], [4, 9, 2], futures=None, seed=0, fixed={9: 1})
     assert picked.shape == (4, 3)
     assert (picked[:, 1] == 1).all()
 
 
 def test_models_of_no_weight_are_left_out_of_the_combinations() -> None:
-    picked = assignments([1, 0, 2], [1, 2], children=None, seed=0)
+    picked = assignments([1, 0, 2], [1, 2], futures=None, seed=0)
     assert sorted(map(tuple, picked.tolist())) == [(0, 0), (0, 2), (2, 0), (2, 2)]
 
 
 def test_an_unknown_vehicle_is_refused_with_the_known_ones() -> None:
     with pytest.raises(UsageError, match="no vehicle 5 in the seed scene; its vehicles: 1, 2"):
-        assignments([1], [1, 2], children=3, seed=0, fixed={5: 0})
+        assignments([1], [1, 2], futures=3, seed=0, fixed={5: 0})
 
 
-def test_route_draws_are_fixed_per_child_and_apart_from_the_plans_draws() -> None:
+def test_route_draws_are_fixed_per_future_and_apart_from_the_plans_draws() -> None:
     draws = route_draws([3, 4], 6, seed=2)
     assert np.array_equal(draws[1], route_draws([4], 6, seed=2)[0])
-    assert not np.array_equal(draws[0], child_generator(2, 3).random(6))
+    assert not np.array_equal(draws[0], future_generator(2, 3).random(6))
 
 
 def design(*, keep: bool) -> list[list[int]]:
     module.designed_assignments.cache_clear()
-    given = module.assignments((1, 0, 2), [5, 7, 9], children=30, seed=1, design="balanced", keep=keep)
-    return [[int(model) for model in child] for child in given]
+    given = module.assignments((1, 0, 2), [5, 7, 9], futures=30, seed=1, design="balanced", keep=keep)
+    return [[int(model) for model in future] for future in given]
 
 
 def test_a_kept_design_is_the_one_that_was_made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

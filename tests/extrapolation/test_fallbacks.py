@@ -1,4 +1,4 @@
-"""Plans that are not the models' own are counted the same, whatever batches their children ran in."""
+"""Plans that are not the models' own are counted the same, whatever batches their futures ran in."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ TRACKS = np.array([17, 23])
 
 
 def replaced(*rows: tuple[int, int, int, str]) -> list[Replaced]:
-    return [Replaced(child=c, vehicle=v, step=s, reason=why) for c, v, s, why in rows]
+    return [Replaced(future=c, vehicle=v, step=s, reason=why) for c, v, s, why in rows]
 
 
-def table_of(children: list[int], *rows: tuple[int, int, int, str]):  # type: ignore[no-untyped-def]
+def table_of(futures: list[int], *rows: tuple[int, int, int, str]):  # type: ignore[no-untyped-def]
     return fallbacks_table(
         replaced(*rows),
-        children=np.array(children),
-        assignment=ASSIGNMENT[children],
+        futures=np.array(futures),
+        assignment=ASSIGNMENT[futures],
         names=NAMES,
         track_ids=TRACKS,
     )
@@ -33,7 +33,7 @@ def table_of(children: list[int], *rows: tuple[int, int, int, str]):  # type: ig
 def test_rows_are_ordered_and_name_vehicle_and_model() -> None:
     table = table_of([1, 2], (2, 0, 5, "late"), (1, 1, 0, "lost"), (1, 0, 0, "lost"))
     assert table.to_pydict() == {
-        "child": [1, 1, 2],
+        "future": [1, 1, 2],
         "track_id": [17, 23, 17],
         "step": [0, 0, 5],
         "model": ["mine"] * 3,
@@ -49,14 +49,14 @@ def test_no_fallback_is_no_table_and_no_line() -> None:
 def test_counts_are_out_of_all_plans_of_the_model() -> None:
     table = table_of([1, 2], (1, 1, 15, "lost"), (2, 0, 5, "late"), (1, 1, 20, "lost"))
     (count,) = count_fallbacks(table, ASSIGNMENT, NAMES, 6)
-    # The model drives 4 vehicles in all children, each with 6 plans.
-    assert (count["model"], count["replaced"], count["plans"], count["children"]) == ("mine", 3, 24, 2)
-    assert count["first"] == {"child": 1, "track_id": 23, "step": 15, "reason": "lost"}
+    # The model drives 4 vehicles in all futures, each with 6 plans.
+    assert (count["model"], count["replaced"], count["plans"], count["futures"]) == ("mine", 3, 24, 2)
+    assert count["first"] == {"future": 1, "track_id": 23, "step": 15, "reason": "lost"}
     assert fallback_lines([count]) == [
         "mine: 3 of 24 plans replaced by the path-following driver's, in 2 futures; "
         "first (future 1, vehicle 23, 1.5 s): lost"
     ]
-    assert ", in 1 future; first (" in fallback_lines([{**count, "children": 1}])[0]
+    assert ", in 1 future; first (" in fallback_lines([{**count, "futures": 1}])[0]
 
 
 def test_batches_of_any_size_leave_the_same_table(tmp_path: Path) -> None:

@@ -80,26 +80,26 @@ def test_vehicles_count_as_long_as_they_were_recorded() -> None:
     assert recorded.values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
 
 
-def test_children_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -> None:
+def test_futures_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -> None:
     scene = crossing_seed()
     assert scene.future is not None and scene.future_valid is not None
     valid = scene.future_valid.copy()
     valid[1, 10:] = False
     left = dataclasses.replace(scene, future_valid=valid)
-    children = Rollout(
-        children=np.arange(2),
+    futures = Rollout(
+        futures=np.arange(2),
         states=scene.future[:, :30].repeat(2).swapaxes(1, 2),
         plan_x=np.zeros((2, 6, 2, 30)),
         plan_y=np.zeros((2, 6, 2, 30)),
         replan=5,
     )
     counted = recorded_steps_of(left, 30)
-    found = measure_outcome(left, children, counted=counted).values
+    found = measure_outcome(left, futures, counted=counted).values
     recorded = measure_recorded(left, 30)
     assert recorded is not None
     for name in ("distance", "distance_mean", "wttc"):
         assert found.column(name)[0] == pytest.approx(recorded.values.column(name)[0].repeat(2), abs=1e-9)
-    every = measure_outcome(left, children).values
+    every = measure_outcome(left, futures).values
     assert (every.column("distance")[0] < found.column("distance")[0]).all()  # they go on towards each other
 
 
@@ -116,17 +116,17 @@ def test_the_worst_moment_is_named_by_its_frame() -> None:
     states = going_on(scene, 30).swapaxes(0, 1)[None]
     plan = going_on(scene, 50)
     rollout = Rollout(
-        children=np.array([7]),
+        futures=np.array([7]),
         states=states,
         plan_x=plan.x[None, None],
         plan_y=plan.y[None, None],
         replan=30,
     )
     values = measure_rollout(scene, rollout)
-    rows = worst_of(scene, values, rollout.children).to_pylist()
+    rows = worst_of(scene, values, rollout.futures).to_pylist()
     closest = next(row for row in rows if row["metric"] == "distance")
     # They come nearer all the time: the worst step is the last, frame 40 of the case.
-    assert closest["child"] == 7
+    assert closest["future"] == 7
     assert closest["timestamp_ms"] == 4000
     assert {closest["track_id"], closest["other_id"]} == {0, 1}
     assert closest["value"] == pytest.approx(np.hypot(12, 15))

@@ -53,7 +53,7 @@ class Forward:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         self.seen.append(history)
-        now = history.now[who.child, who.vehicle]
+        now = history.now[who.future, who.vehicle]
         ahead = now.speed[:, None] * 0.1 * np.arange(1, 31)
 
         def keep(values: np.ndarray) -> np.ndarray:
@@ -63,15 +63,15 @@ class Forward:
         return plan if self.change is None else self.change(plan)
 
 
-def cast_of(model: Forward, scene: SeedScene, children: int, *, overridden: bool = True) -> Batch:
+def cast_of(model: Forward, scene: SeedScene, futures: int, *, overridden: bool = True) -> Batch:
     return Batch(
-        children=np.arange(children),
-        assignment=np.zeros((children, scene.vehicles), dtype=np.int64),
+        futures=np.arange(futures),
+        assignment=np.zeros((futures, scene.vehicles), dtype=np.int64),
         models=[model],
         names=["forward"],
         overridden=np.array([overridden]),
-        route_draw=np.zeros((children, scene.vehicles)),
-        generators=[np.random.default_rng(c) for c in range(children)],
+        route_draw=np.zeros((futures, scene.vehicles)),
+        generators=[np.random.default_rng(c) for c in range(futures)],
     )
 
 
@@ -138,7 +138,7 @@ def test_a_plan_that_is_not_finite_is_an_error_with_the_count() -> None:
         )
 
 
-def test_plans_that_are_not_the_models_own_are_counted_with_child_vehicle_step_and_reason() -> None:
+def test_plans_that_are_not_the_models_own_are_counted_with_future_vehicle_step_and_reason() -> None:
     scene = straight_seed()
 
     def fall_back(plan: Plan) -> Plan:
@@ -147,9 +147,9 @@ def test_plans_that_are_not_the_models_own_are_counted_with_child_vehicle_step_a
             plan, fallback=late & (np.arange(len(late)) == 0), reasons=("lost",) * len(late)
         )
 
-    cast = dataclasses.replace(cast_of(Forward(fall_back), scene, 1), children=np.array([7]))
+    cast = dataclasses.replace(cast_of(Forward(fall_back), scene, 1), futures=np.array([7]))
     rollout = roll_out(PlainWorld(scene.now.repeat(1)), ROAD, scene, cast, steps=10, replan=5)
-    assert rollout.replaced == (Replaced(child=7, vehicle=0, step=5, reason="lost"),)
+    assert rollout.replaced == (Replaced(future=7, vehicle=0, step=5, reason="lost"),)
 
 
 def test_no_model_can_change_what_the_others_see() -> None:

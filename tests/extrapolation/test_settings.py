@@ -28,12 +28,12 @@ from tests.seeds import straight_seed
         ({"seed": -1}, "--seed: got -1, needs 0 or more"),
         ({"models": []}, "--models: names no model"),
         ({"models": [ModelSpec(name="standard_driver", weight=0.0)]}, "--models: all weights are 0"),
-        ({"children": 0}, r"--children: got 0, needs at least 1 \(or 'all'\)"),
-        ({"children": 10**8}, "--children: got 100,000,000, at most 100,000 are run"),
+        ({"futures": 0}, r"--futures: got 0, needs at least 1 \(or 'all'\)"),
+        ({"futures": 10**8}, "--futures: got 100,000,000, at most 100,000 are run"),
         ({"steps": 10**5}, "--steps: got 100,000, at most 6,000 are run"),
-        ({"children": "some"}, "--children: got 'some', needs a number or 'all'"),
+        ({"futures": "some"}, "--futures: got 'some', needs a number or 'all'"),
         ({"design": "best"}, "unknown design 'best'"),
-        ({"until_band": 0.05, "children": "all"}, "--until-band: not possible with --children all"),
+        ({"until_band": 0.05, "futures": "all"}, "--until-band: not possible with --futures all"),
         ({"thresholds": {"speed": 3.0}}, "--threshold: unknown metric 'speed'; nearest: "),
         ({"thresholds": {"ttc": float("nan")}}, "--threshold ttc=nan: not a finite number"),
     ],
@@ -49,7 +49,7 @@ def test_a_threshold_names_its_metric_as_it_is_printed(name: str) -> None:
 
 
 def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> None:
-    settings = RunSettings(children=100_000, steps=6_000)
+    settings = RunSettings(futures=100_000, steps=6_000)
     with pytest.raises(UsageError, match="1,800,000,000 states, at most 200,000,000 are run"):
         settings.check_size(100_000, 3)
 
@@ -57,7 +57,7 @@ def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> Non
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"children": 0}, "children: got 0, needs at least 1"),
+        ({"futures": 0}, "futures: got 0, needs at least 1"),
         ({"under_test": {7: "parked"}, "assign": {7: "replay"}}, "under_test 7: assign names this vehicle"),
         ({"thresholds": {"nope": 1.0}}, "thresholds: unknown metric 'nope'"),
         ({"until_band": 2.0}, "until_band: got 2.0, needs to be between 0 and 1"),
@@ -76,17 +76,17 @@ def test_what_is_no_seed_scene_is_refused_in_one_line() -> None:
         extrapolate("roundabout")  # type: ignore[arg-type]
 
 
-def test_a_number_of_children_may_be_given_as_text() -> None:
-    assert RunSettings(children="12").to_json() == RunSettings(children=12).to_json()
-    assert RunSettings(children="all").count is None
+def test_a_number_of_futures_may_be_given_as_text() -> None:
+    assert RunSettings(futures="12").to_json() == RunSettings(futures=12).to_json()
+    assert RunSettings(futures="all").count is None
 
 
-def test_thresholds_are_no_part_of_what_decides_on_a_childs_values() -> None:
+def test_thresholds_are_no_part_of_what_decides_on_a_futures_values() -> None:
     assert RunSettings(thresholds={"ttc": 0.5}).to_json() == RunSettings().to_json()
 
 
 def test_settings_go_to_other_processes_and_into_other_settings() -> None:
-    settings = RunSettings(assign={17: "replay"}, under_test={23: "emergency_brake"}, children=3)
+    settings = RunSettings(assign={17: "replay"}, under_test={23: "emergency_brake"}, futures=3)
     for same in (pickle.loads(pickle.dumps(settings)), dataclasses.replace(settings)):
         assert same.to_json() == settings.to_json()
         assert (same.assign, same.under_test) == (settings.assign, settings.under_test)

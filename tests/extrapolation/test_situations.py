@@ -27,7 +27,7 @@ RANDOM = [f"{name}:path=random" for name in (*OURS, "sumo:EIDM", "risky_driver:g
 
 
 def alike() -> SceneHistory:
-    """Seven children, of which the second and the fifth, and the third and the last, came to the same."""
+    """Seven futures, of which the second and the fifth, and the third and the last, came to the same."""
     whole = history(7)
     same = np.array([0, 1, 2, 3, 1, 5, 2])
     return replace(whole, states=whole.states[same])
@@ -35,13 +35,13 @@ def alike() -> SceneHistory:
 
 def asked(model: Behavior, whole: SceneHistory, who: VehicleIndex) -> tuple[Plan, Plan]:
     """What the model plans, asked for everybody and asked once for each situation."""
-    rng = [np.random.default_rng(c) for c in range(len(whole.children))]
+    rng = [np.random.default_rng(c) for c in range(len(whole.futures))]
     return model.plan(whole, ROAD, who, rng), plan_once(model, whole, ROAD, who, rng)
 
 
 def everybody(whole: SceneHistory) -> VehicleIndex:
-    child, vehicle = np.indices(whole.now.shape).reshape(2, -1)
-    return VehicleIndex(child=child, vehicle=vehicle)
+    future, vehicle = np.indices(whole.now.shape).reshape(2, -1)
+    return VehicleIndex(future=future, vehicle=vehicle)
 
 
 @pytest.fixture(params=[*NAMES, *RANDOM, "graph_predictor:mode=draw"])
@@ -59,7 +59,7 @@ def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
 )
 def test_plans_are_the_same_to_the_bit(model: Behavior, whole: SceneHistory) -> None:
     some = everybody(whole)
-    for who in (some, VehicleIndex(child=some.child[::3], vehicle=some.vehicle[::3])):
+    for who in (some, VehicleIndex(future=some.future[::3], vehicle=some.vehicle[::3])):
         each, once = asked(model, whole, who)
         for key in ("x", "y", "heading", "speed"):
             np.testing.assert_array_equal(getattr(once, key), getattr(each, key))
@@ -75,10 +75,10 @@ def test_models_side_by_side_plan_what_each_plans_alone(whole: SceneHistory) -> 
     models = [build(parse_models(name)[0]) for name in [*names, "calibrated_driver:guard=true"]]
     drawn = np.random.default_rng(3).integers(len(models), size=whole.now.shape)
     groups = [
-        VehicleIndex(child=c, vehicle=v) for c, v in (np.nonzero(drawn == m) for m in range(len(models)))
+        VehicleIndex(future=c, vehicle=v) for c, v in (np.nonzero(drawn == m) for m in range(len(models)))
     ]
-    groups[2] = VehicleIndex(child=groups[2].child[:0], vehicle=groups[2].vehicle[:0])
-    rng = [np.random.default_rng(c) for c in range(len(whole.children))]
+    groups[2] = VehicleIndex(future=groups[2].future[:0], vehicle=groups[2].vehicle[:0])
+    rng = [np.random.default_rng(c) for c in range(len(whole.futures))]
     made = dict(plans_of(models, groups, whole, ROAD, rng))
     assert list(made) == [0, 1, 3, 4, 5]
     for index, plan in made.items():

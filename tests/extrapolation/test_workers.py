@@ -56,26 +56,26 @@ def test_a_worker_that_dies_twice_leaves_it_to_others() -> None:
 
 def test_run_and_reference_of_two_processes_have_the_same_bytes(tmp_path: Path) -> None:
     scene = read_seed(example_path("motorway_merge"))
-    settings = RunSettings(models="rules", children=117, steps=3)
+    settings = RunSettings(models="rules", futures=117, steps=3)
     for processes in (1, 2):
         with Workers(processes) as workers:
             options = RunOptions(out=tmp_path / str(processes))
             run = run_scene(scene, settings, workers=workers, options=options, extras=[HumanReference()])
-            assert run.reference is not None and run.reference.children == 117
+            assert run.reference is not None and run.reference.futures == 117
     files = [file.relative_to(tmp_path / "1") for file in (tmp_path / "1").rglob("*.parquet")]
     assert len(files) > 15
     for file in files:
         assert (tmp_path / "1" / file).read_bytes() == (tmp_path / "2" / file).read_bytes(), file
 
 
-@pytest.mark.parametrize(("children", "batches"), [(385, 4), (40_000, 96)])
+@pytest.mark.parametrize(("futures", "batches"), [(385, 4), (40_000, 96)])
 def test_each_process_has_two_batches_of_few_enough_vehicles(
-    children: int, batches: int, tmp_path: Path
+    futures: int, batches: int, tmp_path: Path
 ) -> None:
     scene = read_seed(example_path("motorway_merge"))
-    settings = RunSettings(models="rules", children=children)
+    settings = RunSettings(models="rules", futures=futures)
     assert scene.road is not None
     net = convert(scene.road, tmp_path / "a.net.xml")
-    assignment = np.zeros((children, scene.vehicles), dtype=np.int64)
+    assignment = np.zeros((futures, scene.vehicles), dtype=np.int64)
     job = Job(scene, net, settings, ModelSet.of(settings), assignment, tmp_path)
-    assert -(-children // batch_size(job, processes=2)) == batches
+    assert -(-futures // batch_size(job, processes=2)) == batches

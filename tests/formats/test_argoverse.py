@@ -1,4 +1,4 @@
-"""Argoverse 2: scenarios and sensor logs as published, from their files to children."""
+"""Argoverse 2: scenarios and sensor logs as published, from their files to futures."""
 
 from __future__ import annotations
 
@@ -82,13 +82,13 @@ def test_a_map_has_its_segments_with_bounds_relations_and_kinds(scenario: Path) 
     assert [area.kind for area in road.areas] == ["crosswalk"]
 
 
-def test_a_scenario_runs_to_its_children(scenario: Path, tmp_path: Path) -> None:
+def test_a_scenario_runs_to_its_futures(scenario: Path, tmp_path: Path) -> None:
     scene = read_seed(scenario, time=2.0)
     assert scene.vehicles == 3 and scene.obstacles is not None
     assert sorted(scene.obstacles.types) == ["parked", "pedestrian"]
     assert set(scene.length.tolist()) == {4.6}
-    run = extrapolate(scene, children=2, out=tmp_path / "out", steps=10)
-    assert run.children == 2
+    run = extrapolate(scene, futures=2, out=tmp_path / "out", steps=10)
+    assert run.futures == 2
     np.testing.assert_allclose(run.states(0).x[:, 9], scene.now.x, atol=1e-9)
 
 

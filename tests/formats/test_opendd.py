@@ -83,12 +83,12 @@ def test_each_table_of_a_folder_is_a_recording_with_its_map(place: Path) -> None
     np.testing.assert_allclose(loaded.table.vehicles.y.min(), 100.0, atol=0.1)
 
 
-def test_a_recording_runs_to_its_children(place: Path, tmp_path: Path) -> None:
+def test_a_recording_runs_to_its_futures(place: Path, tmp_path: Path) -> None:
     map_path = place / "rdb1/map_rdb1/map_rdb1.sqlite"
     scene = read_seed(map_path, tracks=place / "trajectories_rdb1_v3.sqlite/rdb1_10", time=2.0)
     assert scene.vehicles == 3 and scene.obstacles is not None and scene.obstacles.types == ("pedestrian",)
     assert read_seed(map_path, time=2.0).vehicles == 3  # the first table
-    assert extrapolate(scene, children=2, out=tmp_path / "out", steps=10).children == 2
+    assert extrapolate(scene, futures=2, out=tmp_path / "out", steps=10).futures == 2
 
 
 @pytest.mark.parametrize("name", [*COLUMNS])

@@ -1,4 +1,4 @@
-"""Logs of 123D: its Arrow files, here written in the published structure, run to children.
+"""Logs of 123D: its Arrow files, here written in the published structure, run to futures.
 
 If the package itself is installed, its own writer makes one log, too.
 """
@@ -153,11 +153,11 @@ def test_a_map_has_lanes_signs_lights_lines_and_intersections(log: Path) -> None
     assert [line.subtype for line in road.markings] == ["solid"]
 
 
-def test_a_log_runs_to_its_children(log: Path, tmp_path: Path) -> None:
+def test_a_log_runs_to_its_futures(log: Path, tmp_path: Path) -> None:
     scene = read_seed(log, time=2.0)
     assert scene.vehicles == 3 and sorted(scene.length.tolist()) == [4.4, 4.4, 4.9]
     assert scene.obstacles is not None and sorted(scene.obstacles.types) == ["parked", "pedestrian"]
-    run = extrapolate(scene, children=2, out=tmp_path / "out", steps=10)
+    run = extrapolate(scene, futures=2, out=tmp_path / "out", steps=10)
     np.testing.assert_allclose(run.states(1).x[:, 9], scene.now.x, atol=1e-9)
 
 

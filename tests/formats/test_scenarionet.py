@@ -1,4 +1,4 @@
-"""ScenarioNet: pickles are read as data only; a scenario goes from its file to children."""
+"""ScenarioNet: pickles are read as data only; a scenario goes from its file to futures."""
 
 from __future__ import annotations
 
@@ -198,11 +198,11 @@ def test_a_map_has_lanes_limits_signs_lights_and_lines(scenario: Path) -> None:
     assert [area.kind for area in road.areas] == ["crosswalk"]
 
 
-def test_a_scenario_runs_to_its_children(scenario: Path, tmp_path: Path) -> None:
+def test_a_scenario_runs_to_its_futures(scenario: Path, tmp_path: Path) -> None:
     scene = read_seed(scenario, time=2.0)
     assert scene.vehicles == 3 and set(scene.length.tolist()) == {4.4}
     assert scene.recorded_steps.tolist() == [10, 10, 10]
-    run = extrapolate(scene, children=2, out=tmp_path / "out", steps=10)
+    run = extrapolate(scene, futures=2, out=tmp_path / "out", steps=10)
     np.testing.assert_allclose(run.states(1).x[:, 9], scene.now.x, atol=1e-9)
 
 

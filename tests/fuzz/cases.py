@@ -22,9 +22,9 @@ from tests.fuzz.sources import EXAMPLES, KEPT, Sources
 from tests.fuzz.weights import EVIL, EXECUTED, write_mutated
 
 MAPS = ("roundabout", "urban_intersection", "motorway_merge")
-RUN = ("--children", "2", "--steps", "5", "--no-plots", "-o", "new")
+RUN = ("--futures", "2", "--steps", "5", "--no-plots", "-o", "new")
 REFERENCE_EVERY = 8
-"""Of so many cases of `run`, one runs the 117 children of the reference, too."""
+"""Of so many cases of `run`, one runs the 117 futures of the reference, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +121,7 @@ def _folder(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     commands = (
         ["view", "out", "--write-only", "--critical", metric],
         ["view", "out", "--write-only", "--grid", "2"],
-        ["export", "out", "--child", "1", "-o", "child.csv"],
+        ["export", "out", "--future", "1", "-o", "future.csv"],
         ["metrics", "out"],
         ["explain", "out", "--no-plots"],
         ["compare", "out", str(sources.result())],
@@ -223,7 +223,7 @@ def _scenario(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]
     how = _twice(file, rng)
     commands = (
         ["run", "mine.sumocfg", "--time", "10", *RUN],
-        ["rank", "mine.sumocfg", "--every", "4", "--from", "4", "--to", "10", "--children", "4", *FEW],
+        ["rank", "mine.sumocfg", "--every", "4", "--from", "4", "--to", "10", "--futures", "4", *FEW],
         ["inspect", "mine.sumocfg"],
         ["convert", "mine.sumocfg", "-o", "new.net.xml"],
     )
@@ -327,7 +327,7 @@ def _options(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
 
 
 _OPTIONS: Final = (
-    *("--children", "--steps", "--replan", "--time", "--case", "--synthetic", "--origin", "--models"),
+    *("--futures", "--steps", "--replan", "--time", "--case", "--synthetic", "--origin", "--models"),
     *("--assign", "--until-band", "--threshold", "--metrics", "--seed", "--workers", "--batch", "--design"),
     "--tracks",
 )

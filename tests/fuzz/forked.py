@@ -51,10 +51,10 @@ def run_forked(arguments: Sequence[str], folder: Path) -> Ended:
     """Run a command of scex-sumo in a forked process, in a folder."""
     started = time.monotonic()
     errors = folder / "stderr.txt"
-    child = os.fork()
-    if child == 0:
+    future = os.fork()
+    if future == 0:
         _run(arguments, folder, errors)
-    status, usage, hang = _wait(child, started)
+    status, usage, hang = _wait(future, started)
     _learn(folder / IMPORTED)
     said = errors.read_text(errors="replace")
     code = -os.WTERMSIG(status) if os.WIFSIGNALED(status) else os.WEXITSTATUS(status)
@@ -63,7 +63,7 @@ def run_forked(arguments: Sequence[str], folder: Path) -> Ended:
 
 
 def _run(arguments: Sequence[str], folder: Path, errors: Path) -> None:
-    """The child: never returns."""
+    """The future: never returns."""
     status, before = 70, set(sys.modules)
     try:
         os.setsid()
@@ -105,15 +105,15 @@ def _learn(imported: Path) -> None:
         gc.freeze()
 
 
-def _wait(child: int, started: float) -> tuple[int, resource.struct_rusage, bool]:
+def _wait(future: int, started: float) -> tuple[int, resource.struct_rusage, bool]:
     hang = False
     while True:
-        ended, status, usage = os.wait4(child, os.WNOHANG)
+        ended, status, usage = os.wait4(future, os.WNOHANG)
         if ended:
             return status, usage, hang
         if not hang and time.monotonic() - started > LIMIT_S:
             hang = True
-            os.killpg(child, signal.SIGKILL)
+            os.killpg(future, signal.SIGKILL)
         time.sleep(0.01)
 
 

@@ -16,11 +16,11 @@ from tests.command import scex
 from tests.formats.sumo.simulations import write_grid
 
 EXAMPLES = Path(scex_sumo.__file__).parent / "scenarios/data"
-RUN: Final = ("--children", "3", "--steps", "5", "--no-plots", "--reference", "none")
+RUN: Final = ("--futures", "3", "--steps", "5", "--no-plots", "--reference", "none")
 KEPT: Final = {
     "run": ("run", "data/urban_intersection.osm", *RUN, "--batch", "1", "-o", "out"),
-    "rank": ("rank", "data", "--every", "4", "--children", "4", "--first", "2", "--top", "1", "-o", "out"),
-    "validate": ("validate", "data", "--every", "4", "--children", "4", "-o", "out"),
+    "rank": ("rank", "data", "--every", "4", "--futures", "4", "--first", "2", "--top", "1", "-o", "out"),
+    "validate": ("validate", "data", "--every", "4", "--futures", "4", "-o", "out"),
 }
 """Commands that keep what is finished; they run in a folder that has the recording in ``data``."""
 RESULTS: Final = {"run": "metrics.parquet", "rank": "ranking.csv", "validate": "values.parquet"}
@@ -52,7 +52,7 @@ class Sources:
         scex(*command).check_returncode()
         return folder
 
-    ANSWERS: Final = ("--children", "64", "--steps", "20", "--no-plots")
+    ANSWERS: Final = ("--futures", "64", "--steps", "20", "--no-plots")
 
     @cache  # noqa: B019
     def answers(self) -> Path:

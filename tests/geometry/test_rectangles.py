@@ -20,7 +20,7 @@ def test_who_heads_north_sees_what_is_north_ahead_and_what_is_west_on_the_left()
     np.testing.assert_allclose(seen, [[[5, 0, 1, 0, 1], [0, 4, 0, 1, 2]]], atol=1e-12)  # cos(pi/2) is 6e-17
 
 
-def test_each_vehicle_of_each_child_has_its_own_frame() -> None:
+def test_each_vehicle_of_each_future_has_its_own_frame() -> None:
     now = states([[0.0, 1.0], [2.0, 3.0]], np.zeros((2, 2)), [[0.0, np.pi], [0.0, np.pi]], np.ones((2, 2)))
     past = states(np.zeros((2, 2, 1)), np.zeros((2, 2, 1)), np.zeros((2, 2, 1)), np.zeros((2, 2, 1)))
     seen = seen_from(now, past)

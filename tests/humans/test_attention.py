@@ -57,15 +57,15 @@ def closing(gap_m: float, speed: float, leader: float) -> SeedScene:
     return roads.scene_of((100.0, 0.0, 0.0, speed), (104.5 + gap_m, 0.0, 0.0, leader))
 
 
-def driven(model: str | Behavior, scene: SeedScene, steps: int = 30, children: int = 40) -> States:
+def driven(model: str | Behavior, scene: SeedScene, steps: int = 30, futures: int = 40) -> States:
     """(C, V, 1 + steps) in closed loop, the start first."""
-    history = roads.present(scene, children, DRAW[: children * scene.vehicles].reshape(children, -1))
+    history = roads.present(scene, futures, DRAW[: futures * scene.vehicles].reshape(futures, -1))
     states, driver = history.states, build(parse_models(model)[0]) if isinstance(model, str) else model
     for step in range(steps):
         if step % 5 == 0:
             now = type(history)(**{**vars(history), "states": states[:, :, -11:], "step": step})
             made = roads.plan(driver, roads.straight(), now)
-        one = made.map(lambda values, at=step % 5: values[:, at].reshape(children, -1, 1))
+        one = made.map(lambda values, at=step % 5: values[:, at].reshape(futures, -1, 1))
         states = States.concatenate(
             [states, States(x=one.x, y=one.y, heading=one.heading, speed=one.speed)], 2
         )
@@ -105,7 +105,7 @@ def test_drivers_brake_for_a_vehicle_that_their_planned_way_touches() -> None:
     history, time = roads.present(scene), 0.1 * np.arange(1, 31)
     x, y = 100.0 + 10.0 * time, 3.2 * np.minimum(time / 2.0, 1.0)
     way = Plan(x=x[None], y=y[None], heading=np.zeros((1, 30)), speed=np.full((1, 30), 10.0))
-    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     aware = Attention(aware=np.ones((1, 30), dtype=bool), onset=np.full(1, 0.8))
     made = yielding(way, view_of(history, roads.straight(), who), roads.straight(), aware)
     other = 108.0 + 6.0 * time
@@ -123,7 +123,7 @@ def test_offsets_keep_clear_of_a_vehicle_whose_path_comes_nearer() -> None:
     scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (100.0, 6.0, 0.0, 10.0))
     history, who = (
         roads.present(scene),
-        VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
+        VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
     )
     kept = kept_clear(np.zeros((1, 31)), view_of(history, where, who), where)[0]
     assert abs(kept[0]) < 1e-9
@@ -134,7 +134,7 @@ def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> 
     # A truck at 3 m/s that wants to drift 0.8 m to the left; a vehicle as long is 0.6 m beside it.
     scene = roads.scene_of((100.0, 0.0, 0.0, 3.0), (100.0, 2.4, 0.0, 3.0), length=12.0)
     history = roads.present(scene)
-    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     wanted = 0.8 * np.linspace(0.0, 1.0, 31)[None]
     kept = kept_clear(wanted, view_of(history, roads.straight(), who), roads.straight())[0]
     front = kept[:-1] + 9.6 * np.diff(kept) / 0.3
@@ -203,7 +203,7 @@ def responses(*vehicles: roads.Vehicle) -> Plan:
     """Responses of all vehicles to each other at present, if they meant to go straight on."""
     scene = roads.scene_of(*vehicles)
     n = scene.vehicles
-    who = VehicleIndex(child=np.zeros(n, dtype=int), vehicle=np.arange(n))
+    who = VehicleIndex(future=np.zeros(n, dtype=int), vehicle=np.arange(n))
     now, time = scene.now[:, None], 0.1 * np.arange(1, 31)
     steady = Plan(
         x=now.x + now.speed * np.cos(now.heading) * time,
@@ -244,6 +244,6 @@ def test_nobody_brakes_for_a_crossing_vehicle_that_leaves_in_time() -> None:
 def test_a_crossing_vehicle_is_a_leader_only_as_long_as_it_is_in_the_way(speed: float, follows: bool) -> None:
     scene = roads.scene_of((110.0, 0.0, 0.0, 12.0), (150.0, 0.0, np.pi / 2, speed))
     history = roads.present(scene)
-    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     leaders = leaders_of(view_of(history, CROSS, who), np.zeros(1))
     assert (leaders.index[0] == 1) == follows

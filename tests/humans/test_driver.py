@@ -55,7 +55,7 @@ def test_normal_and_student_numbers_have_their_spread() -> None:
     assert np.quantile(students(draw), 0.75) == pytest.approx(0.741, abs=0.02)
 
 
-def test_drivers_of_other_children_differ_and_those_of_one_child_stay_the_same() -> None:
+def test_drivers_of_other_futures_differ_and_those_of_one_future_stay_the_same() -> None:
     where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 10.0))
     history = roads.present(scene, 50, DRAW[:, None])
     made = roads.plan(DRIVER, where, history)

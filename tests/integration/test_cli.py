@@ -32,7 +32,7 @@ MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run of an example seed."""
     out = tmp_path_factory.mktemp("run") / "out"
-    done = scex("run", ROUNDABOUT, "--children", 12, *ALONE, "--keep-plans", "-o", out)
+    done = scex("run", ROUNDABOUT, "--futures", 12, *ALONE, "--keep-plans", "-o", out)
     assert done.returncode == 0, done.stderr
     return out
 
@@ -49,11 +49,11 @@ def refused(*arguments: object, status: int = 1) -> str:
 
 def test_a_run_leaves_the_result_that_the_readme_promises(result: Path) -> None:
     info = json.loads((result / "run.json").read_text())
-    assert info["children"] == 12
+    assert info["futures"] == 12
     assert info["steps"] == 30
     metrics = pq.read_table(result / "metrics.parquet")
-    assert metrics.column_names == ["child", *BOTH, "collision"] and BOTH[:12] == COLUMNS
-    assert metrics["child"].to_pylist() == list(range(12))
+    assert metrics.column_names == ["future", *BOTH, "collision"] and BOTH[:12] == COLUMNS
+    assert metrics["future"].to_pylist() == list(range(12))
     tracks = pq.read_table(result / "tracks.parquet")
     assert tracks.num_rows == 12 * info["seed_scene"]["vehicles"] * 40
     assert pq.read_table(result / "assignments.parquet").num_rows == 12 * info["seed_scene"]["vehicles"]
@@ -66,7 +66,7 @@ def test_a_run_leaves_the_result_that_the_readme_promises(result: Path) -> None:
 
 def test_a_run_with_a_page_writes_the_net_and_no_views(tmp_path: Path) -> None:
     done = scex(
-        "run", ROUNDABOUT, "--children", 2, "--steps", 3, "--reference", "none", "-o", tmp_path / "out"
+        "run", ROUNDABOUT, "--futures", 2, "--steps", 3, "--reference", "none", "-o", tmp_path / "out"
     )
     assert done.returncode == 0, done.stderr
     files = sorted(file.name for file in (tmp_path / "out" / "sumo").iterdir())
@@ -78,18 +78,18 @@ def test_the_summary_names_every_metric(tmp_path: Path) -> None:
     main = ("collision", "severe injuries", "body gap", "1/TTC on path", "DRAC", "THW", "WTTC of outlines")
     folded = ("PTTC on path", "PET [s]", "distance", "traffic quality", "gap time", "PTTC [s]", "/3")
     for preset, words in (([], main), (["--preset", "both"], main + folded)):
-        done = scex("run", ROUNDABOUT, "--children", 3, *ALONE, *preset, "-o", out)
+        done = scex("run", ROUNDABOUT, "--futures", 3, *ALONE, *preset, "-o", out)
         assert done.returncode == 0, done.stderr
         assert [word for word in main + folded if word in done.stdout] == list(words)
 
 
 def test_one_vehicle_is_run_and_its_metrics_of_pairs_are_shown_as_undefined(tmp_path: Path) -> None:
     out = tmp_path / "a single one"
-    done = scex("run", ROUNDABOUT, "--synthetic", 1, "--children", 2, "--preset", "both", "-o", out)
+    done = scex("run", ROUNDABOUT, "--synthetic", 1, "--futures", 2, "--preset", "both", "-o", out)
     assert done.returncode == 0, done.stderr
     assert "1 vehicle, 2 futures" in done.stdout
     assert done.stdout.count(" 0/2") == 13
-    assert f"scex-sumo view '{out}' --child 0" in done.stdout  # ttc is defined in no child
+    assert f"scex-sumo view '{out}' --future 0" in done.stdout  # ttc is defined in no future
     densities = pq.read_table(out / "densities.parquet")
     assert densities.num_rows == 0
     assert densities.column_names == ["metric", "x", "pdf", "cdf", "low", "high", "atom"]
@@ -100,7 +100,7 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_batches_and_workers(
 ) -> None:
     for options in (["--batch", "5"], ["--workers", "2", "--batch", "4"]):
         out = tmp_path / options[0].strip("-")
-        done = scex("run", ROUNDABOUT, "--children", 12, *ALONE, "--keep-plans", "-o", out, *options)
+        done = scex("run", ROUNDABOUT, "--futures", 12, *ALONE, "--keep-plans", "-o", out, *options)
         assert done.returncode == 0, done.stderr
         for table in TABLES:
             name = f"{table}.parquet"
@@ -110,7 +110,7 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_batches_and_workers(
 def same_values(result: Path, evaluated: Path) -> pa.Table:
     """The run's own metrics, which the evaluated ones equal to the last digits, gap times included."""
     mine, again = pq.read_table(result / "metrics.parquet"), pq.read_table(evaluated)
-    assert again["case_id"].to_pylist() == mine["child"].to_pylist()
+    assert again["case_id"].to_pylist() == mine["future"].to_pylist()
     assert again["collision"].equals(mine["collision"])
     for column in BOTH:
         assert again[column].is_null().equals(mine[column].is_null()), column
@@ -126,9 +126,9 @@ def test_evaluated_again_a_result_has_the_runs_values(result: Path, tmp_path: Pa
     assert mine["gap_time"].null_count < mine.num_rows
 
 
-def test_long_children_with_few_plans_are_evaluated_again_whole(tmp_path: Path) -> None:
-    """Recordings of 200 steps and more are cut into windows; children are not, history included."""
-    options = ("--children", 2, "--steps", 195, "--replan", 17, *ALONE, "--keep-plans")
+def test_long_futures_with_few_plans_are_evaluated_again_whole(tmp_path: Path) -> None:
+    """Recordings of 200 steps and more are cut into windows; futures are not, history included."""
+    options = ("--futures", 2, "--steps", 195, "--replan", 17, *ALONE, "--keep-plans")
     done = scex("run", ROUNDABOUT, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert scex("metrics", tmp_path / "out", "-o", tmp_path / "again.parquet").returncode == 0
@@ -138,7 +138,7 @@ def test_long_children_with_few_plans_are_evaluated_again_whole(tmp_path: Path) 
 
 def test_without_plans_gap_times_are_of_the_tracks_driven_and_that_is_said(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    done = scex("run", ROUNDABOUT, "--children", 2, *ALONE, "-o", out)
+    done = scex("run", ROUNDABOUT, "--futures", 2, *ALONE, "-o", out)
     assert done.returncode == 0, done.stderr
     assert not (out / "plans.parquet").exists()
     done = scex("metrics", out, "-o", tmp_path / "again.parquet")
@@ -151,8 +151,8 @@ def test_without_plans_gap_times_are_of_the_tracks_driven_and_that_is_said(tmp_p
     assert again["gap_time"].to_pylist() != mine["gap_time"].to_pylist()
 
 
-def test_fewer_children_are_the_first_of_more(result: Path, tmp_path: Path) -> None:
-    done = scex("run", ROUNDABOUT, "--children", 5, *ALONE, "-o", tmp_path / "out")
+def test_fewer_futures_are_the_first_of_more(result: Path, tmp_path: Path) -> None:
+    done = scex("run", ROUNDABOUT, "--futures", 5, *ALONE, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     few = pq.read_table(tmp_path / "out" / "metrics.parquet")
     assert few.equals(pq.read_table(result / "metrics.parquet").slice(0, 5))
@@ -166,14 +166,14 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
         "    if done >= 6 * 30 + 5: raise KeyboardInterrupt\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
         f"options = dict(keep_plans=True, batch=4, out={str(out)!r}, progress=stop)\n"
-        "extrapolate(seed, children=12, **options)\n"
+        "extrapolate(seed, futures=12, **options)\n"
     )
     stopped = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert "KeyboardInterrupt" in stopped.stderr
     assert (out / "incomplete.json").exists()
     assert not (out / "run.json").exists()
-    assert "interrupted" in refused("view", out, "--child", 0)
-    done = scex("run", ROUNDABOUT, "--children", 12, *ALONE, "--keep-plans", "-o", out)
+    assert "interrupted" in refused("view", out, "--future", 0)
+    done = scex("run", ROUNDABOUT, "--futures", 12, *ALONE, "--keep-plans", "-o", out)
     assert done.returncode == 0, done.stderr
     for table in TABLES:
         name = f"{table}.parquet"
@@ -182,10 +182,10 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
 
 def test_a_result_folder_with_a_comma_is_written_and_its_future_opens_in_sumo(tmp_path: Path) -> None:
     folder = tmp_path / "a,b" / "c,d"
-    options = ["--children", "2", "--steps", "3", "--models", "sumo:EIDM", "--reference", "none"]
+    options = ["--futures", "2", "--steps", "3", "--models", "sumo:EIDM", "--reference", "none"]
     done = scex("run", scex_sumo.example_path("roundabout"), *options, "-o", folder)
     assert done.returncode == 0, done.stderr
-    shown = scex("view", folder, "--child", "1", "--write-only")
+    shown = scex("view", folder, "--future", "1", "--write-only")
     assert shown.returncode == 0, shown.stderr
     file = Path(shown.stdout.strip())
     command = [program("sumo"), "-c", file.name]
@@ -194,7 +194,7 @@ def test_a_result_folder_with_a_comma_is_written_and_its_future_opens_in_sumo(tm
 
 
 def test_thresholds_are_the_users_where_given(tmp_path: Path) -> None:
-    options = ["--children", 3, "--threshold", "pttc=100", "--threshold", "distance=0", *ALONE]
+    options = ["--futures", 3, "--threshold", "pttc=100", "--threshold", "distance=0", *ALONE]
     done = scex("run", ROUNDABOUT, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     run = scex_sumo.open_run(tmp_path / "out")
@@ -210,7 +210,7 @@ def test_every_combination_is_run_on_request(tmp_path: Path) -> None:
     done = scex(
         "run",
         ROUNDABOUT,
-        "--children",
+        "--futures",
         "all",
         "--models",
         models,
@@ -224,12 +224,12 @@ def test_every_combination_is_run_on_request(tmp_path: Path) -> None:
 
 
 def test_export_writes_an_interaction_case_and_fcd(result: Path, tmp_path: Path) -> None:
-    for to, name in (("interaction", "child.csv"), ("fcd", "child.fcd.xml")):
-        done = scex("export", result, "--child", 3, "--to", to, "-o", tmp_path / name)
+    for to, name in (("interaction", "future.csv"), ("fcd", "future.fcd.xml")):
+        done = scex("export", result, "--future", 3, "--to", to, "-o", tmp_path / name)
         assert done.returncode == 0, done.stderr
-    seed = scex_sumo.read_seed(ROUNDABOUT, tracks=tmp_path / "child.csv")
+    seed = scex_sumo.read_seed(ROUNDABOUT, tracks=tmp_path / "future.csv")
     assert seed.vehicles == scex_sumo.read_seed(ROUNDABOUT).vehicles
-    assert (tmp_path / "child.fcd.xml").read_text().count("<timestep ") == 40
+    assert (tmp_path / "future.fcd.xml").read_text().count("<timestep ") == 40
 
 
 def test_missing_files_are_named(tmp_path: Path) -> None:
@@ -259,9 +259,9 @@ def test_what_is_no_map_is_said(tmp_path: Path, content: str, words: str) -> Non
         (["--models", "granny"], "unknown behavior 'granny'; nearest: "),
         (["--models", "standard_driver@many"], "many"),
         (["--models", "standard_driver:courage=9"], "courage"),
-        (["--children", "0"], "--children"),
-        (["--children", "some"], "--children"),
-        (["--children", "all"], "combinations"),
+        (["--futures", "0"], "--futures"),
+        (["--futures", "some"], "--futures"),
+        (["--futures", "all"], "combinations"),
         (["--replan", "31"], "--replan"),
         (["--steps", "0"], "--steps"),
         (["--assign", "17"], "TRACK=MODEL"),
@@ -288,7 +288,7 @@ def test_a_moment_outside_the_recording_is_refused_with_its_span() -> None:
 
 def test_an_unwritable_result_folder_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    assert "cannot write" in refused("run", ROUNDABOUT, "--children", 1, "-o", tmp_path / "file" / "out")
+    assert "cannot write" in refused("run", ROUNDABOUT, "--futures", 1, "-o", tmp_path / "file" / "out")
 
 
 def test_tracks_far_from_the_map_name_the_origin_as_likely_cause(tmp_path: Path) -> None:
@@ -326,9 +326,9 @@ def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, numb
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -> None:
-    """A limit on the size of files stands for the disk: the tables of 40 children are larger."""
+    """A limit on the size of files stands for the disk: the tables of 40 futures are larger."""
     limited = f"ulimit -f 100; exec {sys.executable} -m scex_sumo run {ROUNDABOUT} --no-plots"
-    command = ["bash", "-c", f"{limited} --children 40 --batch 20 --workers {workers} -o {tmp_path}/out"]
+    command = ["bash", "-c", f"{limited} --futures 40 --batch 20 --workers {workers} -o {tmp_path}/out"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 1, done.stdout
     lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
@@ -338,7 +338,7 @@ def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -
 
 
 def test_a_terminal_without_unicode_gets_a_summary_too(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--children", "2", "--no-plots"]
+    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--futures", "2", "--no-plots"]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
     assert done.returncode == 0, done.stderr
@@ -346,9 +346,9 @@ def test_a_terminal_without_unicode_gets_a_summary_too(tmp_path: Path) -> None:
 
 
 def test_another_runs_result_is_kept(result: Path) -> None:
-    line = refused("run", ROUNDABOUT, "--children", 2, "-o", result)
+    line = refused("run", ROUNDABOUT, "--futures", 2, "-o", result)
     assert "another run" in line
-    assert json.loads((result / "run.json").read_text())["children"] == 12
+    assert json.loads((result / "run.json").read_text())["futures"] == 12
 
 
 def test_help_answers_for_every_command() -> None:
@@ -383,8 +383,8 @@ def test_a_run_does_not_import_torch_nor_networks_that_it_does_not_use(
     code = (
         "import sys, scex_sumo\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
-        f"run = extrapolate(seed, children=2, models={models!r})\n"
-        "assert run.children == 2 and run.p_critical('wttc').low >= 0\n"
+        f"run = extrapolate(seed, futures=2, models={models!r})\n"
+        "assert run.futures == 2 and run.p_critical('wttc').low >= 0\n"
         "assert 'torch' not in sys.modules\n"
         f"assert ('scex_sumo.learned.driver' in sys.modules) == {learned}\n"
     )
@@ -402,7 +402,7 @@ def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(name: 
         return scex(*arguments, cwd=tmp_path)
 
     for arguments in (
-        ("run", ROUNDABOUT, "--children", 2, "--steps", 5, "--keep-plans", "-o", name),
+        ("run", ROUNDABOUT, "--futures", 2, "--steps", 5, "--keep-plans", "-o", name),
         ("report", name),
         ("metrics", name, "-o", "again:1.parquet"),
         ("metrics", f"{name}/tracks.parquet", "-o", "again:2.parquet"),
@@ -415,7 +415,7 @@ def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(name: 
 def test_a_comma_in_the_folder_for_temporary_files_is_one_line(tmp_path: Path) -> None:
     folder = tmp_path / "a,b"
     folder.mkdir()
-    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--children", "2", "-o", "out"]
+    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--futures", "2", "-o", "out"]
     environment = {**os.environ, "TMPDIR": str(folder)}
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
     assert done.returncode == 1

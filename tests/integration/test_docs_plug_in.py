@@ -1,4 +1,4 @@
-"""What the pages on drivers of one's own show runs as it stands there, with fewer children."""
+"""What the pages on drivers of one's own show runs as it stands there, with fewer futures."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def commands(page: str) -> list[list[str]]:
 
 
 def run(command: list[str], where: Path) -> str:
-    """Run a command of the page with three children and without pictures."""
+    """Run a command of the page with three futures and without pictures."""
     program, *arguments = command
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     if program == "scex-sumo":
-        if "--children" in arguments:
-            at = arguments.index("--children")
+        if "--futures" in arguments:
+            at = arguments.index("--futures")
             del arguments[at : at + 2]
-        few = ("--children", 3, "--no-plots", "--reference", "none")
+        few = ("--futures", 3, "--no-plots", "--reference", "none")
         done = scex("run", DOCS.parent / arguments[1], *arguments[2:], *few, cwd=where, env=environment)
     else:
         full = [sys.executable, *arguments]

@@ -22,8 +22,8 @@ from tests.runs import extrapolate
 RULES = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 
 
-def run_of(scene: SeedScene, out: Path, children: int | str = 385, **options: Any) -> Run:
-    return extrapolate(scene, children=children, world="plain", metrics=["gap"], out=out, **options)
+def run_of(scene: SeedScene, out: Path, futures: int | str = 385, **options: Any) -> Run:
+    return extrapolate(scene, futures=futures, world="plain", metrics=["gap"], out=out, **options)
 
 
 @pytest.fixture(scope="module")
@@ -65,12 +65,12 @@ def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(roun
     for row in roundabout.encounters.to_pylist():
         pair = np.sort([row["track_id"], row["other_id"]])
         hit = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0) == pair[:, None]
-        collides = set(np.asarray(hits["child"])[hit.all(axis=0)].tolist())
+        collides = set(np.asarray(hits["future"])[hit.all(axis=0)].tolist())
         mine = (ids == pair[:, None]).all(axis=0)
         for event, (column, limit) in critical.items():
             over = np.sign(limit) * np.asarray(table[column])[mine] > limit
-            children = collides | set(np.asarray(table["child"])[mine][over].tolist())
-            assert len(children) / roundabout.children == pytest.approx(row[event], abs=1e-12), (row, event)
+            futures = collides | set(np.asarray(table["future"])[mine][over].tolist())
+            assert len(futures) / roundabout.futures == pytest.approx(row[event], abs=1e-12), (row, event)
     assert (roundabout.folder / "pair_outcomes.parquet").stat().st_size < 200_000
 
 
@@ -150,7 +150,7 @@ def test_the_drawn_futures_stay_the_same_and_do_not_depend_on_the_workers(tmp_pa
         runs[1].folder.joinpath("exact.json").read_bytes()
     )
     extra = runs[0].table("exact/assignments.parquet")
-    assert np.asarray(extra["child"]).min() == 100 and extra.num_rows == 4 * exact_of(runs[0]).extra
+    assert np.asarray(extra["future"]).min() == 100 and extra.num_rows == 4 * exact_of(runs[0]).extra
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_random_models_sumos_and_few_futures_keep_sampled_values(tmp_path: Path)
     scene = queues(2)
     assert exact_of(run_of(scene, tmp_path / "likely", 100, models="likely")) is None
     by_sumo = extrapolate(
-        scene, children=60, models="standard_driver,sumo:IDM", metrics=["gap"], out=tmp_path / "sumo"
+        scene, futures=60, models="standard_driver,sumo:IDM", metrics=["gap"], out=tmp_path / "sumo"
     )
     assert exact_of(by_sumo) is None
     few = run_of(scene, tmp_path / "few", 20)

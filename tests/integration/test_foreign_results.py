@@ -26,7 +26,7 @@ READERS: dict[str, Callable[[Path], list[object]]] = {
     "report": lambda out: [out],
     "compare": lambda out: [out, out.with_name("other"), "-o", out.with_name("compared")],
     "view": lambda out: [out, "--critical", "ttc", "--write-only"],
-    "export": lambda out: [out, "--child", "1", "--to", "interaction", "-o", out.with_name("child.csv")],
+    "export": lambda out: [out, "--future", "1", "--to", "interaction", "-o", out.with_name("future.csv")],
     "plot": lambda out: [out],
     "metrics": lambda out: [out, "-o", out.with_name("metrics.csv")],
 }
@@ -35,7 +35,7 @@ READERS: dict[str, Callable[[Path], list[object]]] = {
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     out = tmp_path_factory.mktemp("run") / "out"
-    return extrapolate(read_seed(example_path("roundabout")), children=6, out=out)
+    return extrapolate(read_seed(example_path("roundabout")), futures=6, out=out)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from matplotlib.image import imread
 
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.views.replay import ChildView, write_view
+from scex_sumo.views.replay import FutureView, write_view
 from scex_sumo.world.sumo import SumoWorld
 
 BLUE = (54, 124, 196)
@@ -35,11 +35,11 @@ from test_gui import scene, states
 net = SimpleNamespace(path=Path(sys.argv[2]), extras=None)
 with SumoWorld(net, scene(), slots=[0, 1], gui=True, delay_ms=0,
            legend=[("standard_driver", (54, 124, 196))]) as world:
-    drivers = [SumoDriven(child=1, vehicle=0, model="IDM", parameters={}, edges=("w_in", "e_out"))]
+    drivers = [SumoDriven(future=1, vehicle=0, model="IDM", parameters={}, edges=("w_in", "e_out"))]
     for driven in ([], drivers):
         mask = np.ones((2, 2), dtype=bool)
         for d in driven:
-            mask[d.child, d.vehicle] = False
+            mask[d.future, d.vehicle] = False
         world.begin(states(0), np.array([0, 1]), driven)
         world.color(0, 1, (54, 124, 196))
         for step in range(1, 11):
@@ -55,7 +55,7 @@ print("shown")
 
 
 def states(step: int) -> States:
-    """(2, 2): two cars on the main road, in two children."""
+    """(2, 2): two cars on the main road, in two futures."""
     x = np.array([[960.0, 980.0], [960.0, 980.0]]) + step
     return States(x=x, y=np.full_like(x, 998.4), heading=np.zeros_like(x), speed=np.full_like(x, 10.0))
 
@@ -106,17 +106,17 @@ def test_a_world_in_sumo_gui_holds_what_was_planned(
     assert out == "shown\n"
 
 
-def test_a_child_in_sumo_gui_shows_vehicles_in_the_colour_of_their_model(
+def test_a_future_in_sumo_gui_shows_vehicles_in_the_colour_of_their_model(
     crossing: SimpleNamespace, display: list[str], tmp_path: Path
 ) -> None:
     track = States.stack([states(step)[0] for step in range(20)], axis=1)
 
     def blue_pixels(blue: str, other: str) -> int:
-        child = ChildView(number=1, states=track, models=(blue, other), past=20)
+        future = FutureView(number=1, states=track, models=(blue, other), past=20)
         colors = {"standard_driver": BLUE, "risky_driver": (214, 64, 58)}
-        write_view(tmp_path, crossing, scene(), [child], colors, snapshots=((1.0, "view.png"),))
+        write_view(tmp_path, crossing, scene(), [future], colors, snapshots=((1.0, "view.png"),))
         program = str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui")
-        run([*display, program, "-c", "child_0001.sumocfg", "--quit-on-end"], tmp_path)
+        run([*display, program, "-c", "future_0001.sumocfg", "--quit-on-end"], tmp_path)
         picture = 255 * imread(tmp_path / "view.png")[..., :3]
         assert picture.shape[0] > 300 and picture.shape[1] > 300
         return int((np.abs(picture - np.array(BLUE)).max(axis=2) < 3).sum())

@@ -1,4 +1,4 @@
-"""Runs with learned drivers: the same bytes however the children are shared out, and what run.json says."""
+"""Runs with learned drivers: the same bytes however the futures are shared out, and what run.json says."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scex_sumo.scene import SeedScene
 from tests.learned import nets
 from tests.runs import extrapolate
 
-CHILDREN = 9
+FUTURES = 9
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def models(tmp_path_factory: pytest.TempPathFactory, scene: SeedScene) -> list[s
 
 def ran(scene: SeedScene, models: list[str], out: Path, *, batch: int, workers: int) -> Run:
     return extrapolate(
-        scene, models=models, children=CHILDREN, steps=10, batch=batch, workers=workers, seed=3, out=out
+        scene, models=models, futures=FUTURES, steps=10, batch=batch, workers=workers, seed=3, out=out
     )
 
 

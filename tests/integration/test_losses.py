@@ -19,7 +19,7 @@ def test_a_large_loss_is_a_warning_with_its_share_on_the_terminal_and_on_the_pag
     options = [
         "--synthetic",
         "2",
-        "--children",
+        "--futures",
         "2",
         "--models",
         "rules",

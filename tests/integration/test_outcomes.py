@@ -1,4 +1,4 @@
-"""What a run says of who hits and meets whom, and that what really happened is measured like a child."""
+"""What a run says of who hits and meets whom, and that what really happened is measured like a future."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.runs import extrapolate
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     out = tmp_path_factory.mktemp("run") / "out"
-    done = scex("run", ROUNDABOUT, "--children", 40, *ALONE, "-o", out)
+    done = scex("run", ROUNDABOUT, "--futures", 40, *ALONE, "-o", out)
     assert done.returncode == 0, done.stderr
     assert "\u2502 collision " in done.stdout and "collides in" in done.stdout
     return scex_sumo.open_run(out)
@@ -24,20 +24,20 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 def test_collisions_encounters_and_shares_say_the_same(run: Run) -> None:
     hit = np.asarray(run.metrics["collision"])
-    assert set(run.collisions["child"].to_pylist()) == set(np.flatnonzero(hit).tolist())
+    assert set(run.collisions["future"].to_pylist()) == set(np.flatnonzero(hit).tolist())
     share = run.p_collision
     assert 0 < share.low < share.value == hit.mean() < share.high < 1
     assert max(row["collision"] for row in run.encounters.to_pylist()) <= share.value
     first = run.encounters.to_pylist()[0]
     together = {
-        row["child"]
+        row["future"]
         for row in run.collisions.to_pylist()
         if {row["track_id"], row["other_id"]} == {first["track_id"], first["other_id"]}
     }
     assert first["collision"] == len(together) / 40
 
 
-def test_a_child_without_a_value_is_not_critical(run: Run) -> None:
+def test_a_future_without_a_value_is_not_critical(run: Run) -> None:
     values = run.values("gap_time")
     assert np.isnan(values).any()
     assert run.p_critical("gap_time", threshold=np.inf).value == np.mean(~np.isnan(values))
@@ -53,10 +53,10 @@ def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
     assert "meet in no future" in refused("encounters", run.folder, "--pair", "98,99", status=2)
 
 
-def test_children_of_replay_are_the_recorded_row(tmp_path: Path) -> None:
+def test_futures_of_replay_are_the_recorded_row(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(ROUNDABOUT)
     assert scene.future_valid is not None and scene.future_valid[:, :30].all()  # all recorded to the end
-    run = extrapolate(scene, models="replay", children=2, out=tmp_path / "out")
+    run = extrapolate(scene, models="replay", futures=2, out=tmp_path / "out")
     assert run.recorded is not None and run.info["recorded"] == {"left": {}, "overlaps": []}
     for column in run.columns:
         recorded = run.recorded_value(column)
@@ -67,12 +67,12 @@ def test_children_of_replay_are_the_recorded_row(tmp_path: Path) -> None:
 
 def test_presets_choose_the_columns_and_the_kernel_may_be_plain(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(ROUNDABOUT)
-    path = extrapolate(scene, preset="path", children=3, reflect=False, out=tmp_path / "path")
+    path = extrapolate(scene, preset="path", futures=3, reflect=False, out=tmp_path / "path")
     assert path.columns[:2] == ["gap", "gap_mean"] and len(path.columns) == 14
     wide = [path.density("gap", bandwidth=2.0, reflect=reflect).x[0] for reflect in (None, True)]
     assert wide[0] < 0 <= wide[1]
     assert path.density("gap").atoms == ()
-    paper = extrapolate(scene, preset="paper", children=3, out=tmp_path / "paper")
+    paper = extrapolate(scene, preset="paper", futures=3, out=tmp_path / "paper")
     assert len(paper.columns) == 12
     assert "unknown 'lane'" in refused("run", ROUNDABOUT, "--preset", "lane", status=2)
 

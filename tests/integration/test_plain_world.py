@@ -35,26 +35,26 @@ def assert_equal(runs: list[Run]) -> None:
 def test_both_worlds_hold_the_same_on_the_example_maps(name: str, tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path(name))
     models = MODELS if scene.future is not None else MODELS.replace("replay,", "")
-    assert_equal(in_both(scene, tmp_path, models=models, children=24))
+    assert_equal(in_both(scene, tmp_path, models=models, futures=24))
 
 
 @pytest.mark.parametrize("models", ["paper", "graph_image_predictor:head=free,graph_predictor:mode=draw"])
 def test_both_worlds_hold_the_same_with_networks(models: str, tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    assert_equal(in_both(scene, tmp_path, models=models, children=12))
+    assert_equal(in_both(scene, tmp_path, models=models, futures=12))
 
 
 def test_both_worlds_hold_the_same_on_all_real_maps(data: Path, tmp_path: Path) -> None:
     for path in [*data.glob("interaction/maps/*.osm"), *data.glob("taf_bw/maps/*.osm")]:
         scene = scex_sumo.synthetic_seed(path, vehicles=10)
         assert_equal(
-            in_both(scene, tmp_path / path.stem, models="rules,calibrated_driver:path=random", children=6)
+            in_both(scene, tmp_path / path.stem, models="rules,calibrated_driver:path=random", futures=6)
         )
 
 
 def test_a_checked_run_gives_the_same_and_has_seen_that_sumo_does(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    runs = [extrapolate(scene, out=tmp_path / w, world=w, children=9) for w in ("sumo", "checked")]
+    runs = [extrapolate(scene, out=tmp_path / w, world=w, futures=9) for w in ("sumo", "checked")]
     assert_equal(runs)
 
 
@@ -64,18 +64,18 @@ def test_a_plain_world_that_holds_something_else_than_sumo_ends_the_run(
     monkeypatch.setattr("scex_sumo.world.plain.angle_read_back", lambda angle: angle + 1e-9)
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     with pytest.raises(SimulationError, match=r"^the plain world and SUMO differ in x by .*use --world sumo"):
-        extrapolate(scene, out=tmp_path / "out", world="checked", children=9)
+        extrapolate(scene, out=tmp_path / "out", world="checked", futures=9)
 
 
 def test_a_checked_run_is_sumos_where_sumo_drives(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    run = extrapolate(scene, out=tmp_path / "o", models="sumo:EIDM", world="checked", children=2)
-    assert run.children == 2
+    run = extrapolate(scene, out=tmp_path / "o", models="sumo:EIDM", world="checked", futures=2)
+    assert run.futures == 2
 
 
 def test_sumo_drives_nobody_in_the_plain_world() -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     with pytest.raises(UsageError, match=r"^--world plain: sumo:EIDM is driven by SUMO"):
-        extrapolate(scene, models="sumo:EIDM", world="plain", children=2)
+        extrapolate(scene, models="sumo:EIDM", world="plain", futures=2)
     with pytest.raises(UsageError, match=r"^--world: got 'moon', needs sumo, plain, checked$"):
-        extrapolate(scene, world="moon", children=2)
+        extrapolate(scene, world="moon", futures=2)

@@ -25,15 +25,15 @@ import scex_sumo as scex
 
 
 class Straight:
-    """Keeps speed and heading; in odd children it gives up after a while, in all of them where told to."""
+    """Keeps speed and heading; in odd futures it gives up after a while, in all of them where told to."""
 
     def __init__(self, *, gives_up=False):
         self.gives_up = gives_up
 
-    def plan_one(self, history, road, child, vehicle, rng):
-        if self.gives_up or (history.step >= 15 and history.children[child] % 2):
+    def plan_one(self, history, road, future, vehicle, rng):
+        if self.gives_up or (history.step >= 15 and history.futures[future] % 2):
             raise RuntimeError("lost the lane")
-        now = history.now[child, vehicle]
+        now = history.now[future, vehicle]
         way = float(now.speed) * 0.1 * np.arange(1, 31)
         return scex.States(
             x=now.x + way * np.cos(now.heading),
@@ -54,7 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     where = tmp_path_factory.mktemp("plug_in")
     (where / "drivers").mkdir()
     (where / "drivers" / "__init__.py").write_text(DRIVER)
-    options = ("--children", 6, "--models", MODELS, "--assign", "3=drivers:Straight", *ALONE)
+    options = ("--futures", 6, "--models", MODELS, "--assign", "3=drivers:Straight", *ALONE)
     done = scex(where, "run", ROUNDABOUT, *options, "-o", "out")
     assert done.returncode == 0, done.stderr
     (where / "printed.txt").write_text(done.stdout)
@@ -66,7 +66,7 @@ def test_a_run_tells_the_vehicle_under_test_apart(folder: Path) -> None:
     assert "under test, vehicle 3: drivers:Straight: 6 futures" in printed
     assert "worse : better" in printed
     assert "Under test, vehicle 3: drivers:Straight" in (folder / "out" / "report.html").read_text()
-    # One vehicle, 6 children of 6 plans; 3 of these children lose the last 3.
+    # One vehicle, 6 futures of 6 plans; 3 of these futures lose the last 3.
     line = (
         "drivers:Straight: 9 of 36 plans replaced by the path-following driver's, in 3 futures; "
         "first (future 1, vehicle 3, 1.5 s): raised RuntimeError: lost the lane (__init__.py, line 15)"
@@ -79,7 +79,7 @@ def test_a_run_tells_the_vehicle_under_test_apart(folder: Path) -> None:
     assert pq.read_table(folder / "out" / "fallbacks.parquet").num_rows == 9
 
 
-def test_the_baseline_are_the_same_children_but_for_that_vehicle(folder: Path) -> None:
+def test_the_baseline_are_the_same_futures_but_for_that_vehicle(folder: Path) -> None:
     run = scex_sumo.open_run(folder / "out")
     assert run.baseline is not None
     other = np.asarray(run.assignments["track_id"]) != 3
@@ -100,7 +100,7 @@ def test_values_under_test_are_those_of_the_vehicles_own_pairs(folder: Path) -> 
 
 
 def test_workers_and_batches_leave_the_same_bytes(folder: Path) -> None:
-    options = ("--children", 6, "--models", MODELS, "--assign", "3=drivers:Straight", *ALONE)
+    options = ("--futures", 6, "--models", MODELS, "--assign", "3=drivers:Straight", *ALONE)
     done = scex(folder, "run", ROUNDABOUT, *options, "--workers", 2, "--batch", 1, "-o", "again")
     assert done.returncode == 0, done.stderr
     for name in ("tracks", "metrics", "fallbacks", "under_test", "baseline/under_test", "baseline/tracks"):
@@ -109,7 +109,7 @@ def test_workers_and_batches_leave_the_same_bytes(folder: Path) -> None:
 
 
 def test_a_driver_that_fails_from_the_start_is_one_line_and_no_folder(folder: Path) -> None:
-    options = ("--children", 4, "--under-test", "3=drivers:Straight:gives_up=true", "-o", "none")
+    options = ("--futures", 4, "--under-test", "3=drivers:Straight:gives_up=true", "-o", "none")
     done = scex(folder, "run", ROUNDABOUT, *options)
     assert done.returncode == 1
     (line,) = [text for text in done.stderr.splitlines() if not text.startswith("note: ")]

@@ -25,7 +25,7 @@ from tests.command import scex, started
 from tests.runs import extrapolate
 
 MODELS = "standard_driver,constant_velocity,emergency_brake"
-OPTIONS = ("--every", "4", "--first", "3", "--children", "6", "--top", "2", "--models", MODELS)
+OPTIONS = ("--every", "4", "--first", "3", "--futures", "6", "--top", "2", "--models", MODELS)
 
 
 def command(*arguments: object) -> list[str]:
@@ -79,16 +79,16 @@ def test_the_table_has_a_row_for_every_seed_and_for_what_failed(result: Path) ->
     assert sorted(table["time_s"].to_pylist()[:3]) == [4.1, 8.1, 12.1]
     assert table["seed"].to_pylist()[3] == "broken"
     assert "XML" in table["failure"].to_pylist()[3]
-    assert set(table["children"].to_pylist()[:3]) <= {3, 6}
+    assert set(table["futures"].to_pylist()[:3]) <= {3, 6}
     info = json.loads((result / "rank.json").read_text())
     assert (info["seeds"], info["failed"]) == (3, 1)
-    assert info["children_run"] == sum(table["children"].to_pylist())
+    assert info["futures_run"] == sum(table["futures"].to_pylist())
 
 
 def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
     row = pq.read_table(result / "ranking.parquet").to_pylist()[0]
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
-    run = extrapolate(seed, models=MODELS.split(","), children=row["children"], out=tmp_path / "out")
+    run = extrapolate(seed, models=MODELS.split(","), futures=row["futures"], out=tmp_path / "out")
     for column in run.columns:
         samples = run.samples(column)
         assert row[f"median_{column}"] == (np.median(samples) if len(samples) else None)
@@ -104,12 +104,12 @@ def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
     )
 
 
-def test_the_children_of_a_seed_are_what_its_row_counts(result: Path) -> None:
-    children = pds.dataset(result / "children", partitioning="hive").to_table()
+def test_the_futures_of_a_seed_are_what_its_row_counts(result: Path) -> None:
+    futures = pds.dataset(result / "futures", partitioning="hive").to_table()
     table = pq.read_table(result / "ranking.parquet")
     for row in table.to_pylist()[:3]:
-        mine = children.filter(pds.field("seed") == row["seed"])
-        assert sorted(mine["child"].to_pylist()) == list(range(row["children"]))
+        mine = futures.filter(pds.field("seed") == row["seed"])
+        assert sorted(mine["future"].to_pylist()) == list(range(row["futures"]))
         assert {len(models) for models in mine["model"].to_pylist()} == {row["vehicles"]}
 
 
@@ -119,7 +119,7 @@ def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(
     out = tmp_path / "out"
     process = started("rank", dataset, *OPTIONS, "-o", out)
     deadline = time.monotonic() + 60
-    while len(list(out.glob("children/*/*/*.parquet"))) < 2 and time.monotonic() < deadline:
+    while len(list(out.glob("futures/*/*/*.parquet"))) < 2 and time.monotonic() < deadline:
         time.sleep(0.01)
     process.kill()
     assert process.wait().returncode == -signal.SIGKILL
@@ -133,7 +133,7 @@ def test_ctrl_c_leaves_one_line_and_what_has_finished(dataset: Path, tmp_path: P
     out = tmp_path / "out"
     process = subprocess.Popen(command(dataset, *OPTIONS, "-o", out), stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60
-    while not list(out.glob("children/*/*/*.parquet")) and time.monotonic() < deadline:
+    while not list(out.glob("futures/*/*/*.parquet")) and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=30)
@@ -141,7 +141,7 @@ def test_ctrl_c_leaves_one_line_and_what_has_finished(dataset: Path, tmp_path: P
     (line,) = said.splitlines()
     assert line == f"interrupted; {out} keeps finished seeds; run the same command to go on"
     assert (out / "incomplete.json").exists()
-    assert list(out.glob("children/*/*/*.parquet"))
+    assert list(out.glob("futures/*/*/*.parquet"))
 
 
 class _Page(HTMLParser):
@@ -181,23 +181,23 @@ def test_the_command_on_the_page_looks_at_the_same_moment(result: Path, tmp_path
     text = (result / "ranking.html").read_text()
     words = shlex.split(html.unescape(text.split("<code>")[1].split("</code>")[0]))
     words[words.index("-o") + 1] = str(tmp_path / "out")
-    options = [*words[1:], "--children", "3", "--no-plots"]
+    options = [*words[1:], "--futures", "3", "--no-plots"]
     scex(*options).check_returncode()
     run = scex_sumo.open_run(tmp_path / "out")
     shown = json.loads((result / "rank.json").read_text())["shown"][0]
-    children = pds.dataset(result / "children", partitioning="hive").to_table()
-    children = children.filter(pds.field("seed") == shown).sort_by("child").slice(0, 3)
-    assert children["wttc"].to_pylist() == run.metrics["wttc"].to_pylist()
+    futures = pds.dataset(result / "futures", partitioning="hive").to_table()
+    futures = futures.filter(pds.field("seed") == shown).sort_by("future").slice(0, 3)
+    assert futures["wttc"].to_pylist() == run.metrics["wttc"].to_pylist()
 
 
-def test_tracks_are_kept_of_the_children_that_say_so(dataset: Path, result: Path, tmp_path: Path) -> None:
+def test_tracks_are_kept_of_the_futures_that_say_so(dataset: Path, result: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = rank(dataset, *OPTIONS, "--keep", "critical", "-o", out)
     assert done.returncode == 0, done.stderr
-    children = pds.dataset(out / "children", partitioning="hive").to_table()
+    futures = pds.dataset(out / "futures", partitioning="hive").to_table()
     tracks = pds.dataset(out / "tracks", partitioning="hive").to_table()
-    kept = children.filter(pds.field("kept"))
-    pairs = zip(kept["seed"].to_pylist(), kept["child"].to_pylist(), strict=True)
+    kept = futures.filter(pds.field("kept"))
+    pairs = zip(kept["seed"].to_pylist(), kept["future"].to_pylist(), strict=True)
     there = zip(tracks["seed"].to_pylist(), tracks["case_id"].to_pylist(), strict=True)
     assert set(pairs) == set(there)
     assert 0 < kept.num_rows <= 3 * 5
@@ -226,7 +226,7 @@ def test_another_ranking_is_kept(dataset: Path, result: Path) -> None:
     [
         ({"every": 0.0}, "--every"),
         ({"every": float("nan")}, "--every"),
-        ({"children": 0}, "--children"),
+        ({"futures": 0}, "--futures"),
         ({"first": 0}, "--first"),
         ({"top": 0}, "--top"),
         ({"min_vehicles": 0}, "--min-vehicles"),
@@ -266,22 +266,22 @@ def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_pat
     table = pq.read_table(out / "ranking.parquet")
     assert (
         table["p_speed_gap"].to_pylist()[:3] == [1.0] * 3
-    )  # some drive 3 m/s faster than others in any child
+    )  # some drive 3 m/s faster than others in any future
     assert "median_wttc" in table.column_names and "median_gap" not in table.column_names
 
 
 def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
     """A ranking of one moment is settled; of several, those whose rank is uncertain get tables."""
-    words = ("--every", 4, "--by", "collisions", "--children", 192, "--top", 6, "--json")
+    words = ("--every", 4, "--by", "collisions", "--futures", 192, "--top", 6, "--json")
     done = rank(scex_sumo.example_path("roundabout"), *words, "-o", tmp_path / "exact")
     assert done.returncode == 0, done.stderr
     rows = [row for row in json.loads(done.stdout)["moments"] if row["remainder"] is not None]
     row = max(rows, key=lambda one: one["p_collision"])
     assert 0 < row["p_collision"] == row["p_collision_low"] == row["p_collision_high"]
-    assert (row["children"], row["remainder"]) == (64, 3 / 64)
+    assert (row["futures"], row["remainder"]) == (64, 3 / 64)
     assert 0 < row["extra"] <= 128
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
-    run = extrapolate(seed, children=150, out=tmp_path / "run")
+    run = extrapolate(seed, futures=150, out=tmp_path / "run")
     assert run.collision.exact == pytest.approx(row["p_collision"])
     collisions = [table for key, table in exact_of(run).tables.items() if key[2] == "collision"]
     assert row["score"] == row["collisions"]

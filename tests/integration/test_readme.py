@@ -76,9 +76,9 @@ def test_the_commands_run_and_the_driver_drives(clone: Path) -> None:
     commands = [line for line in "\n".join(blocks("sh")).splitlines() if line.startswith("scex-sumo ")]
     assert len(commands) == 2
     for line in commands:
-        command(line, clone, "--children", "3", "--no-report")
+        command(line, clone, "--futures", "3", "--no-report")
     assert "my_driver:Coasting" in (clone / "out" / "coasting" / "run.json").read_text()
-    short = script.replace("children=385", "children=5")
+    short = script.replace("futures=385", "futures=5")
     done = subprocess.run(
         [sys.executable, "-c", short], cwd=clone, capture_output=True, text=True, timeout=120, check=False,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
@@ -168,7 +168,7 @@ def test_the_command_of_each_dataset_runs_as_written(dataset: str, tmp_path: Pat
         shutil.copy(scex.example_path("roundabout"), tmp_path / "MAP.osm")
     if dataset != "SUMO simulation":
         text = re.sub(r" --time \d+", "", text)  # the files of the test have less than a minute
-    command(text, tmp_path, "--children", "3", "--no-report", "--reference", "none")
+    command(text, tmp_path, "--futures", "3", "--no-report", "--reference", "none")
     (out,) = (tmp_path / "out").iterdir()
     assert (out / "run.json").is_file()
 

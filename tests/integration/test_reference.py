@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from scex_sumo.humans.reference import REFERENCE_CHILDREN, reference_children
+from scex_sumo.humans.reference import REFERENCE_FUTURES, reference_futures
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
@@ -19,13 +19,13 @@ from tests.runs import extrapolate
 
 def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Path) -> None:
     scene = read_seed(example_path("motorway_merge"))
-    options = {"out": tmp_path, "models": "rules", "children": 4, "steps": 5}
+    options = {"out": tmp_path, "models": "rules", "futures": 4, "steps": 5}
     run = extrapolate(scene, **options)
     before = (tmp_path / "tracks.parquet").read_bytes()
     likely = extrapolate(scene, reference="likely", **options).reference
     assert likely is not None
     assert (tmp_path / "tracks.parquet").read_bytes() == before
-    assert likely.children == REFERENCE_CHILDREN
+    assert likely.futures == REFERENCE_FUTURES
     assert json.loads((tmp_path / "reference" / "run.json").read_text())["models"]
     drivers = pq.read_table(tmp_path / "reference" / "assignments.parquet")["model"].to_pylist()
     assert set(drivers) == {"likely_driver"}
@@ -46,10 +46,10 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("children", "steps", "expected"),
+    ("futures", "steps", "expected"),
     [(2, 5, 117), (2, 30, 117), (385, 30, 117), (2, 60, 58), (385, 980, 117), (40, 980, 40), (2, 980, 3)],
 )
 def test_a_reference_costs_no_more_than_the_run_or_a_short_one(
-    children: int, steps: int, expected: int
+    futures: int, steps: int, expected: int
 ) -> None:
-    assert reference_children(children, steps) == expected
+    assert reference_futures(futures, steps) == expected

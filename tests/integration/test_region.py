@@ -34,7 +34,7 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
     assert 16 in inside and len(inside) < scene.vehicles
     asked: dict[str, Any] = {
         "models": "rules",
-        "children": 40,
+        "futures": 40,
         "exact": False,
         "metrics": ["gap", "wttc_path", "ttc_path"],
     }

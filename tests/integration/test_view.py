@@ -1,4 +1,4 @@
-"""What sumo-gui shows of a child is what was logged: here plain sumo replays it, without a window."""
+"""What sumo-gui shows of a future is what was logged: here plain sumo replays it, without a window."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 import sumo
 
 from scex_sumo.scene import Obstacles, SeedScene, States
-from scex_sumo.views.replay import ChildView, write_view
+from scex_sumo.views.replay import FutureView, write_view
 from tests.formats.sumo.simulations import in_sumo, write_grid
 
 STEPS = 40
@@ -63,9 +63,9 @@ def scene() -> SeedScene:
     )
 
 
-def child(number: int, shift: float = 0.0) -> ChildView:
+def future(number: int, shift: float = 0.0) -> FutureView:
     models = [MODELS[(number + v) % 2] for v in range(4)]
-    return ChildView(number=number, states=tracks(shift), models=models, title="wttc, 0.26 s")
+    return FutureView(number=number, states=tracks(shift), models=models, title="wttc, 0.26 s")
 
 
 def replay(configuration: Path) -> dict[str, dict[int, tuple[float, ...]]]:
@@ -103,9 +103,9 @@ def agree(seen: dict[int, tuple[float, ...]], states: States, length: float) -> 
     np.testing.assert_allclose(actual[1:], expected[1:], rtol=0, atol=1e-6)
 
 
-def test_a_child_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    configuration = write_view(tmp_path / "sumo", crossing, scene(), [child(7)], COLORS)
-    assert configuration.name == "child_0007.sumocfg"
+def test_a_future_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Path) -> None:
+    configuration = write_view(tmp_path / "sumo", crossing, scene(), [future(7)], COLORS)
+    assert configuration.name == "future_0007.sumocfg"
     seen = replay(configuration)
     assert set(seen) == {"3", "12", "7", "1", "PP1"}
     for v, key in enumerate(("3", "12", "7", "1")):
@@ -113,14 +113,14 @@ def test_a_child_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Path
     assert sorted(seen["PP1"]) == list(range(3, 21))
 
 
-def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    children = [child(n, shift) for n, shift in ((4, 0.0), (8, 1.0), (15, 2.0))]
-    configuration = write_view(tmp_path, crossing, scene(), children, COLORS)
+def test_futures_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path: Path) -> None:
+    futures = [future(n, shift) for n, shift in ((4, 0.0), (8, 1.0), (15, 2.0))]
+    configuration = write_view(tmp_path, crossing, scene(), futures, COLORS)
     assert configuration.name == "grid_3.sumocfg"
     seen = replay(configuration)
     assert len(seen) == 3 * 5
     starts = np.array([seen[f"t{slot}_3"][2][:2] for slot in range(3)])
-    own = np.array([(c.states.x[0, 1], c.states.y[0, 1]) for c in children])
+    own = np.array([(c.states.x[0, 1], c.states.y[0, 1]) for c in futures])
     (across, up), (right, under) = np.rint((starts - own) - (starts - own)[0])[1:].tolist()
     assert (up, right) == (0, 0)
     down = -under
@@ -128,7 +128,7 @@ def test_children_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path:
     assert across > 180 and down < 180
     for slot, (dx, dy) in enumerate(((0, 0), (across, 0), (0, -down))):
         for v, key in enumerate(("3", "12", "7", "1")):
-            states = children[slot].states[v]
+            states = futures[slot].states[v]
             moved = States(x=states.x + dx, y=states.y + dy, heading=states.heading, speed=states.speed)
             agree(seen[f"t{slot}_{key}"], moved, float(scene().length[v]))
 
@@ -141,7 +141,7 @@ def test_lights_are_replayed_at_the_times_of_the_vehicles(tmp_path: Path, number
         light.set("offset", "-41.5")
     read.write(net)
     shown = SimpleNamespace(path=net, extras=None)
-    configuration = write_view(tmp_path, shown, scene(), [child(n, -900.0) for n in numbers], COLORS)
+    configuration = write_view(tmp_path, shown, scene(), [future(n, -900.0) for n in numbers], COLORS)
     in_run = in_sumo(net, 0.1, steps=30).lights  # a future begins at 0.1 s
     in_replay = in_sumo(configuration, 1.0, steps=30).lights  # the tenth frame is the seed scene
     in_replay = {name.removeprefix("t0_"): states for name, states in in_replay.items()}
@@ -151,12 +151,12 @@ def test_lights_are_replayed_at_the_times_of_the_vehicles(tmp_path: Path, number
 
 
 def test_vehicles_have_the_colour_of_their_model(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    write_view(tmp_path, crossing, scene(), [child(2)], COLORS)
+    write_view(tmp_path, crossing, scene(), [future(2)], COLORS)
     types = {
         t.get("id"): t.get("color")
-        for t in ElementTree.parse(tmp_path / "child_0002.add.xml").getroot().iter("vType")
+        for t in ElementTree.parse(tmp_path / "future_0002.add.xml").getroot().iter("vType")
     }
-    first = ElementTree.parse(tmp_path / "child_0002.fcd.xml").getroot()[0]
+    first = ElementTree.parse(tmp_path / "future_0002.fcd.xml").getroot()[0]
     colors = {v.get("id"): types[v.get("type")] for v in first}
     assert colors == {"3": "54,124,196", "12": "150,110,70", "7": "54,124,196", "1": "150,110,70"}
 
@@ -165,20 +165,20 @@ def test_the_files_may_move_with_their_net(crossing: SimpleNamespace, tmp_path: 
     net = tmp_path / "before" / "sumo" / "map.net.xml"
     net.parent.mkdir(parents=True)
     net.write_bytes(crossing.path.read_bytes())
-    write_view(net.parent, SimpleNamespace(path=net, extras=None), scene(), [child(0)], COLORS)
+    write_view(net.parent, SimpleNamespace(path=net, extras=None), scene(), [future(0)], COLORS)
     (tmp_path / "before").rename(tmp_path / "after")
-    seen = replay(tmp_path / "after" / "sumo" / "child_0000.sumocfg")
+    seen = replay(tmp_path / "after" / "sumo" / "future_0000.sumocfg")
     assert len(seen) == 5
 
 
 @pytest.mark.parametrize("kind", ["td", "ds", "xy"])
-def test_sumos_own_tool_plots_a_child(crossing: SimpleNamespace, tmp_path: Path, kind: str) -> None:
-    write_view(tmp_path, crossing, scene(), [child(0)], COLORS)
+def test_sumos_own_tool_plots_a_future(crossing: SimpleNamespace, tmp_path: Path, kind: str) -> None:
+    write_view(tmp_path, crossing, scene(), [future(0)], COLORS)
     tool = Path(sumo.SUMO_HOME) / "tools" / "plot_trajectories.py"
     picture = tmp_path / f"{kind}.png"
     command = [sys.executable, str(tool), "-t", kind, "-o", str(picture), "--blind"]
     subprocess.run(
-        [*command, str(tmp_path / "child_0000.fcd.xml")],
+        [*command, str(tmp_path / "future_0000.fcd.xml")],
         check=True,
         capture_output=True,
         env={"SUMO_HOME": sumo.SUMO_HOME, "MPLBACKEND": "agg", "HOME": str(tmp_path)},

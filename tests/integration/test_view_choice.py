@@ -1,4 +1,4 @@
-"""``view`` frames what is worth a look: the worst step of a pair, encounters, the most different children."""
+"""``view`` frames what is worth a look: the worst step of a pair, encounters, the most different futures."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import pytest
 from scex_sumo import example_path, extrapolate, read_seed
 from scex_sumo.base.errors import MapError, ResultError, UsageError
 from scex_sumo.results.run import Run
-from scex_sumo.views.children import most_critical, most_different, write_encounter, write_grid, write_worst
 from scex_sumo.views.fcd import LaneFinder
+from scex_sumo.views.futures import most_critical, most_different, write_encounter, write_grid, write_worst
 from scex_sumo.views.replay import crop_extras
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     out = tmp_path_factory.mktemp("view") / "out"
-    return extrapolate(read_seed(example_path("roundabout")), children=24, out=out)
+    return extrapolate(read_seed(example_path("roundabout")), futures=24, out=out)
 
 
 def stops_at(file: Path) -> float:
@@ -37,10 +37,10 @@ def rings(file: Path) -> set[str]:
     return {poly.get("id", "") for poly in drawn.iter("poly") if poly.get("id", "").startswith("ring.")}
 
 
-def test_the_most_critical_child_stops_at_its_worst_step_with_the_pair_ringed(run: Run) -> None:
+def test_the_most_critical_future_stops_at_its_worst_step_with_the_pair_ringed(run: Run) -> None:
     file = write_worst(run, "wttc")
     number = run.most_critical("wttc")
-    row = next(r for r in run.worst.to_pylist() if (r["child"], r["metric"]) == (number, "wttc"))
+    row = next(r for r in run.worst.to_pylist() if (r["future"], r["metric"]) == (number, "wttc"))
     ids = run.info["seed_scene"]["track_ids"]
     assert stops_at(file) == pytest.approx(row["timestamp_ms"] / 1000)
     assert rings(file) == {f"ring.{ids.index(row[name])}" for name in ("track_id", "other_id")}
@@ -54,7 +54,7 @@ def ids_on_vehicles(file: Path) -> set[str]:
 def test_no_two_ids_overprint_and_a_pair_has_both_of_its_own(run: Run) -> None:
     file = write_worst(run, "ttc")  # two that have run into each other
     number = run.most_critical("ttc")
-    row = next(r for r in run.worst.to_pylist() if (r["child"], r["metric"]) == (number, "ttc"))
+    row = next(r for r in run.worst.to_pylist() if (r["future"], r["metric"]) == (number, "ttc"))
     pair = {str(row["track_id"]), str(row["other_id"])}
     shown = ids_on_vehicles(file)
     assert pair <= shown or (not pair & shown and pair <= set(texts(file).split()))
@@ -63,7 +63,7 @@ def test_no_two_ids_overprint_and_a_pair_has_both_of_its_own(run: Run) -> None:
 
 def test_vehicles_that_overlap_collide_in_the_title_and_have_no_value(run: Run) -> None:
     number = run.most_critical("ttc")
-    assert number in run.collisions["child"].to_pylist()
+    assert number in run.collisions["future"].to_pylist()
     for file in (write_worst(run, "ttc"), write_grid(run, 2, "ttc")):
         assert f"future {number} · collision" in texts(file)
         assert f"future {number} · 1/TTC" not in texts(file)
@@ -72,19 +72,19 @@ def test_vehicles_that_overlap_collide_in_the_title_and_have_no_value(run: Run) 
 def test_an_encounter_stops_where_the_two_meet(run: Run) -> None:
     row = run.encounters.to_pylist()[0]
     file = write_encounter(run, row["other_id"], row["track_id"])
-    assert file.name == f"child_{row['child']:04d}.sumocfg"
+    assert file.name == f"future_{row['future']:04d}.sumocfg"
     assert stops_at(file) == pytest.approx(1.0 + row["time_s"], abs=0.051)
     with pytest.raises(ResultError, match="3 and 3 meet in no future"):
         write_encounter(run, 3, 3)
 
 
-def test_a_grid_shows_children_that_differ_most_or_the_most_critical(run: Run) -> None:
+def test_a_grid_shows_futures_that_differ_most_or_the_most_critical(run: Run) -> None:
     chosen = most_different(run, 9)
     assert len(set(chosen.tolist())) == 9
-    ends = np.array([[run.states(c).x[:, -1], run.states(c).y[:, -1]] for c in range(run.children)])
+    ends = np.array([[run.states(c).x[:, -1], run.states(c).y[:, -1]] for c in range(run.futures)])
     apart = np.linalg.norm(ends[chosen][:, None] - ends[chosen][None], axis=(2, 3))
     every = np.linalg.norm(ends[:, None] - ends[None], axis=(2, 3))
-    assert apart[np.triu_indices(9, 1)].min() > np.median(every[np.triu_indices(run.children, 1)]) / 2
+    assert apart[np.triu_indices(9, 1)].min() > np.median(every[np.triu_indices(run.futures, 1)]) / 2
     values = run.values("wttc")[most_critical(run, 9, "wttc")]
     np.testing.assert_array_equal(values, np.sort(run.values("wttc"))[:9])
     with pytest.raises(UsageError, match="--grid 1: give 2 to 24"):

@@ -39,7 +39,7 @@ class Straight:
             until = time.monotonic() + 60
             while not FLAG.exists() and time.monotonic() < until:
                 time.sleep(0.01)
-        now = history.now[who.child, who.vehicle]
+        now = history.now[who.future, who.vehicle]
         way = now.speed[:, None] * 0.1 * np.arange(1, 31)
         turn = now.heading[:, None]
         return scex_sumo.Plan(
@@ -55,7 +55,7 @@ if __name__ == "__main__":
     extrapolate(
         seed,
         models=["straight"],
-        children=6,
+        futures=6,
         batch=2,
         workers=int(sys.argv[2]),
         replan=15,
@@ -97,10 +97,10 @@ def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_noth
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
         "with Workers(2) as workers:\n"
         "    for number in range(2):\n"
-        "        settings = RunSettings(children=2, steps=1, seed=number)\n"
+        "        settings = RunSettings(futures=2, steps=1, seed=number)\n"
         "        options = RunOptions(batch=1)\n"
         "        run = run_scene(seed, settings, workers=workers, options=options)\n"
-        "        assert run.children == 2\n"
+        "        assert run.futures == 2\n"
         "        assert run.info['run_notes'] == [], run.info['run_notes']\n"
         "assert workers.deaths == []\n"
     )
@@ -113,7 +113,7 @@ def test_a_worker_that_dies_is_replaced_its_batch_done_again_and_that_is_said(tm
     assert done.returncode == 0, done.stderr
     info = json.loads((tmp_path / "2" / "run.json").read_text())
     assert [note for note in info["run_notes"] if "died" in note and "signal 9" in note]
-    assert scex_sumo.open_run(tmp_path / "2").children == 6
+    assert scex_sumo.open_run(tmp_path / "2").futures == 6
 
 
 def test_a_worker_that_dies_twice_over_a_batch_ends_the_run_resumably(tmp_path: Path) -> None:
@@ -149,13 +149,13 @@ def test_too_little_address_space_is_one_line(tmp_path: Path, workers: int) -> N
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="finds processes in /proc")
 def test_ctrl_c_ends_all_processes_and_leaves_what_was_finished(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    options = ["--children", "2000", "--batch", "8", "--workers", "2", "--no-plots", "--design", "random"]
+    options = ["--futures", "2000", "--batch", "8", "--workers", "2", "--no-plots", "--design", "random"]
     command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), *options, "-o", str(out)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
         until = time.monotonic() + 60
         while len(list(out.glob(".parts/*.npz"))) < 3 and time.monotonic() < until:
             time.sleep(0.02)
-        helpers = children_of(run.pid)
+        helpers = futures_of(run.pid)
         os.kill(run.pid, signal.SIGINT)
         _, said = run.communicate(timeout=60)
     assert run.returncode == 130
@@ -165,7 +165,7 @@ def test_ctrl_c_ends_all_processes_and_leaves_what_was_finished(tmp_path: Path) 
     assert list(out.glob(".parts/*.npz")) and (out / "incomplete.json").exists()
 
 
-def children_of(pid: int) -> list[int]:
+def futures_of(pid: int) -> list[int]:
     """Processes that a process has started, from their ``stat``: pid (name) state parent ..."""
     found = []
     for file in Path("/proc").glob("[0-9]*/stat"):

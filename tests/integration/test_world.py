@@ -34,7 +34,7 @@ def scene_of(x: FloatArray, y: FloatArray, heading: FloatArray, speed: FloatArra
 
 
 def trips(t: float, phase: FloatArray) -> States:
-    """Where 11 vehicles are after t seconds, in children that differ by a phase (C,)."""
+    """Where 11 vehicles are after t seconds, in futures that differ by a phase (C,)."""
     n = len(phase)
     s = States.empty((n, 11))
     for v in range(4):  # circles around the junction, over all its arms, with and against the traffic
@@ -76,13 +76,13 @@ def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lo
     if with_a_driver_of_sumo:
         moved[:, 5] = False
         drivers = [
-            SumoDriven(child=c, vehicle=5, model="IDM", parameters={}, edges=("w_in", "e_out"))
+            SumoDriven(future=c, vehicle=5, model="IDM", parameters={}, edges=("w_in", "e_out"))
             for c in range(TILE_SLOTS)
         ]
     with SumoWorld(crossing, scene, slots=slots) as world:
         world.begin(trips(0.0, phase), slots, drivers)
         worst = difference(world.read(), trips(0.0, phase))
-        for step in range(1, 159):  # 64 children x (10 or 11) vehicles x 158 steps > 1e5
+        for step in range(1, 159):  # 64 futures x (10 or 11) vehicles x 158 steps > 1e5
             plan = trips(0.1 * step, phase)
             world.move(plan, moved)
             world.step()
@@ -101,7 +101,7 @@ def test_headings_are_read_in_the_half_open_circle(crossing: SimpleNamespace, sc
 
 
 def roll(world: SumoWorld, slots: list[int], phase: FloatArray) -> States:
-    """Ten steps of some children."""
+    """Ten steps of some futures."""
     world.begin(trips(0.0, phase), np.array(slots))
     everybody, read = np.ones((len(slots), 11), dtype=bool), []
     for step in range(1, 11):
@@ -111,7 +111,7 @@ def roll(world: SumoWorld, slots: list[int], phase: FloatArray) -> States:
     return States.stack(read, axis=0)
 
 
-def test_a_child_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_before_it(
+def test_a_future_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_before_it(
     crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
     with SumoWorld(crossing, scene, slots=range(TILE_SLOTS)) as world:
@@ -123,20 +123,20 @@ def test_a_child_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_before
         assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
 
 
-def test_children_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_each_other(
+def test_futures_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_each_other(
     crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
     phase = np.array([2.0, 2.0, 5.0])  # the first two on top of each other all the way
     with SumoWorld(crossing, scene, slots=[0]) as world:
         together = roll(world, [0, 0, 0], phase)
-        alone = [roll(world, [0], phase[[child]]) for child in range(3)]
+        alone = [roll(world, [0], phase[[future]]) for future in range(3)]
     for key in ("x", "y", "heading", "speed"):
-        for child in range(3):
-            assert getattr(together, key)[:, child].tobytes() == getattr(alone[child], key)[:, 0].tobytes()
+        for future in range(3):
+            assert getattr(together, key)[:, future].tobytes() == getattr(alone[future], key)[:, 0].tobytes()
 
 
 def test_a_tile_with_a_driver_of_sumo_is_not_shared(crossing: SimpleNamespace, scene: SeedScene) -> None:
-    driver = SumoDriven(child=2, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
+    driver = SumoDriven(future=2, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
     with (
         SumoWorld(crossing, scene, slots=[0, 4]) as world,
         pytest.raises(SimulationError, match=r"slots \[4\]"),
@@ -149,7 +149,7 @@ def test_a_driver_of_sumo_in_its_tile_changes_nothing_about_vehicles_that_are_mo
 ) -> None:
     # With a driver of SUMO's to see them, SUMO looks for the lanes that vehicles are on; else it does not.
     phase, moved = np.array([2.0]), np.ones((1, 11), dtype=bool)
-    driver = SumoDriven(child=0, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
+    driver = SumoDriven(future=0, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
     moved[0, 5] = False
     with SumoWorld(crossing, scene, slots=[37]) as world:
         alone = roll(world, [37], phase)

@@ -47,14 +47,14 @@ def scene(*vehicles: tuple[float, float, float, float], obstacles: Obstacles | N
     )
 
 
-def repeat(states: States, children: int) -> States:
-    return States.stack([states] * children, axis=0)
+def repeat(states: States, futures: int) -> States:
+    return States.stack([states] * futures, axis=0)
 
 
 def driven(
-    vehicle: int, model: str, edges: Sequence[str] = STRAIGHT, child: int = 0, **parameters: str
+    vehicle: int, model: str, edges: Sequence[str] = STRAIGHT, future: int = 0, **parameters: str
 ) -> SumoDriven:
-    return SumoDriven(child=child, vehicle=vehicle, model=model, parameters=parameters, edges=tuple(edges))
+    return SumoDriven(future=future, vehicle=vehicle, model=model, parameters=parameters, edges=tuple(edges))
 
 
 def drive(
@@ -64,7 +64,7 @@ def drive(
     states = repeat(scene.now, len(slots))
     mask = np.ones(states.shape, dtype=bool)
     for d in drivers:
-        mask[d.child, d.vehicle] = False
+        mask[d.future, d.vehicle] = False
     world.begin(states, np.array(slots), drivers)
     read = [world.read()]
     for _ in range(steps):
@@ -215,16 +215,16 @@ def mixed() -> SeedScene:
     )
 
 
-def mixed_drivers(model: str, child: int) -> list[SumoDriven]:
+def mixed_drivers(model: str, future: int) -> list[SumoDriven]:
     routes = {1: STRAIGHT, 2: ("w_in", "n_out"), 3: ("w_in", "s_out"), 4: ("n_in", "s_out")}
-    return [driven(v, model, edges, child) for v, edges in routes.items()]
+    return [driven(v, model, edges, future) for v, edges in routes.items()]
 
 
 @pytest.mark.parametrize("model", [m for m in SUMO_MODELS if m != "W99"])
 def test_a_driver_of_sumo_does_the_same_in_every_tile(crossing: SimpleNamespace, model: str) -> None:
     slots, seed = [0, 1, 17, 63], mixed()
     with SumoWorld(crossing, seed, slots=slots) as world:
-        drivers = [d for child in range(4) for d in mixed_drivers(model, child)]
+        drivers = [d for future in range(4) for d in mixed_drivers(model, future)]
         read = drive(world, seed, slots, drivers, 60)
     for values in (read.x, read.y, read.heading, read.speed):
         assert np.abs(values - values[:1]).max() < 1e-9
@@ -238,7 +238,7 @@ def test_a_driver_of_sumo_does_the_same_to_the_byte_in_its_tile(
     seed = mixed()
 
     def run(world: SumoWorld, slots: list[int]) -> States:
-        drivers = [d for child in range(len(slots)) for d in mixed_drivers(model, child)]
+        drivers = [d for future in range(len(slots)) for d in mixed_drivers(model, future)]
         return drive(world, seed, slots, drivers, 60)
 
     with SumoWorld(crossing, seed, slots=range(64)) as world:
@@ -265,7 +265,7 @@ def test_traffic_lights_begin_anew_with_every_batch(signals: SimpleNamespace) ->
 def test_parameters_reach_sumo(crossing: SimpleNamespace) -> None:
     seed = scene((997.0, 1100.0, 0.0, 0.0), (905.0, 975.2 + 1.4, 0.32, 5.0))
     with SumoWorld(crossing, seed, slots=[0, 1]) as world:
-        drivers = [driven(1, "Krauss", accel="1.0"), driven(1, "Krauss", child=1, accel="3.0")]
+        drivers = [driven(1, "Krauss", accel="1.0"), driven(1, "Krauss", future=1, accel="3.0")]
         read = drive(world, seed, [0, 1], drivers, 10)
     np.testing.assert_allclose(read.speed[:, 1, -1] - 5.0, [1.0, 3.0], atol=0.01)
 
@@ -316,5 +316,5 @@ def test_pedestrians_are_on_no_walking_lane_of_sumo(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(SumoWorld, "_advance", recorded)
     seed = read_seed(example_path("urban_intersection"))
-    extrapolate(seed, models="sumo:EIDM", children=1, steps=10, exact=False, out=tmp_path / "run")
+    extrapolate(seed, models="sumo:EIDM", futures=1, steps=10, exact=False, out=tmp_path / "run")
     assert len(lanes) == 22 and not any("_w" in lane or "_c" in lane for lane in lanes)

@@ -38,8 +38,8 @@ def states(lanes: list[Lane], distance: float) -> States:
     return States(x=x, y=y, heading=heading, speed=np.full(len(lanes), SPEED))
 
 
-def repeat(here: States, children: int) -> States:
-    return States.stack([here] * children, axis=0)
+def repeat(here: States, futures: int) -> States:
+    return States.stack([here] * futures, axis=0)
 
 
 @pytest.mark.parametrize("map_path", MAPS)
@@ -62,14 +62,14 @@ def test_vehicles_on_all_lanes_are_where_they_were_planned_and_none_is_lost(
         history=States(**past),
         recorded_steps=np.full(count, 10),
     )
-    # In the second child SUMO drives every third vehicle, down its lane and on.
+    # In the second future SUMO drives every third vehicle, down its lane and on.
     moved = np.ones((2, count), dtype=bool)
     moved[1, ::3] = False
     drivers = []
     for v in range(0, count, 3):
         ahead = [lanes[v].lane_id, *lanes[v].successors[:1]]
         edges = tuple(net.lanes.edges(ahead))
-        drivers.append(SumoDriven(child=1, vehicle=v, model="EIDM", parameters={}, edges=edges))
+        drivers.append(SumoDriven(future=1, vehicle=v, model="EIDM", parameters={}, edges=edges))
     with SumoWorld(net, seed, slots=[0, 63]) as world:
         world.begin(repeat(start, 2), np.array([0, 63]), drivers)
         before = world.read()

@@ -47,12 +47,12 @@ def driver(folder: Path, text: str, scene: SeedScene = SCENE) -> Behavior:
     return build(parse_models(f"{text}:weights={file}")[0])
 
 
-def apart(children: int) -> SceneHistory:
-    """Children that have come apart, with draws of their own."""
+def apart(futures: int) -> SceneHistory:
+    """Futures that have come apart, with draws of their own."""
     rng = np.random.default_rng(4)
-    history = roads.present(SCENE, children, rng.random((children, SCENE.vehicles)))
+    history = roads.present(SCENE, futures, rng.random((futures, SCENE.vehicles)))
     for values, spread in ((history.states.x, 0.5), (history.states.y, 0.2), (history.states.heading, 0.02)):
-        values += rng.normal(0, spread, (children, SCENE.vehicles, 1))
+        values += rng.normal(0, spread, (futures, SCENE.vehicles, 1))
     return replace(history, step=5)
 
 
@@ -69,7 +69,7 @@ def test_who_stands_starts_behind_one_that_moves_or_after_three_seconds(tmp_path
 
     def starts(scene: SeedScene, step: int = 0) -> bool:
         history = replace(roads.present(scene), step=step)
-        plan = model.plan(history, ROAD, VehicleIndex(child=np.zeros(1, int), vehicle=np.zeros(1, int)), [])
+        plan = model.plan(history, ROAD, VehicleIndex(future=np.zeros(1, int), vehicle=np.zeros(1, int)), [])
         return bool((plan.speed > 0).any())
 
     with pytest.MonkeyPatch.context() as patch:
@@ -95,7 +95,7 @@ def test_nobody_reverses_and_every_box_stays_on_the_road(tmp_path: Path, text: s
     "text",
     [*ALL, "joint_predictor:mode=best", "graph_image_predictor:head=free", DRAWN, f"{DRAWN}:guard=true"],
 )
-def test_a_child_gets_the_same_bytes_in_any_batch_from_any_process(tmp_path: Path, text: str) -> None:
+def test_a_future_gets_the_same_bytes_in_any_batch_from_any_process(tmp_path: Path, text: str) -> None:
     model = driver(tmp_path, text)
     history = apart(64)
     whole = roads.plan(model, ROAD, history)
@@ -106,7 +106,7 @@ def test_a_child_gets_the_same_bytes_in_any_batch_from_any_process(tmp_path: Pat
             part = replace(
                 history,
                 states=history.states[some],
-                children=history.children[some],
+                futures=history.futures[some],
                 route_draw=history.route_draw[some],
             )
             rows = slice(some.start * SCENE.vehicles, some.stop * SCENE.vehicles)
@@ -143,7 +143,7 @@ def test_who_else_is_asked_for_does_not_matter(tmp_path: Path, name: str) -> Non
     history = apart(5)
     whole, everyone = roads.plan(model, ROAD, history), roads.every(history)
     some = np.arange(2, len(everyone), 3)
-    who = VehicleIndex(child=everyone.child[some], vehicle=everyone.vehicle[some])
+    who = VehicleIndex(future=everyone.future[some], vehicle=everyone.vehicle[some])
     assert same(whole, roads.plan(model, ROAD, history, who), some)
 
 
@@ -158,7 +158,7 @@ def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
     assert made.fallback.tolist() == [False, True, False] * 2
     assert made.reasons[1] == "was not on a mapped lane in the seed scene"
     assert made.reasons[0] == ""
-    alone = follow_path(history, ROAD, VehicleIndex(child=np.arange(2), vehicle=np.ones(2, dtype=int)))
+    alone = follow_path(history, ROAD, VehicleIndex(future=np.arange(2), vehicle=np.ones(2, dtype=int)))
     assert same(made, alone, np.array([1, 4]))
 
 
@@ -172,7 +172,7 @@ def test_a_scene_off_the_map_altogether_still_drives(tmp_path: Path, name: str) 
 
 
 def test_nobody_to_plan_for_is_an_empty_plan(tmp_path: Path) -> None:
-    nobody = VehicleIndex(child=np.zeros(0, dtype=int), vehicle=np.zeros(0, dtype=int))
+    nobody = VehicleIndex(future=np.zeros(0, dtype=int), vehicle=np.zeros(0, dtype=int))
     made = roads.plan(driver(tmp_path, "graph_predictor"), ROAD, roads.present(SCENE), nobody)
     assert made.x.shape == (0, 30)
 
@@ -190,15 +190,15 @@ def modes_driven(model: Behavior, history: SceneHistory) -> np.ndarray:
 def test_a_drawn_mode_is_as_frequent_as_it_is_probable_and_stays(tmp_path: Path, name: str) -> None:
     model = driver(tmp_path, f"{name}:mode=draw")
     assert isinstance(model, GraphPredictor | GraphImagePredictor)
-    children = 500
-    draw = np.random.default_rng(0).random((children, SCENE.vehicles))
-    history = roads.present(SCENE, children, draw)
-    driven = modes_driven(model, history).reshape(children, SCENE.vehicles)
+    futures = 500
+    draw = np.random.default_rng(0).random((futures, SCENE.vehicles))
+    history = roads.present(SCENE, futures, draw)
+    driven = modes_driven(model, history).reshape(futures, SCENE.vehicles)
     upper = choice_of(SCENE, model.driver, ROAD).modes
     _, row = model.driver._paths(history, ROAD, roads.every(history))
     shares = np.diff(upper[row[: SCENE.vehicles]], axis=1, prepend=0.0)
     counted = np.stack([(driven == mode).mean(0) for mode in range(shares.shape[1])], 1)
-    assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / children)
+    assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / futures)
     later = replace(apart(64), route_draw=draw[:64])
     assert np.array_equal(modes_driven(model, later), driven[:64].ravel())
 
@@ -208,7 +208,7 @@ def test_the_best_mode_is_the_expected_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_likeliest_path_is_the_networks_own_and_the_same_in_all_children(
+def test_the_likeliest_path_is_the_networks_own_and_the_same_in_all_futures(
     tmp_path: Path, name: str
 ) -> None:
     model = driver(tmp_path, f"{name}:path=likeliest")
@@ -218,7 +218,7 @@ def test_the_likeliest_path_is_the_networks_own_and_the_same_in_all_children(
     assert (row.reshape(4, -1) == row[: SCENE.vehicles]).all()
     now = roads.present(SCENE)
     vehicle = np.repeat(np.arange(SCENE.vehicles), paths.count)
-    pairs = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    pairs = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = model.driver.predict(now, ROAD, pairs, paths, np.arange(len(vehicle)))
     for v in range(SCENE.vehicles):
         mine = np.flatnonzero(vehicle == v)
@@ -229,16 +229,16 @@ def test_the_likeliest_path_is_the_networks_own_and_the_same_in_all_children(
 def test_paths_are_drawn_as_often_as_the_network_holds_them_probable(tmp_path: Path) -> None:
     model = driver(tmp_path, "graph_predictor:path=likeliest:mode=draw")
     assert isinstance(model, GraphPredictor)
-    children = 400
-    draw = np.random.default_rng(0).random((children, SCENE.vehicles))
-    history = roads.present(SCENE, children, draw)
+    futures = 400
+    draw = np.random.default_rng(0).random((futures, SCENE.vehicles))
+    history = roads.present(SCENE, futures, draw)
     paths, row = model.driver._paths(history, ROAD, roads.every(history))
     upper = choice_of(SCENE, model.driver, ROAD).paths
-    taken = row.reshape(children, -1) - paths.first
+    taken = row.reshape(futures, -1) - paths.first
     assert (taken < paths.count).all()
     shares = np.diff(upper, axis=1, prepend=0.0)
     counted = np.stack([(taken == path).mean(0) for path in range(upper.shape[1])], 1)
-    assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / children)
+    assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / futures)
     assert (paths.count > 1).any()
 
 
@@ -272,7 +272,7 @@ def test_the_shipped_drivers_stop_behind_a_standing_vehicle_and_need_no_guard_fo
     scene = roads.scene_of((50.0, 0.0, 0.0, speed), (50.0 + gap + 4.5, 0.0, 0.0, 0.0))
     model = build(parse_models(f"{name}{guard}")[0])
     history = roads.present(scene)
-    first = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    first = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     for step in range(0, 60, 5):
         made = roads.plan(model, roads.straight(), history, first)
         driven = States(**{key: getattr(made, key)[None, :, :5] for key in STATES})

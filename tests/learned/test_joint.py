@@ -42,9 +42,9 @@ def drawn(scene: SeedScene = SCENE, draws: np.ndarray = DRAWS) -> SceneHistory:
     return roads.present(scene, len(draws), draws)
 
 
-def ends(plan: Plan, children: int) -> np.ndarray:
+def ends(plan: Plan, futures: int) -> np.ndarray:
     """(C, V) ways of the vehicles in 3 s, along x."""
-    return plan.x[:, -1].reshape(children, -1)
+    return plan.x[:, -1].reshape(futures, -1)
 
 
 @pytest.mark.parametrize("numbers", [{}, {"accelerations": 5, "sideways": 3}])
@@ -106,7 +106,7 @@ def test_the_place_of_the_map_does_not_matter(
 
 def test_other_models_vehicles_are_seen_where_they_are(tmp_path: Path) -> None:
     driver, history = model(tmp_path, "joint_predictor:mode=best"), drawn()
-    mine = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    mine = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     states = history.states.map(np.copy)
     states.x[:, 1] -= 5.0
     near = roads.plan(driver, ROAD, replace(history, states=states), mine)

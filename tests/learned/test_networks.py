@@ -125,7 +125,7 @@ def test_the_graph_branch_does_not_care_where_the_scene_is_and_where_north_is() 
 
 
 @pytest.mark.parametrize("kind", ["graph", "hybrid"])
-def test_children_do_not_see_each_other(kind: str) -> None:
+def test_futures_do_not_see_each_other(kind: str) -> None:
     net = network(kind)
     two = roads.present(SCENE, 2)
     before = ask(net, two, ROAD)

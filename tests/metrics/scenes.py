@@ -19,7 +19,7 @@ from scex_sumo.scene import STEP_S, States
 def one_scene(
     vehicles: Sequence[dict[str, float]], *, length: float = 4.5, width: float = 1.8
 ) -> SceneTracks:
-    """One child of one evaluated step after one step of history, which gives each vehicle its ``a``.
+    """One future of one evaluated step after one step of history, which gives each vehicle its ``a``.
 
     Keys of a vehicle: x, y, psi, v, and optionally a, length, width.
     """
@@ -64,7 +64,7 @@ def with_speeds(tracks: SceneTracks, *speeds: float) -> SceneTracks:
 def random_run(
     rng: np.random.Generator,
     *,
-    children: int = 2,
+    futures: int = 2,
     vehicles: int = 5,
     steps: int = 6,
     history: int = 4,
@@ -74,11 +74,11 @@ def random_run(
     planned_steps: int = 9,
 ) -> tuple[SceneTracks, PlannedPaths]:
     """Vehicles that wander, some standing, with plans that differ from what they do."""
-    shape = (children, vehicles)
+    shape = (futures, vehicles)
     heading = rng.choice([0.0, 0.1, np.pi / 2, 3.0, -1.6], shape) + rng.normal(0, 0.2, shape)
     speed = rng.uniform(0, 18, shape) * (rng.random(shape) > 0.15)
     x, y = rng.uniform(0, area, shape), rng.uniform(0, area, shape)
-    states = States.empty((children, history + steps, vehicles))
+    states = States.empty((futures, history + steps, vehicles))
     plans: list[tuple[FloatArray, FloatArray]] = []
     for step in range(history + steps):
         states.x[:, step], states.y[:, step] = x, y
@@ -124,7 +124,7 @@ def moved(tracks: SceneTracks, planned: PlannedPaths, motion: Any) -> tuple[Scen
 
 
 def find_encounters(tracks: SceneTracks, planned: PlannedPaths | None) -> Encounters:
-    """Encounters of all pairs in all children."""
+    """Encounters of all pairs in all futures."""
     hits = find_collisions(tracks)
     batches = scene_batches(tracks, planned, preset="path", parameters=PAPER)
     return Encounters.join([encounters_of(scenes, hits, start) for start, scenes in batches])

@@ -14,7 +14,7 @@ from tests.conftest import shared_data
 
 
 def straight(*vehicles: dict[str, float], steps: int = 60) -> SceneTracks:
-    """One child without history at constant velocity; keys x, y, heading, speed, length, width."""
+    """One future without history at constant velocity; keys x, y, heading, speed, length, width."""
 
     def column(name: str, default: float = 0.0) -> Any:
         return np.array([v.get(name, default) for v in vehicles], dtype=float)

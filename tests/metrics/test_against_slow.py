@@ -29,18 +29,18 @@ CASES = [
 ]
 
 
-def scene_of(tracks: SceneTracks, child: int, step: int) -> dict[int, slow.Vehicle]:
+def scene_of(tracks: SceneTracks, future: int, step: int) -> dict[int, slow.Vehicle]:
     """Present vehicles of one step, with their acceleration."""
     states, scene = tracks.states, {}
     for vehicle in range(states.shape[2]):
-        if tracks.present is not None and not tracks.present[child, step, vehicle]:
+        if tracks.present is not None and not tracks.present[future, step, vehicle]:
             continue
-        samples = samples_of(tracks, child, vehicle, step)
+        samples = samples_of(tracks, future, vehicle, step)
         scene[vehicle] = {
-            "x": states.x[child, step, vehicle],
-            "y": states.y[child, step, vehicle],
-            "psi": states.heading[child, step, vehicle],
-            "v": states.speed[child, step, vehicle],
+            "x": states.x[future, step, vehicle],
+            "y": states.y[future, step, vehicle],
+            "psi": states.heading[future, step, vehicle],
+            "v": states.speed[future, step, vehicle],
             "a": samples[-1][1],
             "length": tracks.length[vehicle],
             "width": tracks.width[vehicle],
@@ -48,12 +48,12 @@ def scene_of(tracks: SceneTracks, child: int, step: int) -> dict[int, slow.Vehic
     return scene
 
 
-def samples_of(tracks: SceneTracks, child: int, vehicle: int, until: int) -> list[tuple[int, float, float]]:
+def samples_of(tracks: SceneTracks, future: int, vehicle: int, until: int) -> list[tuple[int, float, float]]:
     """(step, acceleration, speed) of a track up to a step."""
     found: list[tuple[int, float, float]] = []
     for step in range(until + 1):
-        if tracks.present is None or tracks.present[child, step, vehicle]:
-            speed = tracks.states.speed[child, step, vehicle]
+        if tracks.present is None or tracks.present[future, step, vehicle]:
+            speed = tracks.states.speed[future, step, vehicle]
             before = found[-1] if found else None
             a = 0.0 if before is None else (speed - before[2]) / ((step - before[0]) * tracks.step_s)
             found.append((step, a, speed))
@@ -61,19 +61,19 @@ def samples_of(tracks: SceneTracks, child: int, vehicle: int, until: int) -> lis
 
 
 def path_of(
-    tracks: SceneTracks, planned: PlannedPaths, child: int, step: int, vehicle: int
+    tracks: SceneTracks, planned: PlannedPaths, future: int, step: int, vehicle: int
 ) -> list[tuple[float, float]]:
     """Present position, then the columns of the current plan that are ahead."""
     now = step - tracks.first
     plan, column = planned.index[now], planned.column[now]
     states = tracks.states
-    points = [(states.x[child, step, vehicle], states.y[child, step, vehicle])]
-    xs, ys = planned.x[child, plan, vehicle, column:], planned.y[child, plan, vehicle, column:]
+    points = [(states.x[future, step, vehicle], states.y[future, step, vehicle])]
+    xs, ys = planned.x[future, plan, vehicle, column:], planned.y[future, plan, vehicle, column:]
     return points + [(a, b) for a, b in zip(xs, ys, strict=True) if np.isfinite(a)]
 
 
 def rows(values: PairValues) -> dict[tuple[int, ...], float]:
-    columns = [values.child, values.step, values.vehicle] + ([] if values.other is None else [values.other])
+    columns = [values.future, values.step, values.vehicle] + ([] if values.other is None else [values.other])
     keys = [tuple(int(i) for i in row) for row in np.stack(columns, axis=1)]
     assert len(set(keys)) == len(keys)
     return dict(zip(keys, values.value.tolist(), strict=True))
@@ -82,22 +82,22 @@ def rows(values: PairValues) -> dict[tuple[int, ...], float]:
 def slow_rows(
     tracks: SceneTracks, planned: PlannedPaths, metric: str
 ) -> Iterator[tuple[tuple[int, ...], float]]:
-    for child in range(tracks.states.shape[0]):
+    for future in range(tracks.states.shape[0]):
         for step in range(tracks.first, tracks.states.shape[1]):
-            scene = scene_of(tracks, child, step)
+            scene = scene_of(tracks, future, step)
             for i, a in scene.items():
                 for j, b in scene.items():
                     if i != j:
-                        value = pair_value(tracks, planned, metric, child, step, (i, j), (a, b))
+                        value = pair_value(tracks, planned, metric, future, step, (i, j), (a, b))
                         if value is not None:
-                            yield (child, step, i, j), value
+                            yield (future, step, i, j), value
 
 
 def pair_value(
     tracks: SceneTracks,
     planned: PlannedPaths,
     metric: str,
-    child: int,
+    future: int,
     step: int,
     pair: tuple[int, int],
     vehicles: tuple[slow.Vehicle, slow.Vehicle],
@@ -106,7 +106,7 @@ def pair_value(
     if metric == "distance":
         return math.dist((a["x"], a["y"]), (b["x"], b["y"]))
     if metric == "gap_time":
-        paths = [path_of(tracks, planned, child, step, vehicle) for vehicle in pair]
+        paths = [path_of(tracks, planned, future, step, vehicle) for vehicle in pair]
         return slow.gap_time(*paths, a["v"], b["v"])
     evaluation = {"ttc": slow.ttc, "pttc": slow.pttc, "wttc": slow.wttc}[metric]
     return evaluation(a, b)
@@ -130,17 +130,17 @@ def test_traffic_quality_of_every_vehicle_is_as_defined(case: dict[str, float]) 
     tracks, planned = random_run(np.random.default_rng(int(options.pop("seed"))), **options)  # type: ignore[arg-type]
     got = rows(evaluate_pairs(tracks, planned, metrics=("tq",))["tq"])
     expected = {}
-    for child in range(tracks.states.shape[0]):
+    for future in range(tracks.states.shape[0]):
         for step in range(tracks.first, tracks.states.shape[1]):
-            scene = scene_of(tracks, child, step)
+            scene = scene_of(tracks, future, step)
             if len(scene) < 2:
                 continue
             windows = []
             for vehicle in scene:
-                last = [s for s in samples_of(tracks, child, vehicle, step) if s[0] >= step - 20]
+                last = [s for s in samples_of(tracks, future, vehicle, step) if s[0] >= step - 20]
                 windows.append(([s[1] for s in last], [s[2] for s in last]))
             for vehicle, value in zip(scene, slow.tq(list(scene.values()), windows), strict=True):
-                expected[(child, step, vehicle)] = value
+                expected[(future, step, vehicle)] = value
     assert got.keys() == expected.keys()
     for key, value in expected.items():
         assert got[key] == pytest.approx(value, rel=EXACT), key

@@ -1,4 +1,4 @@
-"""From pairs to scenes to children: extrema, means, masks, and where the worst value came from."""
+"""From pairs to scenes to futures: extrema, means, masks, and where the worst value came from."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.metrics.scenes import one_scene, random_run
 
 
 def on_a_line(*x: list[float], first: int = 0, speeds: tuple[float, ...] | None = None) -> SceneTracks:
-    """One child; ``x`` per vehicle, step by step, heading along x; NaN = absent."""
+    """One future; ``x`` per vehicle, step by step, heading along x; NaN = absent."""
     position = np.array(x, dtype=float).T[None]
     speed = np.broadcast_to(np.array(speeds or [1.0] * len(x)), position.shape).copy()
     return SceneTracks(
@@ -81,9 +81,9 @@ def test_fewer_than_two_vehicles_leave_everything_undefined(count: int) -> None:
     assert all(rows.value.size == 0 for rows in evaluate_pairs(tracks, planned).values())
 
 
-def test_no_children_and_no_steps_are_no_error() -> None:
+def test_no_futures_and_no_steps_are_no_error() -> None:
     tracks, planned = random_run(np.random.default_rng(0))
-    nobody = evaluate(tracks.children(slice(0, 0)), planned.children(slice(0, 0)))
+    nobody = evaluate(tracks.futures(slice(0, 0)), planned.futures(slice(0, 0)))
     assert nobody.values.shape == (0, 12)
     assert not evaluate(replace(tracks, first=tracks.states.shape[1]), None).defined.any()
 
@@ -104,65 +104,67 @@ def test_without_planned_paths_only_gap_time_is_undefined() -> None:
 
 
 @pytest.mark.parametrize("absent", [0.0, 0.4])
-def test_children_do_not_depend_on_who_shares_their_batch(
+def test_futures_do_not_depend_on_who_shares_their_batch(
     absent: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tracks, planned = random_run(np.random.default_rng(3), children=7, absent=absent)
+    tracks, planned = random_run(np.random.default_rng(3), futures=7, absent=absent)
     together = evaluate(tracks, planned)
     for pair_steps in (1, 200):
         monkeypatch.setattr(evaluation, "BATCH_PAIR_STEPS", pair_steps)
         np.testing.assert_array_equal(evaluate(tracks, planned).values, together.values)
-    for child in range(7):
-        alone = evaluate(tracks.children(slice(child, child + 1)), planned.children(slice(child, child + 1)))
-        np.testing.assert_array_equal(alone.values[0], together.values[child])
+    for future in range(7):
+        alone = evaluate(
+            tracks.futures(slice(future, future + 1)), planned.futures(slice(future, future + 1))
+        )
+        np.testing.assert_array_equal(alone.values[0], together.values[future])
 
 
 @pytest.mark.parametrize("absent", [0.0, 0.4])
-def test_scenes_and_children_are_the_extrema_of_the_pairs(absent: float) -> None:
-    tracks, planned = random_run(np.random.default_rng(4), children=3, absent=absent, vehicles=6)
+def test_scenes_and_futures_are_the_extrema_of_the_pairs(absent: float) -> None:
+    tracks, planned = random_run(np.random.default_rng(4), futures=3, absent=absent, vehicles=6)
     result, pairs = evaluate(tracks, planned), evaluate_pairs(tracks, planned)
     for name, rows in pairs.items():
         with np.errstate(divide="ignore"):
             value = 1 / rows.value if name == "ttc" else rows.value
         keep = np.isfinite(value) if name == "pttc" else np.ones(value.size, dtype=bool)
         extremum = max if METRICS[name].critical == "max" else min
-        for child in range(3):
+        for future in range(3):
             scenes = []
             for step in range(tracks.first, tracks.states.shape[1]):
-                here = value[keep & (rows.child == child) & (rows.step == step)].tolist()
-                at = (child, step - tracks.first)
+                here = value[keep & (rows.future == future) & (rows.step == step)].tolist()
+                at = (future, step - tracks.first)
                 assert result.scene[name].defined[at] == bool(here)
                 if here:
                     scenes.append(extremum(here))
                     assert result.scene[name].value[at] == scenes[-1]
-            assert result.defined[child, COLUMNS.index(name)] == bool(scenes)
+            assert result.defined[future, COLUMNS.index(name)] == bool(scenes)
             if scenes:
-                assert result.column(name)[0][child] == extremum(scenes)
+                assert result.column(name)[0][future] == extremum(scenes)
                 mean = np.mean(scenes)
                 if name == "pttc":  # harmonic, over the scenes in which a pair follows
-                    following = len(np.unique(rows.step[rows.child == child]))
+                    following = len(np.unique(rows.step[rows.future == future]))
                     mean = following / sum(1 / time for time in scenes)
-                assert result.column(f"{name}_mean")[0][child] == pytest.approx(mean, rel=1e-12)
+                assert result.column(f"{name}_mean")[0][future] == pytest.approx(mean, rel=1e-12)
 
 
 def test_the_worst_value_is_traced_to_its_step_and_pair() -> None:
-    tracks, planned = random_run(np.random.default_rng(5), children=4, vehicles=6)
+    tracks, planned = random_run(np.random.default_rng(5), futures=4, vehicles=6)
     result, pairs = evaluate(tracks, planned), evaluate_pairs(tracks, planned)
     for name, worst in result.worst.items():
         rows = pairs[name]
         np.testing.assert_array_equal(worst.value, result.column(name)[0])
-        for child in np.flatnonzero(worst.defined):
+        for future in np.flatnonzero(worst.defined):
             here = (
-                (rows.child == child)
-                & (rows.step == worst.step[child])
-                & (rows.vehicle == worst.vehicle[child])
+                (rows.future == future)
+                & (rows.step == worst.step[future])
+                & (rows.vehicle == worst.vehicle[future])
             )
             if rows.other is not None and worst.other is not None:
-                here &= rows.other == worst.other[child]
+                here &= rows.other == worst.other[future]
             assert here.sum() == 1
             with np.errstate(divide="ignore"):
                 value = 1 / rows.value[here] if name == "ttc" else rows.value[here]
-            assert value[0] == worst.value[child]
+            assert value[0] == worst.value[future]
 
 
 def test_the_worst_of_equal_values_is_the_earliest() -> None:
@@ -184,15 +186,15 @@ def test_backward_differences_bridge_missing_samples() -> None:
     assert scenes.acceleration[0, 0].tolist() == pytest.approx([0.0, 0.0, 1.0 / (2 * STEP_S)])
 
 
-def test_sizes_may_differ_between_children() -> None:
-    tracks, planned = random_run(np.random.default_rng(6), children=3)
+def test_sizes_may_differ_between_futures() -> None:
+    tracks, planned = random_run(np.random.default_rng(6), futures=3)
     rng = np.random.default_rng(0)
     length, width = rng.uniform(0, 6, (2, 3, 5))
     sized = evaluate(replace(tracks, length=length, width=width), planned)
-    for child in range(3):
-        part = slice(child, child + 1)
-        alone = replace(tracks.children(part), length=length[child], width=width[child])
-        np.testing.assert_array_equal(evaluate(alone, planned.children(part)).values[0], sized.values[child])
+    for future in range(3):
+        part = slice(future, future + 1)
+        alone = replace(tracks.futures(part), length=length[future], width=width[future])
+        np.testing.assert_array_equal(evaluate(alone, planned.futures(part)).values[0], sized.values[future])
 
 
 def given_samples(per_scene: list[list[float]]) -> Samples:
@@ -240,7 +242,7 @@ def test_what_does_not_fit_is_refused() -> None:
         SceneTracks(states=States(**good), length=size, width=size, present=np.ones((1, 2, 2), dtype=bool))
     with pytest.raises(InputError, match="width has shape"):
         SceneTracks(states=States(**good), length=size, width=np.ones(2))
-    with pytest.raises(InputError, match="speed of vehicle 0 in child 0 at step 0 is not a finite number"):
+    with pytest.raises(InputError, match="speed of vehicle 0 in future 0 at step 0 is not a finite number"):
         SceneTracks(states=States(**{**good, "speed": state(np.nan)}), length=size, width=size)
     with pytest.raises(InputError, match=r"x of vehicle 0 .* not a finite number up to 1e\+12 \(6 such"):
         SceneTracks(states=States(**{**good, "x": state(1e200)}), length=size, width=size)
@@ -251,8 +253,8 @@ def test_what_does_not_fit_is_refused() -> None:
     tracks, planned = random_run(np.random.default_rng(0), vehicles=4)
     with pytest.raises(InputError, match="a coordinate is beyond"):
         replace(planned, x=planned.x * 1e300)
-    with pytest.raises(InputError, match="planned paths are of 2 children"):
-        evaluate(tracks.children(slice(0, 1)), planned)
+    with pytest.raises(InputError, match="planned paths are of 2 futures"):
+        evaluate(tracks.futures(slice(0, 1)), planned)
     with pytest.raises(UsageError, match="known: paper, path"):
         evaluate(tracks, planned, preset="best")
     with pytest.raises(UsageError, match="unknown metric 'speed'; nearest: "):

@@ -116,9 +116,9 @@ def test_a_vehicle_that_is_gone_is_not_hit() -> None:
     assert len(find_collisions(replace(tracks, present=present))) == 0
 
 
-def outline(tracks: SceneTracks, child: int, vehicle: int, at: FloatArray | float) -> shapely.Polygon:
+def outline(tracks: SceneTracks, future: int, vehicle: int, at: FloatArray | float) -> shapely.Polygon:
     """Outline at a time in steps, interpolated; at several times, an array of them."""
-    x, y, turn = (getattr(tracks.states, key)[child, :, vehicle] for key in ("x", "y", "heading"))
+    x, y, turn = (getattr(tracks.states, key)[future, :, vehicle] for key in ("x", "y", "heading"))
     x, y, turn = (np.interp(at, np.arange(len(x)), values) for values in (x, y, np.unwrap(turn)))
     ahead = tracks.length[vehicle] / 2 * np.stack([np.cos(turn), np.sin(turn)], -1)
     left = tracks.width[vehicle] / 2 * np.stack([-np.sin(turn), np.cos(turn)], -1)
@@ -126,15 +126,15 @@ def outline(tracks: SceneTracks, child: int, vehicle: int, at: FloatArray | floa
     return shapely.polygons(np.stack([np.stack([x, y], -1) + a * ahead + b * left for a, b in corners], -2))
 
 
-def crowd(seed: int, children: int = 4, vehicles: int = 12, steps: int = 12) -> SceneTracks:
+def crowd(seed: int, futures: int = 4, vehicles: int = 12, steps: int = 12) -> SceneTracks:
     """Vehicles that turn and change speed within a small area."""
     rng = np.random.default_rng(seed)
-    shape = (children, steps, vehicles)
-    speed = rng.uniform(0, 25, (children, 1, vehicles)) + np.cumsum(rng.normal(0, 0.5, shape), axis=1)
-    heading = rng.uniform(-math.pi, math.pi, (children, 1, vehicles))
+    shape = (futures, steps, vehicles)
+    speed = rng.uniform(0, 25, (futures, 1, vehicles)) + np.cumsum(rng.normal(0, 0.5, shape), axis=1)
+    heading = rng.uniform(-math.pi, math.pi, (futures, 1, vehicles))
     heading = heading + np.cumsum(rng.normal(0, 0.15, shape), axis=1)
     where: list[FloatArray] = [
-        rng.uniform(0, 35, (children, 1, vehicles)) + np.cumsum(0.1 * speed * f(heading), axis=1)
+        rng.uniform(0, 35, (futures, 1, vehicles)) + np.cumsum(0.1 * speed * f(heading), axis=1)
         for f in (np.cos, np.sin)
     ]
     return SceneTracks(
@@ -151,13 +151,13 @@ def test_random_motion_collides_as_polygons_at_fine_steps_do(seed: int) -> None:
     found = find_collisions(tracks)
     got = {
         (int(c), *sorted((int(i), int(j)))): float(t)
-        for c, i, j, t in zip(found.child, found.first, found.second, found.time_s, strict=True)
+        for c, i, j, t in zip(found.future, found.first, found.second, found.time_s, strict=True)
     }
-    children, steps, vehicles = tracks.states.shape
+    futures, steps, vehicles = tracks.states.shape
     times = np.arange((steps - 1) * FINE + 1) / FINE
     expected: dict[tuple[int, ...], float] = {}
-    for child in range(children):
-        outlines = [outline(tracks, child, vehicle, times) for vehicle in range(vehicles)]
+    for future in range(futures):
+        outlines = [outline(tracks, future, vehicle, times) for vehicle in range(vehicles)]
         for i in range(vehicles):
             for j in range(i + 1, vehicles):
                 area = shapely.area(shapely.intersection(outlines[i], outlines[j]))
@@ -165,7 +165,7 @@ def test_random_motion_collides_as_polygons_at_fine_steps_do(seed: int) -> None:
                     continue
                 hit = int(np.argmax(area > 0.1))
                 apart = np.flatnonzero(area[:hit] == 0)
-                expected[child, i, j] = times[apart[-1] + 1 if apart.size else hit] / 10
+                expected[future, i, j] = times[apart[-1] + 1 if apart.size else hit] / 10
     assert len(expected) >= 5
     assert got.keys() == expected.keys()
     for key, time in expected.items():
@@ -174,7 +174,7 @@ def test_random_motion_collides_as_polygons_at_fine_steps_do(seed: int) -> None:
 
 def test_overlaps_are_those_of_polygons() -> None:
     rng = np.random.default_rng(5)
-    tracks = replace(crowd(5, children=1, vehicles=60, steps=1), first=0)
+    tracks = replace(crowd(5, futures=1, vehicles=60, steps=1), first=0)
     states = tracks.states
     one, two = rng.integers(0, 60, (2, 2000))
     # Aligned ones too: edges on edges.

@@ -27,14 +27,14 @@ from scex_sumo.page.encounter_table import HEADS
 from scex_sumo.results.encounters import QUESTIONS, encounters_table, event_of, outcomes_table
 from scex_sumo.results.probability import critical_outcomes
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS
-from tests.results.test_encounters import LEVELS, MODELS, TRACKS, children
+from tests.results.test_encounters import LEVELS, MODELS, TRACKS, futures
 from tests.metrics.scenes import find_encounters
 from scex_sumo.statistics.intervals import DesignIntervals
 
 assert "gap" in EVENTS and QUESTIONS[-2:] == ("gap", "critical") and BITS["gap"] == 16
 assert any(hint.startswith("body gap < 0.5 m") for _, _, hint in HEADS) and "gap_happened" in ENCOUNTERS.names
 
-met = find_encounters(children(LEVELS), None)
+met = find_encounters(futures(LEVELS), None)
 met = dataclasses.replace(met, kind=met.kind * 0 - 1, gap=met.gap * 0 + 0.2, ttc=np.full(len(met), np.inf))
 design = DesignIntervals(LEVELS, design="random")
 (row,) = encounters_table(met, track_ids=TRACKS, models=MODELS[LEVELS], intervals=design).to_pylist()

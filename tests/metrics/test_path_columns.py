@@ -76,7 +76,7 @@ def test_without_acceleration_outlines_that_miss_never_meet() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_random_outlines_meet_when_polygons_do(seed: int) -> None:
-    tracks, _ = random_run(np.random.default_rng(seed), vehicles=7, children=1, steps=2, history=1)
+    tracks, _ = random_run(np.random.default_rng(seed), vehicles=7, futures=1, steps=2, history=1)
     rows = evaluate_pairs(tracks, None, metrics=("wttc_path", "gap"))
     worst, gaps = rows["wttc_path"], rows["gap"]
     assert worst.other is not None
@@ -105,7 +105,7 @@ def test_random_outlines_meet_when_polygons_do(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_quick_extrema_are_those_of_all_pairs(seed: int) -> None:
     tracks, planned = random_run(
-        np.random.default_rng(seed), children=4, vehicles=9, area=60, absent=0.1 * (seed == 2)
+        np.random.default_rng(seed), futures=4, vehicles=9, area=60, absent=0.1 * (seed == 2)
     )
     quick = evaluate(tracks, planned, metrics=["path"])
     names = ("gap", "wttc_path", "thw", "drac", "pet")

@@ -119,23 +119,26 @@ def slow_leader(
     tracks: SceneTracks, path: FloatArray, follower: int, at: tuple[int, int]
 ) -> tuple[int, float] | None:
     """The next vehicle along a path and its gap, segment by segment."""
-    child, step = at
+    future, step = at
     states = tracks.states
     if np.hypot(*np.diff(path, axis=0).T).sum() < 0.1:
         direction = np.array(
-            [math.cos(states.heading[child, step, follower]), math.sin(states.heading[child, step, follower])]
+            [
+                math.cos(states.heading[future, step, follower]),
+                math.sin(states.heading[future, step, follower]),
+            ]
         )
     else:
         steps = np.diff(path, axis=0)
         direction = steps[np.hypot(*steps.T) > 0][-1]
         direction = direction / np.hypot(*direction)
-    reach = max(20.0, 2.0 * states.speed[child, step, follower])
+    reach = max(20.0, 2.0 * states.speed[future, step, follower])
     path = np.vstack([path, path[-1] + reach * direction])
     best: tuple[float, int, float] | None = None
     for other in range(states.shape[2]):
         if other == follower:
             continue
-        centre = np.array([states.x[child, step, other], states.y[child, step, other]])
+        centre = np.array([states.x[future, step, other], states.y[future, step, other]])
         nearest: tuple[float, float, float] | None = None
         arc = 0.0
         for a, b in pairwise(path):
@@ -144,7 +147,7 @@ def slow_leader(
                 continue
             along = min(max(float((centre - a) @ (b - a)) / length, 0.0), length)
             aside = float(np.hypot(*(a + (b - a) / length * along - centre)))
-            heading = states.heading[child, step, other]
+            heading = states.heading[future, step, other]
             cos = float((b - a) @ [math.cos(heading), math.sin(heading)]) / length
             if nearest is None or (aside, arc + along) < nearest[:2]:
                 nearest = (aside, arc + along, cos)
@@ -164,27 +167,27 @@ def slow_leader(
 
 @pytest.mark.parametrize("seed", range(4))
 def test_random_leaders_are_those_of_a_search_segment_by_segment(seed: int) -> None:
-    tracks, plans = random_run(np.random.default_rng(seed), vehicles=12, area=25.0, children=3)
+    tracks, plans = random_run(np.random.default_rng(seed), vehicles=12, area=25.0, futures=3)
     rows = evaluate_pairs(tracks, plans, preset="path", metrics=("ttc",))["ttc"]
     assert rows.other is not None
     got = {
         (int(c), int(t), int(i)): (int(j), float(v))
-        for c, t, i, j, v in zip(rows.child, rows.step, rows.vehicle, rows.other, rows.value, strict=True)
+        for c, t, i, j, v in zip(rows.future, rows.step, rows.vehicle, rows.other, rows.value, strict=True)
     }
     expected = {}
-    for child in range(tracks.states.shape[0]):
+    for future in range(tracks.states.shape[0]):
         for step in range(tracks.first, tracks.states.shape[1]):
             now = step - tracks.first
             for vehicle in range(12):
-                plan = (child, plans.index[now], vehicle, slice(int(plans.column[now]), None))
-                here = [tracks.states.x[child, step, vehicle], tracks.states.y[child, step, vehicle]]
+                plan = (future, plans.index[now], vehicle, slice(int(plans.column[now]), None))
+                here = [tracks.states.x[future, step, vehicle], tracks.states.y[future, step, vehicle]]
                 path = np.vstack([here, np.stack([plans.x[plan], plans.y[plan]], axis=1)])
-                leader = slow_leader(tracks, path, vehicle, (child, step))
+                leader = slow_leader(tracks, path, vehicle, (future, step))
                 if leader is not None:
-                    speeds = tracks.states.speed[child, step]
+                    speeds = tracks.states.speed[future, step]
                     closing = speeds[vehicle] - speeds[leader[0]]
                     time = leader[1] / closing if closing > 0 else math.inf
-                    expected[(child, step, vehicle)] = (leader[0], time)
+                    expected[(future, step, vehicle)] = (leader[0], time)
     assert len(expected) > 5
     assert got.keys() == expected.keys()
     for key, (other, time) in expected.items():

@@ -234,7 +234,7 @@ def test_rectangle_distance_does_not_care_who_is_first(
 
 def test_thousands_of_kilometres_and_standing_vehicles_stay_finite() -> None:
     rng = np.random.default_rng(0)
-    tracks, planned = random_run(rng, children=3, vehicles=6, area=1e6)
+    tracks, planned = random_run(rng, futures=3, vehicles=6, area=1e6)
     still = replace(tracks, states=replace(tracks.states, speed=np.zeros(tracks.states.shape)))
     for preset in ("paper", "path"):
         for scene in (tracks, still):

@@ -134,9 +134,9 @@ def test_a_metric_of_the_users_script_reaches_another_process(tmp_path: Path) ->
 
 def result_with(folder: Path, column: str, values: list[float], **info: Any) -> scex.Run:
     """A result folder of one metric; other processes know it by what run.json says."""
-    table = pa.table({"child": list(range(len(values))), column: values, f"{column}_mean": values})
+    table = pa.table({"future": list(range(len(values))), column: values, f"{column}_mean": values})
     pq.write_table(table, folder / "metrics.parquet")
-    whole = {"seed_scene": {"name": "drawn", "vehicles": 2}, "children": len(values), **info}
+    whole = {"seed_scene": {"name": "drawn", "vehicles": 2}, "futures": len(values), **info}
     (folder / "run.json").write_text(json.dumps(whole))
     return open_run(folder)
 
@@ -185,7 +185,7 @@ def test_single_vehicles_have_no_other_one() -> None:
     assert np.array_equal(both.values[:, :12], evaluate(tracks, planned).values, equal_nan=True)
 
 
-@pytest.mark.parametrize("name", ["ttc", "paper", "child", "a,b", "a:b", "a=b", "speed_mean", ""])
+@pytest.mark.parametrize("name", ["ttc", "paper", "future", "a,b", "a:b", "a=b", "speed_mean", ""])
 def test_names_that_are_taken_or_cannot_be_written_are_refused(name: str) -> None:
     with pytest.raises(UsageError, match="metric '"):
         scex.metric(name, critical="min")

@@ -1,4 +1,4 @@
-"""Pairs of tracks that are equal in several children are measured once, to the same bytes."""
+"""Pairs of tracks that are equal in several futures are measured once, to the same bytes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ METRICS = ("paper", "path")
 
 
 def mixed_run(seed: int, *, absent: float = 0.0) -> tuple[SceneTracks, PlannedPaths]:
-    """Forty children in which every vehicle has one of three tracks, by even seeds with other plans."""
+    """Forty futures in which every vehicle has one of three tracks, by even seeds with other plans."""
     rng = np.random.default_rng(seed)
-    tracks, planned = random_run(rng, children=3, vehicles=5, absent=absent)
+    tracks, planned = random_run(rng, futures=3, vehicles=5, absent=absent)
     which = rng.integers(3, size=(40, 5)), np.arange(5)
     plans = which[0] if seed % 2 else rng.integers(3, size=(40, 5)), np.arange(5)
     states = tracks.states.map(lambda values: values[which[0], :, which[1]].swapaxes(1, 2))
@@ -51,7 +51,7 @@ def test_sharing_changes_no_byte(
     assert found[0] == found[1]
 
 
-def test_of_many_children_each_pair_of_tracks_is_there_once() -> None:
+def test_of_many_futures_each_pair_of_tracks_is_there_once() -> None:
     """Five vehicles of three tracks each: ten pairs of nine."""
     tracks, planned = mixed_run(1)
     shared = track_pairs(tracks, planned, preset=preset_named("paper"), parameters=PAPER)
@@ -64,6 +64,6 @@ def test_of_many_children_each_pair_of_tracks_is_there_once() -> None:
         assert np.array_equal(there, tracks.states.x.transpose(2, 0, 1)[vehicle])
 
 
-def test_children_that_all_differ_share_nothing() -> None:
-    tracks, planned = random_run(np.random.default_rng(0), children=6)
+def test_futures_that_all_differ_share_nothing() -> None:
+    tracks, planned = random_run(np.random.default_rng(0), futures=6)
     assert track_pairs(tracks, planned, preset=preset_named("paper"), parameters=PAPER) is None

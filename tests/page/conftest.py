@@ -19,9 +19,9 @@ CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found :=
 
 @pytest.fixture(scope="session")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Sixty children of the roundabout, with their report."""
+    """Sixty futures of the roundabout, with their report."""
     folder = tmp_path_factory.mktemp("report") / "out"
-    words = ("--children", 60, "--reference", "none", "--no-report", "-o", folder)
+    words = ("--futures", 60, "--reference", "none", "--no-report", "-o", folder)
     scex("run", example_path("roundabout"), *words).check_returncode()
     run = open_run(folder)
     write_report(run)

@@ -46,8 +46,8 @@ def drag(page: Any, selector: str, start: float, stop: float) -> None:
 def test_the_verdict_comes_first_and_says_what_the_tables_say(page: Any, run: Run) -> None:
     verdict = text(page, "#verdict")
     assert "P(collision)" in verdict
-    collided = len(run.table("collisions.parquet")["child"].unique())
-    assert f"{collided} of {run.children} futures" in verdict
+    collided = len(run.table("collisions.parquet")["future"].unique())
+    assert f"{collided} of {run.futures} futures" in verdict
     share = run.p_critical("wttc").value
     assert f"{100 * share:.0f} %" in verdict
     assert page.locator("#verdict li").count() == 3
@@ -63,10 +63,10 @@ def test_it_plays_to_the_end(page: Any) -> None:
 def test_it_opens_on_the_worst_encounter_with_the_play_bar_in_sight(page: Any, run: Run) -> None:
     worst = run.encounters.to_pylist()[0]
     page.wait_for_selector("#encounters tr.chosen")
-    assert page.input_value("#child") == str(worst["child"])
+    assert page.input_value("#future") == str(worst["future"])
     assert text(page, "#clock") == f"{worst['time_s']:.1f} s"
     title = text(page, "#pair-title")
-    assert str(worst["track_id"]) in title and title.endswith(f"future {worst['child']}")
+    assert str(worst["track_id"]) in title and title.endswith(f"future {worst['future']}")
     chosen = text(page, "#encounters tr.chosen td >> nth=0")
     assert chosen == f"{worst['track_id']} → {worst['other_id']}"
     for name in ("#play", "#time", "#strips"):
@@ -91,14 +91,14 @@ def _on_map(page: Any, run: Run, track: int) -> tuple[float, float] | None:
 
 def test_a_vehicle_says_its_id_speed_and_model_and_a_click_lists_its_encounters(page: Any, run: Run) -> None:
     worst = run.encounters.to_pylist()[0]
-    track, child, step = worst["track_id"], worst["child"], round(worst["time_s"] * 10)
+    track, future, step = worst["track_id"], worst["future"], round(worst["time_s"] * 10)
     place = _on_map(page, run, track)
     vehicle = run.info["seed_scene"]["track_ids"].index(track)
-    speed = run.states(child).speed[vehicle, 10 - 1 + step]
+    speed = run.states(future).speed[vehicle, 10 - 1 + step]
     assert place is not None
     said = text(page, "#vehicle p >> nth=0")
     assert abs(float(said.split(" · ")[1].removesuffix(" m/s")) - speed) < 0.07
-    assert said.endswith(run.models_of(child)[vehicle])
+    assert said.endswith(run.models_of(future)[vehicle])
     page.mouse.click(*place)
     page.wait_for_selector("#vehicle > button")
     met = [one for one in meetings(run) if track in (one.row["track_id"], one.row["other_id"])]
@@ -108,10 +108,10 @@ def test_a_vehicle_says_its_id_speed_and_model_and_a_click_lists_its_encounters(
     page.locator(LISTED).last.click()
     row = met[:6][-1].row
     page.wait_for_selector(f"#clock:has-text('{row['time_s']:.1f} s')")
-    assert page.input_value("#child") == str(row["child"])
+    assert page.input_value("#future") == str(row["future"])
 
 
-def test_an_encounter_leads_to_its_pair_child_and_step(page: Any) -> None:
+def test_an_encounter_leads_to_its_pair_future_and_step(page: Any) -> None:
     row = page.locator("#encounters tr.go").nth(1)
     pair = row.locator("td").first.inner_text().split(" → ")
     row.click()
@@ -125,7 +125,7 @@ def test_an_encounter_leads_to_its_pair_child_and_step(page: Any) -> None:
 def test_curves_have_the_values_of_the_run_at_the_shown_step(page: Any, run: Run) -> None:
     row = run.encounters.to_pylist()[0]
     seen = [run.info["seed_scene"]["track_ids"].index(row[name]) for name in ("track_id", "other_id")]
-    states, scene = run.states(row["child"]), run.scene
+    states, scene = run.states(row["future"]), run.scene
     page.keyboard.press("ArrowLeft")
     step = round(10 * row["time_s"]) - 1
     page.wait_for_selector(f"#clock:has-text('{step / 10:.1f} s')")
@@ -148,7 +148,7 @@ def test_curves_have_the_values_of_the_run_at_the_shown_step(page: Any, run: Run
 
 
 @pytest.mark.parametrize(
-    "focused", ["#all", "#child", "#speed", "#show-ids", "#find", "#encounters th button"]
+    "focused", ["#all", "#future", "#speed", "#show-ids", "#find", "#encounters th button"]
 )
 def test_space_always_plays_but_in_the_search(page: Any, focused: str) -> None:
     page.locator(".strip canvas").last.click(position={"x": 1, "y": 20})  # a slow machine sees it play, too
@@ -168,8 +168,8 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     futures = critical_futures(run, pair)["critical"]
     page.click("#only-pair")
     page.wait_for_selector(".chip")
-    assert text(page, "#chips b") == f"{len(futures)} of {run.children} futures"
-    collided = len(futures & set(run.collisions["child"].to_pylist()))
+    assert text(page, "#chips b") == f"{len(futures)} of {run.futures} futures"
+    collided = len(futures & set(run.collisions["future"].to_pylist()))
     assert text(page, "#p-collision") == f"{100 * collided / len(futures):.0f} %"
     assert "exact" not in text(page, "#p-collision-words")
     assert text(page, "#p-collision-words").startswith(f"{collided} of {len(futures)} futures selected")
@@ -187,13 +187,13 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
 
 def critical_futures(run: Run, pair: set[int]) -> dict[str, set[int]]:
     """Return the futures in which a pair is critical, by question."""
-    hits = {r["child"] for r in run.collisions.to_pylist() if {r["track_id"], r["other_id"]} == pair}
+    hits = {r["future"] for r in run.collisions.to_pylist() if {r["track_id"], r["other_id"]} == pair}
     met = [r for r in run.pair_outcomes.to_pylist() if {r["track_a"], r["track_b"]} == pair]
     found = {
         "collision": hits,
-        "ttc": hits | {r["child"] for r in met if r["min_ttc_path"] < 1.5},
-        "pet": hits | {r["child"] for r in met if r["min_pet"] < 1.0},
-        "drac": hits | {r["child"] for r in met if r["max_drac"] > 3.4},
+        "ttc": hits | {r["future"] for r in met if r["min_ttc_path"] < 1.5},
+        "pet": hits | {r["future"] for r in met if r["min_pet"] < 1.0},
+        "drac": hits | {r["future"] for r in met if r["max_drac"] > 3.4},
     }
     return {**found, "critical": set.union(*found.values())}
 
@@ -204,11 +204,11 @@ def test_every_number_of_the_encounters_follows_a_selection(page: Any, run: Run)
     page.wait_for_selector(".chip >> nth=1")
     tracks = [text(page, f".chip >> nth={n}").removesuffix(" ×").split(" as ") for n in (0, 1)]
     drives = [
-        [run.models_of(child)[ids.index(int(track))] == model for track, model in tracks]
-        for child in range(run.children)
+        [run.models_of(future)[ids.index(int(track))] == model for track, model in tracks]
+        for future in range(run.futures)
     ]
-    chosen = {child for child, both in enumerate(drives) if all(both)}
-    assert 0 < len(chosen) < run.children
+    chosen = {future for future, both in enumerate(drives) if all(both)}
+    assert 0 < len(chosen) < run.futures
     rows = page.locator("#encounters tbody tr").all()
     assert rows
     for line in rows:
@@ -222,7 +222,7 @@ def test_every_number_of_the_encounters_follows_a_selection(page: Any, run: Run)
     gap, after = rows[0].locator("td").all_inner_texts()[-2:]
     rows[0].click()
     page.wait_for_selector(f"#clock:has-text('{after}')")
-    assert int(page.input_value("#child")) in chosen
+    assert int(page.input_value("#future")) in chosen
     page.wait_for_function("() => document.querySelectorAll('.strip header span:last-child')[2].innerText")
     assert page.locator(".strip header span:last-child").nth(2).inner_text() == gap.removesuffix(" m")
 
@@ -239,11 +239,11 @@ def test_human_like_encounters_play_and_the_legend_says_which_set_is_shown(
     page.wait_for_selector("#encounters tr.chosen")
     row = meetings(both)[1]
     assert row.futures == "human-like"
-    assert text(page, "#shown") == f"shown: stress test, future {row.row['child']}"
+    assert text(page, "#shown") == f"shown: stress test, future {row.row['future']}"
     page.locator("#encounters tr.go").nth(1).click()
     page.wait_for_selector("#shown:has-text('human-like')")
-    assert text(page, "#shown") == f"shown: human-like future {row.row['child']}"
-    assert text(page, "#pair-title").endswith(f"human-like future {row.row['child']}")
+    assert text(page, "#shown") == f"shown: human-like future {row.row['future']}"
+    assert text(page, "#pair-title").endswith(f"human-like future {row.row['future']}")
     assert text(page, "#encounters tr.chosen td >> nth=1") == "human-like"
     assert page.locator("#encounters tr.chosen").count() == 1
     page.wait_for_function("() => location.hash.includes('future=h')")
@@ -251,7 +251,7 @@ def test_human_like_encounters_play_and_the_legend_says_which_set_is_shown(
     step = round(10 * row.row["time_s"]) - 1
     page.wait_for_selector(f"#clock:has-text('{step / 10:.1f} s')")
     seen = [both.info["seed_scene"]["track_ids"].index(row.row[name]) for name in ("track_id", "other_id")]
-    speed = both.reference.states(row.row["child"]).speed[seen, LOGGED_HISTORY - 1 + step]  # type: ignore[union-attr]
+    speed = both.reference.states(row.row["future"]).speed[seen, LOGGED_HISTORY - 1 + step]  # type: ignore[union-attr]
     said = page.locator(".strip header span:last-child").first.inner_text()
     np.testing.assert_allclose([float(v) for v in said.split(" / ")], speed, atol=0.07)
     page.click("#only-pair")
@@ -272,29 +272,29 @@ def test_a_future_without_tracks_says_how_it_is_seen(
     page = browser.new_page()
     page.goto(write_report(open_run(copy)).resolve().as_uri())
     page.wait_for_selector("#encounters tr.chosen")
-    worst = run.encounters.to_pylist()[0]["child"]
-    assert page.input_value("#child") == str(worst)
-    other = (worst + 1) % run.children
-    page.fill("#child", str(other))
-    page.locator("#child").blur()
+    worst = run.encounters.to_pylist()[0]["future"]
+    assert page.input_value("#future") == str(worst)
+    other = (worst + 1) % run.futures
+    page.fill("#future", str(other))
+    page.locator("#future").blur()
     page.wait_for_selector("#said:has-text('no tracks')")
-    assert text(page, "#said").endswith(f"--child {other}")
+    assert text(page, "#said").endswith(f"--future {other}")
     page.keyboard.press("Space")
     page.keyboard.press("ArrowDown")
     page.wait_for_timeout(100)
-    assert page.input_value("#child") == str(worst)
+    assert page.input_value("#future") == str(worst)
     page.close()
 
 
 def test_a_future_alone_filters_p_and_the_worst_futures(page: Any, run: Run) -> None:
-    child = run.encounters.to_pylist()[0]["child"]
+    future = run.encounters.to_pylist()[0]["future"]
     page.click("#only-future")
     page.wait_for_selector(".chip")
     assert text(page, "#p-collision") in ("0 %", "100 %")
-    value, limit = run.metrics["wttc"][child].as_py(), run.thresholds["wttc"]
+    value, limit = run.metrics["wttc"][future].as_py(), run.thresholds["wttc"]
     share = page.locator(".share:has-text('WTTC') b").first.inner_text()
     assert share == ("100 %" if value <= limit else "0 %")
-    assert set(page.locator("#worst tbody tr td:last-child").all_inner_texts()) <= {str(child)}
+    assert set(page.locator("#worst tbody tr td:last-child").all_inner_texts()) <= {str(future)}
 
 
 def test_encounters_are_filtered_by_vehicle_and_words_and_sorted(page: Any, run: Run) -> None:
@@ -324,7 +324,7 @@ def test_the_address_keeps_the_state(page: Any, browser: Any, run: Run) -> None:
     page.click("#only-future")
     page.wait_for_function("() => location.hash.includes('only.future')")
     read = """() => [
-        ...["child", "time", "curve"].map((id) => window[id].value),
+        ...["future", "time", "curve"].map((id) => window[id].value),
         ...["chips", "pair-title", "encounters", "verdict"].map((id) => window[id].innerText),
     ]"""
     before = page.evaluate(read)
@@ -381,13 +381,13 @@ def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
     assert (text(page, "#any-collision"), text(page, first)) == (shown, own)
 
 
-def test_a_brushed_metric_selects_the_children_everywhere(page: Any, run: Run) -> None:
+def test_a_brushed_metric_selects_the_futures_everywhere(page: Any, run: Run) -> None:
     drag(page, "#charts .chart:first-child canvas", 0.02, 0.3)
     chosen = int(text(page, "#chips b").split(" of ")[0])
-    assert 0 < chosen < run.children
+    assert 0 < chosen < run.futures
     page.keyboard.press("ArrowDown")
     page.wait_for_timeout(100)
-    first = int(page.input_value("#child"))
+    first = int(page.input_value("#future"))
     assert run.metrics["distance"][first].as_py() < 0.4 * max(run.samples("distance"))
     page.keyboard.press("Escape")
     page.wait_for_timeout(100)
@@ -439,21 +439,21 @@ def _grip(page: Any) -> float:
     return float(page.eval_on_selector(canvas, find))
 
 
-def test_a_driver_of_a_vehicle_selects_the_children_that_have_it(page: Any, run: Run) -> None:
+def test_a_driver_of_a_vehicle_selects_the_futures_that_have_it(page: Any, run: Run) -> None:
     page.locator("#models td.go").first.click()
     page.wait_for_selector(".chip")
     track, model = text(page, ".chip").removesuffix(" ×").split(" as ")
     vehicle = run.info["seed_scene"]["track_ids"].index(int(track))
-    expected = sum(run.models_of(child)[vehicle] == model for child in range(run.children))
+    expected = sum(run.models_of(future)[vehicle] == model for future in range(run.futures))
     assert text(page, "#chips b").startswith(f"{expected} of ")
 
 
 def test_commands_are_copied(page: Any) -> None:
-    page.fill("#child", "7")
-    page.locator("#child").blur()
+    page.fill("#future", "7")
+    page.locator("#future").blur()
     page.click("[data-copy*=view]")
     page.wait_for_selector("#said:has-text('copied')")
-    assert text(page, "#said").endswith("--child 7")
+    assert text(page, "#said").endswith("--future 7")
 
 
 @pytest.mark.parametrize(
@@ -492,18 +492,18 @@ def test_the_map_is_drawn_in_light_and_dark(page: Any) -> None:
     assert light > 150 > 60 > page.evaluate(pixel)
 
 
-def test_the_worst_children_are_those_with_the_event(page: Any, run: Run) -> None:
+def test_the_worst_futures_are_those_with_the_event(page: Any, run: Run) -> None:
     page.select_option("#focus", label="distance")
     page.wait_for_timeout(100)
     page.locator("#worst tr.go").first.click()
     page.wait_for_timeout(100)
-    child = int(page.input_value("#child"))
-    assert run.metrics["distance"][child].as_py() == min(run.samples("distance"))
+    future = int(page.input_value("#future"))
+    assert run.metrics["distance"][future].as_py() == min(run.samples("distance"))
 
 
 def test_the_driver_under_test_has_its_table_and_curves(browser: Any, tmp_path: Path) -> None:
     words = (
-        "--children",
+        "--futures",
         12,
         "--reference",
         "none",

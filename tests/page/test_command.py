@@ -22,7 +22,7 @@ from tests.command import scex
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run as the command line makes it."""
     out = tmp_path_factory.mktemp("run") / "out"
-    done = scex("run", example_path("roundabout"), "--children", 8, "-o", out)
+    done = scex("run", example_path("roundabout"), "--futures", 8, "-o", out)
     assert f"report: {out / 'report.html'}" in done.stdout
     return out
 
@@ -103,7 +103,7 @@ def test_files_that_do_not_fit_together_are_one_line(folder: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize("what", ["report", "view", "grid", "export"])
-def test_no_command_reads_the_states_of_all_children_at_once(
+def test_no_command_reads_the_states_of_all_futures_at_once(
     folder: Path, tmp_path: Path, what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def read(file: Path, **_: object) -> None:
@@ -114,9 +114,9 @@ def test_no_command_reads_the_states_of_all_children_at_once(
     if what == "report":
         report_command(copy)
     elif what == "export":
-        export_command(copy, child=3, to="interaction", out=tmp_path / "child.csv")
-        assert (tmp_path / "child.csv").read_text().count("\n") == 1 + 14 * 40
+        export_command(copy, future=3, to="interaction", out=tmp_path / "future.csv")
+        assert (tmp_path / "future.csv").read_text().count("\n") == 1 + 14 * 40
     else:
         view_command(
-            copy, child=3 if what == "view" else None, grid=4 if what == "grid" else None, write_only=True
+            copy, future=3 if what == "view" else None, grid=4 if what == "grid" else None, write_only=True
         )

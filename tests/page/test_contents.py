@@ -28,10 +28,10 @@ DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 
 def test_tracks_come_back_to_the_centimetre_and_milliradian(run: Run) -> None:
     info, arrays = unpack(DATA.search(report_html(run))[1])  # type: ignore[index]
-    assert info["packed"] == list(range(run.children))
-    for child in (0, run.children - 1):
-        poses = poses_of(arrays, child)
-        states = run.states(child)
+    assert info["packed"] == list(range(run.futures))
+    for future in (0, run.futures - 1):
+        poses = poses_of(arrays, future)
+        states = run.states(future)
         np.testing.assert_allclose(poses[..., 0], states.x[:, 10:], atol=0.0101)
         np.testing.assert_allclose(poses[..., 1], states.y[:, 10:], atol=0.0101)
         np.testing.assert_allclose(poses[..., 3], states.speed[:, 10:], atol=0.0101)
@@ -47,9 +47,9 @@ def poses_of(arrays: dict[str, np.ndarray], place: int) -> np.ndarray:
 
 
 def test_of_too_many_different_tracks_a_page_holds_the_first_futures(run: Run) -> None:
-    wanted = [(run, child, child) for child in (7, 3, *range(20, 60))]
+    wanted = [(run, future, future) for future in (7, 3, *range(20, 60))]
     whole, part = packed_tracks(wanted), packed_tracks(wanted, budget=2_000)
-    assert whole.futures.tolist() == sorted(child for _, child, _ in wanted)
+    assert whole.futures.tolist() == sorted(future for _, future, _ in wanted)
     kept = len(part.futures)
     assert 1 < kept < len(wanted)
     assert part.futures.tolist() == sorted([7, 3, *range(20, 60)][:kept])
@@ -74,14 +74,14 @@ def test_values_models_and_worst_events_are_those_of_the_tables(run: Run) -> Non
     np.testing.assert_allclose(arrays["values"][0], distance)
     assert [info["models"][m] for m in arrays["levels"][7]] == run.models_of(7)
     known = {
-        (row["child"], row["metric"], row["timestamp_ms"] / 100 - 10, row["track_id"], row["other_id"])
+        (row["future"], row["metric"], row["timestamp_ms"] / 100 - 10, row["track_id"], row["other_id"])
         for row in run.worst.to_pylist()
     }
     events = [event for event in info["events"]["rows"] if event["metric"] >= 0]
     shown = {
-        (child, run.columns[e["metric"]], e["step"], *[info["track_ids"][v] for v in e["pair"]])
+        (future, run.columns[e["metric"]], e["step"], *[info["track_ids"][v] for v in e["pair"]])
         for e in events
-        for child in e["children"]
+        for future in e["futures"]
         if e["pair"]
     }
     assert shown == {row for row in known if row[-1] is not None}
@@ -117,9 +117,9 @@ def test_a_result_without_its_net_is_shown_without_a_road(run: Run, tmp_path: Pa
 def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
     info, _ = report_contents(run)
     collisions, encounters = run.table("collisions.parquet"), run.table("encounters.parquet").to_pylist()
-    assert info["collisions"]["children"] == collisions["child"].to_pylist()
+    assert info["collisions"]["futures"] == collisions["future"].to_pylist()
     np.testing.assert_allclose([x for x, _ in info["collisions"]["places"]], collisions["x"], atol=0.00501)
-    assert info["collision"]["count"] == len(collisions["child"].unique())
+    assert info["collision"]["count"] == len(collisions["future"].unique())
     ids = info["track_ids"]
     assert [(ids[a], ids[b]) for a, b in (row["pair"] for row in info["encounters"]["rows"])] == [
         (row["track_id"], row["other_id"]) for row in encounters
@@ -127,7 +127,7 @@ def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
     assert info["encounters"]["rows"][0]["words"] == meetings(run)[0].words()
 
 
-def test_metrics_of_the_likely_children_are_taken_where_they_are(run: Run, tmp_path: Path) -> None:
+def test_metrics_of_the_likely_futures_are_taken_where_they_are(run: Run, tmp_path: Path) -> None:
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)
     shutil.copytree(run.folder, copy / "reference")
@@ -153,7 +153,7 @@ def test_shared_values_and_bands_are_those_of_the_table(run: Run) -> None:
 def test_intervals_elsewhere_are_those_of_the_design(run: Run) -> None:
     metric = next(m for m in report_contents(run)[0]["metrics"] if m["column"] == "distance")
     for share, number in metric["numbers"][:-1]:
-        critical = run.values("distance") <= np.sort(run.values("distance"))[round(share * run.children) - 1]
+        critical = run.values("distance") <= np.sort(run.values("distance"))[round(share * run.futures) - 1]
         expected = run.intervals.share(critical)
         assert wilson_of(share, number) == pytest.approx((expected.low, expected.high))
     assert metric["numbers"][-1][0] == 1.0
@@ -179,7 +179,7 @@ def test_the_file_is_small(run: Run) -> None:
     assert (run.folder / "report.html").stat().st_size < 200_000
 
 
-def test_likely_children_that_collide_are_counted(run: Run, tmp_path: Path) -> None:
+def test_likely_futures_that_collide_are_counted(run: Run, tmp_path: Path) -> None:
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)
     shutil.copytree(run.folder, copy / "reference")

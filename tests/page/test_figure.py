@@ -20,41 +20,41 @@ from scex_sumo.results.run import Run, open_run
 from tests.results.test_folder import part_of
 from tests.seeds import straight_seed
 
-CHILDREN = 40
+FUTURES = 40
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
-    """Forty children whose distance is 0.25 m times their number; gap time defined in none, TTC in half."""
+    """Forty futures whose distance is 0.25 m times their number; gap time defined in none, TTC in half."""
     folder = ResultFolder(tmp_path / "out", {})
-    values = np.repeat(0.25 * np.arange(CHILDREN)[:, None], len(COLUMNS), axis=1)
+    values = np.repeat(0.25 * np.arange(FUTURES)[:, None], len(COLUMNS), axis=1)
     defined = np.ones(values.shape, dtype=bool)
     defined[:, COLUMNS.index("gap_time")] = False
     defined[::2, COLUMNS.index("ttc")] = False
-    folder.write_table("metrics.parquet", values_table(COLUMNS, values, defined, np.arange(CHILDREN)))
+    folder.write_table("metrics.parquet", values_table(COLUMNS, values, defined, np.arange(FUTURES)))
     folder.write_table("recorded.parquet", values_table(COLUMNS, values[8:9], defined[8:9]))
-    part = part_of(list(range(CHILDREN)), steps=4)
+    part = part_of(list(range(FUTURES)), steps=4)
     folder.write_table("tracks.parquet", tracks_table(straight_seed(), part))
     scene = {"name": "hand made", "vehicles": 2}
     folder.finish({"seed_scene": scene, "steps": 4, "thresholds": dict(THRESHOLDS)})
     return open_run(tmp_path / "out")
 
 
-def test_the_share_of_critical_children_counts_those_up_to_the_threshold(run: Run) -> None:
+def test_the_share_of_critical_futures_counts_those_up_to_the_threshold(run: Run) -> None:
     # 0.25 m times 0 to 20 is at most 5 m.
-    assert run.p_critical("distance").value == pytest.approx(21 / CHILDREN)
-    assert run.p_critical("distance", threshold=0.1).value == pytest.approx(1 / CHILDREN)
+    assert run.p_critical("distance").value == pytest.approx(21 / FUTURES)
+    assert run.p_critical("distance", threshold=0.1).value == pytest.approx(1 / FUTURES)
 
 
-def test_undefined_children_are_no_samples(run: Run) -> None:
-    assert len(run.samples("ttc")) == CHILDREN / 2
+def test_undefined_futures_are_no_samples(run: Run) -> None:
+    assert len(run.samples("ttc")) == FUTURES / 2
     assert len(run.samples("gap_time")) == 0
 
 
-def test_the_most_critical_child_is_on_the_critical_side(run: Run) -> None:
+def test_the_most_critical_future_is_on_the_critical_side(run: Run) -> None:
     assert run.most_critical("distance") == 0
-    assert run.most_critical("tq") == CHILDREN - 1
-    with pytest.raises(ResultError, match="gap_time is defined in none of 40 children"):
+    assert run.most_critical("tq") == FUTURES - 1
+    with pytest.raises(ResultError, match="gap_time is defined in none of 40 futures"):
         run.most_critical("gap_time")
 
 

@@ -18,7 +18,7 @@ from tests.runs import extrapolate
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     out = tmp_path_factory.mktemp("run") / "out"
-    return extrapolate(read_seed(example_path("roundabout")), children=8, out=out)
+    return extrapolate(read_seed(example_path("roundabout")), futures=8, out=out)
 
 
 def test_a_run_is_its_report_in_a_frame(run: Run) -> None:

@@ -30,7 +30,7 @@ class Forward:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        now = history.now[who.child, who.vehicle]
+        now = history.now[who.future, who.vehicle]
         x, y, heading, speed = (
             np.repeat(a[:, None], 40, axis=1) for a in (now.x, now.y, now.heading, now.speed)
         )
@@ -38,9 +38,9 @@ class Forward:
         return made if self.change is None else self.change(made, who)
 
 
-def asked(model: Forward, children: int = 1) -> tuple[Plan, Plan]:
+def asked(model: Forward, futures: int = 1) -> tuple[Plan, Plan]:
     """What a fallible model plans for everybody, and what the path-following driver would."""
-    history = roads.present(TWO, children)
+    history = roads.present(TWO, futures)
     return roads.plan(Fallible(model, "mine"), ROAD, history), follow_path(
         history, ROAD, roads.every(history)
     )
@@ -108,9 +108,9 @@ def test_what_is_no_plan_is_said() -> None:
     assert made.reasons[0] == "returned NoneType, which has no x; needs a scex_sumo.Plan"
 
 
-def fails_for(child: int, vehicle: int) -> Forward:
+def fails_for(future: int, vehicle: int) -> Forward:
     def spoil(made: Plan, who: VehicleIndex) -> Plan:
-        if ((who.child == child) & (who.vehicle == vehicle)).any():
+        if ((who.future == future) & (who.vehicle == vehicle)).any():
             raise KeyError("no\nroad")
         return made
 
@@ -118,7 +118,7 @@ def fails_for(child: int, vehicle: int) -> Forward:
 
 
 def test_one_vehicle_that_makes_a_model_raise_falls_back_alone() -> None:
-    made, path = asked(fails_for(1, 0), children=3)
+    made, path = asked(fails_for(1, 0), futures=3)
     assert made.fallback is not None and np.flatnonzero(made.fallback).tolist() == [2]
     assert made.reasons[2].startswith(r"raised KeyError: 'no\nroad' (test_fallback.py, line ")
     assert np.array_equal(made.x[2], path.x[2])
@@ -126,13 +126,13 @@ def test_one_vehicle_that_makes_a_model_raise_falls_back_alone() -> None:
 
 
 class Drawing:
-    """Draws one number per vehicle, then fails for child 1's second vehicle."""
+    """Draws one number per vehicle, then fails for future 1's second vehicle."""
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        draws = np.array([rng[c].random() for c in who.child])
-        if ((who.child == 1) & (who.vehicle == 1)).any():
+        draws = np.array([rng[c].random() for c in who.future])
+        if ((who.future == 1) & (who.vehicle == 1)).any():
             raise ValueError("no")
         made = Forward().plan(history, road, who, rng)
         return replace(made, y=made.y + draws[:, None])
@@ -147,7 +147,7 @@ def test_a_model_that_ends_the_program_does_not() -> None:
     assert np.array_equal(made.x, path.x)
 
 
-def test_another_childs_failure_does_not_change_what_a_child_draws() -> None:
+def test_another_futures_failure_does_not_change_what_a_future_draws() -> None:
     history = roads.present(TWO, 2)
     together = roads.plan(Fallible(Drawing(), "mine"), ROAD, history)
     alone = roads.plan(Drawing(), ROAD, roads.present(TWO, 1))  # type: ignore[arg-type]
@@ -157,11 +157,11 @@ def test_another_childs_failure_does_not_change_what_a_child_draws() -> None:
 
 class OneAtATime:
     def plan_one(
-        self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+        self, history: SceneHistory, road: Road, future: int, vehicle: int, rng: np.random.Generator
     ) -> States:
         if vehicle == 1:
             raise RuntimeError
-        now = history.now[child, vehicle]
+        now = history.now[future, vehicle]
         return States(x=float(now.x) + 0.5 * np.arange(1, 31), y=np.zeros(30), heading=np.zeros(30),
                       speed=np.full(30, 5.0))  # fmt: skip
 
@@ -213,7 +213,7 @@ def test_the_path_following_driver_is_the_calibrated_driver_on_the_straight_path
 
 
 def moved(history: SceneHistory, x: float, y: float, heading: float) -> SceneHistory:
-    """The vehicle driven somewhere else during the child's first second."""
+    """The vehicle driven somewhere else during the future's first second."""
     states = history.states.map(np.copy)
     states.x[:], states.y[:], states.heading[:] = x, y, heading
     return replace(history, states=states, step=10)

@@ -14,7 +14,7 @@ from scex_sumo.learned.scene_graph.graph import SceneGraph, scene_graph
 from scex_sumo.plug_in.predictor import (
     Predictor,
     completed,
-    graph_of_child,
+    graph_of_future,
     trajectories,
 )
 from scex_sumo.plug_in.user_model import is_predictor, predictor, predictor_model
@@ -92,7 +92,7 @@ def test_what_are_no_trajectories_is_said(returned: Any, words: str) -> None:
         trajectories(returned, 1)
 
 
-def test_a_function_is_called_child_by_child_with_what_its_parameters_name() -> None:
+def test_a_function_is_called_future_by_future_with_what_its_parameters_name() -> None:
     calls: list[dict[str, Any]] = []
 
     def watch(history: Any, neighbour_mask: Any, graph: SceneGraph, node: Any, rng: Any) -> np.ndarray:
@@ -109,7 +109,7 @@ def test_a_function_is_called_child_by_child_with_what_its_parameters_name() -> 
         assert call["mask"].shape == (2, 16)
 
 
-def test_a_function_that_promises_it_is_called_once_for_all_children() -> None:
+def test_a_function_that_promises_it_is_called_once_for_all_futures() -> None:
     counts = []
 
     def watch(history: Any, graph: SceneGraph, node: Any) -> np.ndarray:
@@ -123,13 +123,13 @@ def test_a_function_that_promises_it_is_called_once_for_all_children() -> None:
     assert np.array_equal(made.x, alone.x)
 
 
-def test_a_childs_part_of_the_graph_is_the_graph_of_that_child_alone() -> None:
+def test_a_futures_part_of_the_graph_is_the_graph_of_that_future_alone() -> None:
     follow = roads.scene_of((100.0, 0.0, 0.0, 8.0), (120.0, 0.0, 0.0, 8.0), (150.0, 0.0, 0.0, 8.0))
     three, one = roads.present(follow, 3), roads.present(follow, 1)
-    part = graph_of_child(scene_graph(three, roads.straight()), 2, 3)
+    part = graph_of_future(scene_graph(three, roads.straight()), 2, 3)
     alone = scene_graph(one, roads.straight())
     assert part.edge_index.size > 0
-    for name in ("child", "vehicle", "node", "history", "edge_index", "edge_kind", "edge", "lane_id", "arc"):
+    for name in ("future", "vehicle", "node", "history", "edge_index", "edge_kind", "edge", "lane_id", "arc"):
         assert np.array_equal(getattr(part, name), getattr(alone, name)), name
 
 
@@ -140,7 +140,7 @@ def test_a_function_that_asks_for_what_there_is_not_is_refused_with_the_choices(
         Predictor(blind)
     with pytest.raises(UsageError, match="asks for nothing"):
         Predictor(lambda: None)
-    with pytest.raises(UsageError, match="rng belongs to one child"):
+    with pytest.raises(UsageError, match="rng belongs to one future"):
         Predictor(lambda history, rng: None, batched=True)
 
 

@@ -131,12 +131,12 @@ def test_the_command_keeps_its_colons_commas_and_blanks() -> None:
 def test_a_run_counts_what_the_program_did_not_answer(tmp_path: Path) -> None:
     scene = read_seed(example_path("motorway_merge"))
     track = int(scene.track_ids[0])
-    fine = extrapolate(scene, children=2, assign={track: f"process:{PYTHON}"}, out=tmp_path / "a")
+    fine = extrapolate(scene, futures=2, assign={track: f"process:{PYTHON}"}, out=tmp_path / "a")
     assert fine.models_of(0)[0].startswith("process:") and not fine.info["run_notes"]
     does = "sys.stdin.readline(); print('{}', flush=True)"  # the try before the run is answered with no plan
     with pytest.raises(ScexError, match="no usable plan for any of") as refused:
         extrapolate(
-            scene, children=2, assign={track: f"process:{program(tmp_path, does)}"}, out=tmp_path / "b"
+            scene, futures=2, assign={track: f"process:{program(tmp_path, does)}"}, out=tmp_path / "b"
         )
     text = str(refused.value)
     assert "plug_in" not in text and "needs a Plan" not in text and len(text) < 300

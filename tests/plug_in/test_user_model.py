@@ -29,7 +29,7 @@ class Parked:
 
 
 class OneByOne:
-    def plan_one(self, history, road, child, vehicle, rng):
+    def plan_one(self, history, road, future, vehicle, rng):
         raise NotImplementedError
 
 

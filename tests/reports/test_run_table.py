@@ -77,9 +77,9 @@ def result(folder: Path, values: dict[str, list[float | None]], **about: object)
     count = len(next(iter(values.values())))
     columns = {name: pa.array(column, pa.float64()) for name, column in values.items()}
     hits = pa.array([x == 1 for x in values.get("collision", [0] * count)])
-    table = {"child": list(range(count))} | columns | ({"collision": hits} if "collision" in values else {})
+    table = {"future": list(range(count))} | columns | ({"collision": hits} if "collision" in values else {})
     pq.write_table(pa.table(table), folder / "metrics.parquet")
-    info: dict[str, object] = {"seed_scene": {"name": "waiting", "vehicles": 2}, "children": count}
+    info: dict[str, object] = {"seed_scene": {"name": "waiting", "vehicles": 2}, "futures": count}
     limits = {"distance": 5.0, "wttc": 0.26, "ttc": 0.5, "pet": 1.0, "drac": 3.4}
     info["thresholds"] = {name: limit for name, limit in limits.items() if name in values}
     (folder / "run.json").write_text(json.dumps(info | about))
@@ -144,7 +144,7 @@ def encounters(folder: Path, *rows: dict[str, object]) -> None:
     }
     usual = {
         "time_s": 1.0,
-        "child": 0,
+        "future": 0,
         "gap": 2.0,
         "gap_p05": 2.0,
         "model": "m",
@@ -181,7 +181,7 @@ def test_a_collision_of_human_like_drivers_alone_is_told_with_its_reason(
     ]  # fmt: skip
     assert [one.pair for one in worst_of(found, 3)] == [(1, 2)] and worst_of(found, 3, without=[1]) == []
     table = encounter_table(run, [1, 2, 5, 6, 7, 8])
-    assert [(row["cells"][1], row["child"]) for row in table["rows"]][:2] == [
+    assert [(row["cells"][1], row["future"]) for row in table["rows"]][:2] == [
         ("human-like", 385),
         ("stress test", 0),
     ]
@@ -190,7 +190,7 @@ def test_a_collision_of_human_like_drivers_alone_is_told_with_its_reason(
 def test_both_lines_of_a_pair_have_one_name(tmp_path: Path) -> None:
     """That of the stress test where the pair is critical there; places are of the pair, models follow."""
     result(tmp_path, {"collision": [1.0] + [0.0] * 9})
-    by = {"model": "m", "other_model": "o", "children": 1, "critical": 1, "share": 1.0}
+    by = {"model": "m", "other_model": "o", "futures": 1, "critical": 1, "share": 1.0}
     encounters(tmp_path, {"track_id": 489, "other_id": 717, "place": "crossing", "critical": 0.1, "ttc": 0.1})
     human = result(tmp_path / "reference", {"collision": [0.0] * 10})
     reverse = {"track_id": 717, "other_id": 489, "place": "merge", "model": "p", "models": [by]}

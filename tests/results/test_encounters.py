@@ -1,4 +1,4 @@
-"""Encounters: who meets whom in how many children, when, where, by whose models, in words."""
+"""Encounters: who meets whom in how many futures, when, where, by whose models, in words."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TRACKS = np.array([17, 23, 99])
 MODELS = np.array(["constant_velocity", "emergency_brake"])
 
 
-def children(levels: IntArray) -> SceneTracks:
+def futures(levels: IntArray) -> SceneTracks:
     """Vehicle 0 follows vehicle 1 30 m ahead at 15 m/s; model 1 brakes with 8 m/s². Vehicle 2 is far away."""
     time = np.arange(1, 31) * 0.1
     count = len(levels)
@@ -50,7 +50,7 @@ LEVELS = np.array([[a, b, 0] for a in (0, 1) for b in (0, 1)] * 10)
 
 
 def table():  # type: ignore[no-untyped-def]
-    tracks = children(LEVELS)
+    tracks = futures(LEVELS)
     found = find_encounters(tracks, PlannedPaths.from_tracks(tracks))
     intervals = DesignIntervals(LEVELS, design="random")
     return encounters_table(found, track_ids=TRACKS, models=MODELS[LEVELS], intervals=intervals)
@@ -70,12 +70,12 @@ def test_a_pair_is_a_row_and_those_that_never_meet_are_none() -> None:
 
 
 def test_outcomes_of_a_pair_have_rows_where_a_gap_closes() -> None:
-    tracks = children(LEVELS)
+    tracks = futures(LEVELS)
     outcomes = outcomes_table(find_encounters(tracks, PlannedPaths.from_tracks(tracks)), TRACKS[[1, 0, 2]])
     assert outcomes.schema == OUTCOMES_SCHEMA
     rows = outcomes.to_pylist()[:1]
     # Only where the follower keeps 15 m/s behind the braking leader.
-    assert [row["child"] for row in outcomes.to_pylist()] == list(range(1, 40, 4))
+    assert [row["future"] for row in outcomes.to_pylist()] == list(range(1, 40, 4))
     assert (rows[0]["track_a"], rows[0]["track_b"]) == (17, 23) and np.isnan(rows[0]["min_pet"])
     assert rows[0]["min_ttc_path"] == 0.0 and rows[0]["max_drac"] == np.inf
 
@@ -86,7 +86,7 @@ def test_models_say_who_makes_it_so() -> None:
     assert models[0] | {"model": "", "other_model": ""} == {
         "model": "",
         "other_model": "",
-        "children": 10,
+        "futures": 10,
         "critical": 10,
         "probability": 1.0,
         "share": 1.0,
@@ -96,7 +96,7 @@ def test_models_say_who_makes_it_so() -> None:
 
 def test_in_words() -> None:
     row = table().to_pylist()[0]
-    hit = find_collisions(children(LEVELS)).time_s[0]
+    hit = find_collisions(futures(LEVELS)).time_s[0]
     low, high = (round(100 * row[name]) for name in ("collision_low", "collision_high"))
     assert in_words(row | {"place": "ring"}) == (
         f"17 → 23 (rear-end, ring, {hit:.1f} s): collides in 25 % [{low}–{high}], "
@@ -112,12 +112,12 @@ def test_in_words() -> None:
 
 
 def test_gap_time_and_drivers_are_those_of_one_future() -> None:
-    """Gaps of the four critical futures: 8, 2, 5, 9 m; the median is child 2, the nearest of all child 4."""
-    tracks = children(LEVELS[:5])
+    """Gaps of the four critical futures: 8, 2, 5, 9 m; the median is future 2, the nearest of all future 4."""
+    tracks = futures(LEVELS[:5])
     found = find_encounters(tracks, PlannedPaths.from_tracks(tracks)).take(np.zeros(5, dtype=np.int64))
     found = replace(
         found,
-        child=np.arange(5),
+        future=np.arange(5),
         kind=np.full(5, -1),
         gap=np.array([8.0, 2.0, 5.0, 9.0, 1.0]),
         ttc=np.array([1.0, 1.0, 1.0, 1.0, 9.0]),
@@ -128,12 +128,12 @@ def test_gap_time_and_drivers_are_those_of_one_future() -> None:
     models = MODELS[LEVELS[:5]]
     design = DesignIntervals(LEVELS[:5], design="random")
     row = encounters_table(found, track_ids=TRACKS, models=models, intervals=design).to_pylist()[0]
-    assert (row["child"], row["gap"], row["time_s"]) == (2, 5.0, 0.3)
+    assert (row["future"], row["gap"], row["time_s"]) == (2, 5.0, 0.3)
     assert (row["model"], row["other_model"]) == ("emergency_brake", "constant_velocity")
     assert in_words(row).endswith("typically 5.0 m apart, 17 emergency_brake, 23 constant_velocity")
 
 
-def test_gap_quantiles_are_over_all_children() -> None:
+def test_gap_quantiles_are_over_all_futures() -> None:
     row = table().to_pylist()[0]
     assert row["gap_p05"] == 0.0  # a quarter collides
     # Follower and leader at one speed stay 11 m apart, which is above 10 m; so are braking followers.
@@ -141,20 +141,20 @@ def test_gap_quantiles_are_over_all_children() -> None:
 
 
 def test_encounters_do_not_depend_on_batches() -> None:
-    tracks = children(LEVELS)
+    tracks = futures(LEVELS)
     whole = find_encounters(tracks, PlannedPaths.from_tracks(tracks))
     parts = []
     for part in (slice(0, 25), slice(25, 40)):
-        some = tracks.children(part)
+        some = tracks.futures(part)
         found = find_encounters(some, PlannedPaths.from_tracks(some))
-        parts.append(replace(found, child=found.child + part.start))
+        parts.append(replace(found, future=found.future + part.start))
     joined = type(whole).join(parts)
-    for name in ("child", "first", "second", "gap", "ttc", "pet", "drac", "kind", "time_s", "x", "towards"):
+    for name in ("future", "first", "second", "gap", "ttc", "pet", "drac", "kind", "time_s", "x", "towards"):
         assert np.array_equal(getattr(whole, name), getattr(joined, name)), name
 
 
 def test_the_place_is_where_the_outlines_touch() -> None:
-    tracks = children(LEVELS)
+    tracks = futures(LEVELS)
     hits, found = find_collisions(tracks), find_encounters(tracks, None)
     struck = found.collided
     assert np.array_equal(found.time_s[struck], hits.time_s)
@@ -163,7 +163,7 @@ def test_the_place_is_where_the_outlines_touch() -> None:
 
 
 def test_the_follower_comes_first_whatever_its_number() -> None:
-    tracks = children(LEVELS)
+    tracks = futures(LEVELS)
     order = [1, 0, 2]
     states = tracks.states.map(lambda values: values[..., order])
     swapped = replace(tracks, states=states)
@@ -178,7 +178,7 @@ def test_the_follower_comes_first_whatever_its_number() -> None:
 
 
 def test_no_encounters_are_an_empty_table() -> None:
-    tracks = children(LEVELS)
+    tracks = futures(LEVELS)
     apart = replace(tracks, states=replace(tracks.states, y=tracks.states.y + np.array([0.0, 500.0, 900.0])))
     found = find_encounters(apart, PlannedPaths.from_tracks(apart))
     empty = encounters_table(

@@ -21,29 +21,29 @@ from scex_sumo.scene import States
 from tests.seeds import straight_seed
 
 
-def part_of(children: list[int], steps: int = 3, vehicles: int = 2) -> Part:
-    """States and values that tell which child they belong to."""
-    numbers = np.asarray(children)
-    x = np.broadcast_to(100.0 * numbers[:, None, None], (len(children), steps, vehicles)).copy()
+def part_of(futures: list[int], steps: int = 3, vehicles: int = 2) -> Part:
+    """States and values that tell which future they belong to."""
+    numbers = np.asarray(futures)
+    x = np.broadcast_to(100.0 * numbers[:, None, None], (len(futures), steps, vehicles)).copy()
     states = States(x=x, y=x + 1, heading=np.zeros_like(x), speed=np.full_like(x, 2.0))
-    values = np.broadcast_to(numbers[:, None].astype(float), (len(children), 12)).copy()
-    defined = np.ones((len(children), 12), dtype=bool)
+    values = np.broadcast_to(numbers[:, None].astype(float), (len(futures), 12)).copy()
+    defined = np.ones((len(futures), 12), dtype=bool)
     defined[:, 3] = False
-    worst = pa.table({"child": numbers[::-1], "metric": ["distance"] * len(numbers)})
-    return Part(children=numbers, states=states, values=values, defined=defined, worst=worst)
+    worst = pa.table({"future": numbers[::-1], "metric": ["distance"] * len(numbers)})
+    return Part(futures=numbers, states=states, values=values, defined=defined, worst=worst)
 
 
-def test_parts_are_collected_in_order_of_the_children(tmp_path: Path) -> None:
+def test_parts_are_collected_in_order_of_the_futures(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     save_part(folder.path, part_of([3, 4]))
     save_part(folder.path, part_of([0, 1, 2]))
     whole = next(folder.in_order(5, size=5))
-    assert whole.children.tolist() == [0, 1, 2, 3, 4]
+    assert whole.futures.tolist() == [0, 1, 2, 3, 4]
     assert whole.states.x[:, 0, 0].tolist() == [0, 100, 200, 300, 400]
-    assert whole.worst["child"].to_pylist() == [0, 1, 2, 3, 4]
+    assert whole.worst["future"].to_pylist() == [0, 1, 2, 3, 4]
 
 
-def test_plans_are_collected_like_the_children_that_made_them(tmp_path: Path) -> None:
+def test_plans_are_collected_like_the_futures_that_made_them(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     for numbers in ([3, 4], [0, 1, 2]):
         plan = np.broadcast_to(np.array(numbers, float)[:, None, None, None], (len(numbers), 2, 2, 30))
@@ -57,14 +57,14 @@ def test_plans_are_collected_like_the_children_that_made_them(tmp_path: Path) ->
     assert next(folder.in_order(5, size=5, plans=False)).plan_x is None
 
 
-def test_children_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp_path: Path) -> None:
+def test_futures_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     for numbers in ([0, 2, 6], [1, 4], [3, 5]):
         tested = np.stack([np.full((len(numbers), 12), 1.0), part_of(numbers).values])
         save_part(folder.path, dataclasses.replace(part_of(numbers), tested=tested))
     pieces = list(folder.in_order(7, size=3))
-    assert [piece.children.tolist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
-    assert [piece.worst["child"].to_pylist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
+    assert [piece.futures.tolist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
+    assert [piece.worst["future"].to_pylist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
     assert [piece.states.y[:, 2, 1].tolist() for piece in pieces] == [[1, 101, 201], [301, 401, 501], [601]]
     whole = joined_parts(pieces)
     assert whole.values[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6]
@@ -75,13 +75,13 @@ def test_children_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp
 def test_a_table_written_in_pieces_is_there_whole_or_not_at_all(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     with folder.writer("metrics.parquet") as write:
-        write(pa.table({"child": [0, 1]}))
-        write(pa.table({"child": [2]}))
-    assert pq.read_table(folder.path / "metrics.parquet")["child"].to_pylist() == [0, 1, 2]
+        write(pa.table({"future": [0, 1]}))
+        write(pa.table({"future": [2]}))
+    assert pq.read_table(folder.path / "metrics.parquet")["future"].to_pylist() == [0, 1, 2]
     with folder.writer("tracks.parquet"):
         pass
     with pytest.raises(ValueError), folder.writer("plans.parquet") as write:
-        write(pa.table({"child": [0]}))
+        write(pa.table({"future": [0]}))
         raise ValueError
     assert sorted(file.name for file in folder.path.glob("*.parquet")) == ["metrics.parquet"]
 
@@ -92,7 +92,7 @@ def test_parts_without_plans_are_collected_without(tmp_path: Path) -> None:
     assert next(folder.in_order(2, size=2)).plan_x is None
 
 
-def test_missing_children_are_counted(tmp_path: Path) -> None:
+def test_missing_futures_are_counted(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     save_part(folder.path, part_of([0, 1]))
     with pytest.raises(ResultError, match="2 of 5 futures are finished"):
@@ -104,7 +104,7 @@ def test_the_same_run_goes_on_after_an_interruption(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="interrupted; the same command resumes it"):
         open_run(tmp_path / "out")
     again = ResultFolder(tmp_path / "out", {"seed": 1})
-    assert Parts(again.path).children.tolist() == [0, 1]
+    assert Parts(again.path).futures.tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "flipped", "shifted", "locked", "foreign"])
@@ -126,7 +126,7 @@ def test_a_part_that_a_power_loss_left_broken_is_run_again(tmp_path: Path, damag
         broken.write_bytes(left[damage])
     (broken.parent / ".00000004-00000005.npz.writing").write_bytes(b"half")
     ResultFolder(tmp_path / "out", {"seed": 1})
-    assert Parts(tmp_path / "out").children.tolist() == [0, 1]
+    assert Parts(tmp_path / "out").futures.tolist() == [0, 1]
     assert len(list(broken.parent.iterdir())) == 1
 
 
@@ -135,7 +135,7 @@ def test_another_runs_result_is_not_overwritten_unasked(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="another run; give another folder"):
         ResultFolder(tmp_path / "out", {"seed": 2})
     other = ResultFolder(tmp_path / "out", {"seed": 2}, overwrite=True)
-    assert len(Parts(other.path).children) == 0
+    assert len(Parts(other.path).futures) == 0
 
 
 def test_a_folder_of_other_files_is_never_touched(tmp_path: Path) -> None:
@@ -194,7 +194,7 @@ def test_velocity_lies_along_the_heading() -> None:
 def test_an_undefined_metric_is_null(tmp_path: Path) -> None:
     part = part_of([0, 1])
     columns = [f"m{i}" for i in range(12)]
-    table = values_table(columns, part.values, part.defined, part.children)
+    table = values_table(columns, part.values, part.defined, part.futures)
     assert table["m3"].null_count == 2
     assert table["m4"].to_pylist() == [0.0, 1.0]
 
@@ -202,7 +202,7 @@ def test_an_undefined_metric_is_null(tmp_path: Path) -> None:
 def test_assignments_name_the_model_of_each_vehicle() -> None:
     table = assignments_table(straight_seed(), np.array([[0, 1], [1, 1]]), ["a", "b:x=1"])
     assert table.to_pydict() == {
-        "child": [0, 0, 1, 1],
+        "future": [0, 0, 1, 1],
         "track_id": [0, 1, 0, 1],
         "model": ["a", "b:x=1", "b:x=1", "b:x=1"],
     }
@@ -231,7 +231,7 @@ def test_states_that_no_run_writes_are_refused(tmp_path: Path, value: float) -> 
 
 
 def test_assignments_without_names_of_models_are_refused(tmp_path: Path) -> None:
-    columns = {"child": [0, 0], "track_id": [1, 2], "model": [3, 4]}
+    columns = {"future": [0, 0], "track_id": [1, 2], "model": [3, 4]}
     pq.write_table(pa.table(columns), tmp_path / "assignments.parquet")
     with pytest.raises(ResultError, match="column model holds no names"):
         read_assignments(tmp_path / "assignments.parquet", rows=2)
@@ -239,14 +239,14 @@ def test_assignments_without_names_of_models_are_refused(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("row_group", [9, 18, 4, 100])
 def test_states_are_read_a_row_group_at_a_time(tmp_path: Path, row_group: int) -> None:
-    """Of four children with three vehicles and three frames, in groups that hold whole children or not."""
+    """Of four futures with three vehicles and three frames, in groups that hold whole futures or not."""
     columns = {name: np.arange(36.0) + k for k, name in enumerate(("x", "y", "vx", "vy", "psi_rad"))}
     file = tmp_path / "tracks.parquet"
     pq.write_table(pa.table(columns), file, row_group_size=row_group)
-    blocks = StateBlocks(file, children=4, vehicles=3, frames=3)
+    blocks = StateBlocks(file, futures=4, vehicles=3, frames=3)
     assert blocks.ends.tolist() == {9: [1, 2, 3, 4], 18: [2, 4]}.get(row_group, [4])
-    for child in (3, 0, 1, 2):
-        assert blocks.child(child).x.tolist() == columns["x"].reshape(4, 3, 3)[child].tolist()
-        assert blocks.child(child).heading.tolist() == columns["psi_rad"].reshape(4, 3, 3)[child].tolist()
+    for future in (3, 0, 1, 2):
+        assert blocks.future(future).x.tolist() == columns["x"].reshape(4, 3, 3)[future].tolist()
+        assert blocks.future(future).heading.tolist() == columns["psi_rad"].reshape(4, 3, 3)[future].tolist()
     with pytest.raises(ResultError, match=r"has 36 rows, run\.json says 45; run again"):
-        StateBlocks(file, children=5, vehicles=3, frames=3)
+        StateBlocks(file, futures=5, vehicles=3, frames=3)

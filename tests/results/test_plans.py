@@ -21,13 +21,13 @@ SEED = dataclasses.replace(straight_seed(), track_ids=np.array([20, 3]))
 THERE = np.ones((1, 2), dtype=bool)
 
 
-def plans_of(children: list[int]) -> Part:
-    """Two plans of four steps per vehicle; x tells child, replan, vehicle and step by its digits."""
-    c, r, v, h = np.meshgrid(children, [0, 1], [0, 1], range(4), indexing="ij")
+def plans_of(futures: list[int]) -> Part:
+    """Two plans of four steps per vehicle; x tells future, replan, vehicle and step by its digits."""
+    c, r, v, h = np.meshgrid(futures, [0, 1], [0, 1], range(4), indexing="ij")
     x = 1000.0 * c + 100 * r + 10 * v + h
-    count = len(children)
+    count = len(futures)
     return Part(
-        children=np.asarray(children),
+        futures=np.asarray(futures),
         states=States.empty((count, 10, 2)),
         values=np.zeros((count, 12)),
         defined=np.ones((count, 12), dtype=bool),
@@ -39,18 +39,18 @@ def plans_of(children: list[int]) -> Part:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A result folder with the plans of children 0, 1 and 10, remade every five steps."""
+    """A result folder with the plans of futures 0, 1 and 10, remade every five steps."""
     table = plans_table(SEED, plans_of([0, 1, 10]), replan=5)
     ResultFolder(tmp_path / "out", {}).write_table("plans.parquet", table)
     return tmp_path / "out"
 
 
-def test_rows_are_ordered_by_child_vehicle_and_step(folder: Path) -> None:
+def test_rows_are_ordered_by_future_vehicle_and_step(folder: Path) -> None:
     rows = pq.read_table(folder / "plans.parquet").to_pylist()
-    keys = [(row["child"], row["track_id"], row["step"]) for row in rows]
-    assert keys == [(child, track, step) for child in (0, 1, 10) for track in (20, 3) for step in (0, 5)]
+    keys = [(row["future"], row["track_id"], row["step"]) for row in rows]
+    assert keys == [(future, track, step) for future in (0, 1, 10) for track in (20, 3) for step in (0, 5)]
     assert rows[7] == {
-        "child": 1,
+        "future": 1,
         "track_id": 3,
         "step": 5,
         "x": [1110.0, 1111.0, 1112.0, 1113.0],
@@ -58,7 +58,7 @@ def test_rows_are_ordered_by_child_vehicle_and_step(folder: Path) -> None:
     }
 
 
-def test_plans_are_found_by_child_and_vehicle(folder: Path) -> None:
+def test_plans_are_found_by_future_and_vehicle(folder: Path) -> None:
     plans = read_plans(folder)
     assert plans is not None
     wanted = np.array([[3, 20], [20, 3]])

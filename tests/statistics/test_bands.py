@@ -28,13 +28,13 @@ def test_a_look_names_the_widest_band_and_leaves_out_what_is_rare() -> None:
     found = look(DesignIntervals(levels, design="balanced"), values, defined, ("a", "b", "c"))
     assert found.metric == "b"
     assert found.left_out == ("c",)
-    assert found.children == 200
+    assert found.futures == 200
 
 
 def widths(constant: float, asked: list[int]):  # type: ignore[no-untyped-def]
     def measure(count: int) -> Look:
         asked.append(count)
-        return Look(children=count, width=constant / np.sqrt(count), metric="m", left_out=())
+        return Look(futures=count, width=constant / np.sqrt(count), metric="m", left_out=())
 
     return measure
 
@@ -43,22 +43,22 @@ def test_a_run_grows_until_the_band_is_narrow_enough_and_little_further() -> Non
     asked: list[int] = []
     end = grow(widths(1.358, asked), band=0.05, most=10_000)
     assert end.width <= 0.05
-    assert end.children < 1.05 * (1.358 / 0.05) ** 2
+    assert end.futures < 1.05 * (1.358 / 0.05) ** 2
     assert asked == sorted(set(asked))
     assert len(asked) < 8
 
 
-def test_a_run_ends_at_the_most_children_in_any_case() -> None:
-    assert grow(widths(1.358, []), band=0.01, most=500).children == 500
-    assert grow(widths(1.358, []), band=0.01, most=7).children == 7
+def test_a_run_ends_at_the_most_futures_in_any_case() -> None:
+    assert grow(widths(1.358, []), band=0.01, most=500).futures == 500
+    assert grow(widths(1.358, []), band=0.01, most=7).futures == 7
 
 
 def test_a_run_ends_at_an_exact_probability() -> None:
     def measure(count: int) -> Look:
         left = 3 / count if count >= 150 else None
-        return Look(children=count, width=0.3, metric="m", left_out=(), remainder=left)
+        return Look(futures=count, width=0.3, metric="m", left_out=(), remainder=left)
 
-    assert 150 <= grow(measure, band=0.02, most=500).children < 500
+    assert 150 <= grow(measure, band=0.02, most=500).futures < 500
 
 
 @pytest.mark.parametrize("band", [0.0, -0.1, 1.0, float("nan")])
@@ -68,27 +68,27 @@ def test_a_band_that_makes_no_sense_is_refused(band: float) -> None:
 
 
 def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_path: Path) -> None:
-    words = ("--until-band", 0.01, "--children", 130, "--steps", 3, *ALONE, "-o")
+    words = ("--until-band", 0.01, "--futures", 130, "--steps", 3, *ALONE, "-o")
     for name, options in (("one", []), ("two", ["--workers", "2", "--batch", "32"])):
         done = scex("run", scex_sumo.example_path("motorway_merge"), *words, tmp_path / name, *options)
         assert done.returncode == 0, done.stderr
         assert "after 130 futures, not the +-0.01 asked for" in done.stdout
     info = json.loads((tmp_path / "one" / "run.json").read_text())
-    assert info["children"] == info["band"]["children"] == 130
+    assert info["futures"] == info["band"]["futures"] == 130
     for name in ("metrics.parquet", "assignments.parquet", "tracks.parquet"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
 def test_a_run_until_a_band_ends_at_exact_tables_and_keeps_them(tmp_path: Path) -> None:
-    words = ("run", scex_sumo.example_path("roundabout"), "--until-band", 0.04, "--children", 300)
+    words = ("run", scex_sumo.example_path("roundabout"), "--until-band", 0.04, "--futures", 300)
     done = scex(*words, *ALONE, "-o", tmp_path / "exact")
     assert done.returncode == 0, done.stderr
     assert "P(collision) is exact after 100 futures, remainder 0.030" in done.stdout
     run = scex_sumo.open_run(tmp_path / "exact")
-    assert (run.children, run.info["band"]["remainder"]) == (100, 0.03)
+    assert (run.futures, run.info["band"]["remainder"]) == (100, 0.03)
     assert run.collision.estimate.value == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2)
     sampled = scex(*words, "--no-exact", *ALONE, "-o", tmp_path / "sampled")
     assert sampled.returncode == 0, sampled.stderr
     info = json.loads((tmp_path / "sampled" / "run.json").read_text())
-    assert info["children"] > 100
+    assert info["futures"] > 100
     assert info["band"]["remainder"] is None

@@ -61,7 +61,7 @@ def test_infinite_samples_keep_their_share() -> None:
     assert density([-INF, 1.0]).cdf[0] == pytest.approx(0.5, abs=1e-6)
 
 
-def test_the_band_is_0_069_wide_for_385_children() -> None:
+def test_the_band_is_0_069_wide_for_385_futures() -> None:
     assert dkw_half_width(385) == pytest.approx(np.sqrt(np.log(40) / 770), rel=1e-12)
     assert round(dkw_half_width(385), 3) == 0.069
     curve = density(SAMPLES)

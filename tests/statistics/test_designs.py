@@ -67,26 +67,26 @@ def test_every_single_row_of_a_balanced_design_is_as_likely_as_in_independent_dr
 
 
 @pytest.mark.parametrize("design", DESIGNS)
-@pytest.mark.parametrize(("vehicles", "children"), [(1, 1), (1, 7), (3, 1), (9, 40)])
-def test_every_design_gives_as_many_children_as_asked_for(design: str, vehicles: int, children: int) -> None:
-    picked = assignments([1, 0, 2], range(vehicles), children=children, seed=0, design=design)
-    assert picked.shape == (children, vehicles)
+@pytest.mark.parametrize(("vehicles", "futures"), [(1, 1), (1, 7), (3, 1), (9, 40)])
+def test_every_design_gives_as_many_futures_as_asked_for(design: str, vehicles: int, futures: int) -> None:
+    picked = assignments([1, 0, 2], range(vehicles), futures=futures, seed=0, design=design)
+    assert picked.shape == (futures, vehicles)
     assert set(np.unique(picked)) <= {0, 2}
-    again = assignments([1, 0, 2], range(vehicles), children=children, seed=0, design=design)
+    again = assignments([1, 0, 2], range(vehicles), futures=futures, seed=0, design=design)
     assert np.array_equal(picked, again)
-    if children * vehicles > 300:
-        other = assignments([1, 0, 2], range(vehicles), children=children, seed=1, design=design)
+    if futures * vehicles > 300:
+        other = assignments([1, 0, 2], range(vehicles), futures=futures, seed=1, design=design)
         assert not np.array_equal(picked, other)
 
 
 @pytest.mark.parametrize("design", DESIGNS)
 def test_a_fixed_vehicle_takes_no_part_in_a_design(design: str) -> None:
-    picked = assignments([1, 1], [4, 9, 2], children=20, seed=0, fixed={9: 2}, design=design)
+    picked = assignments([1, 1], [4, 9, 2], futures=20, seed=0, fixed={9: 2}, design=design)
     assert (picked[:, 1] == 2).all()
-    alone = assignments([1, 1], [4, 2], children=20, seed=0, design=design)
+    alone = assignments([1, 1], [4, 2], futures=20, seed=0, design=design)
     if design != "random":  # there, a vehicle's draw must not depend on which others are fixed
         assert np.array_equal(picked[:, [0, 2]], alone)
-    all_fixed = assignments([1, 1], [4], children=3, seed=0, fixed={4: 1}, design=design)
+    all_fixed = assignments([1, 1], [4], futures=3, seed=0, fixed={4: 1}, design=design)
     assert all_fixed.tolist() == [[1]] * 3
 
 

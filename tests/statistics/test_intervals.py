@@ -54,7 +54,7 @@ def test_what_single_vehicles_make_a_balanced_design_knows_nearly_exactly() -> N
     assert found.variance(values)[0] < 0.1 * independent
 
 
-def test_noise_of_single_children_is_not_balanced_out() -> None:
+def test_noise_of_single_futures_is_not_balanced_out() -> None:
     rng = np.random.default_rng(2)
     rows = drawn(300, 2)
     noise = rng.normal(size=(300, 200))
@@ -111,13 +111,13 @@ def test_all_assignments_know_the_share() -> None:
     assert found.low == found.value == found.high == critical.mean()
 
 
-def test_few_children_and_fixed_vehicles_have_the_ordinary_intervals() -> None:
+def test_few_futures_and_fixed_vehicles_have_the_ordinary_intervals() -> None:
     assert not DesignIntervals(drawn(20, 0), design="balanced").balanced
     assert not DesignIntervals(np.zeros((100, 3), dtype=np.int64), design="balanced").balanced
     assert not DesignIntervals(np.empty((0, 3), dtype=np.int64), design="balanced").balanced
 
 
-def test_undefined_children_widen_the_band() -> None:
+def test_undefined_futures_widen_the_band() -> None:
     rows = drawn(200, 6)
     values = additive(rows)
     found = DesignIntervals(rows, design="balanced")
@@ -141,8 +141,8 @@ def test_unequal_weights_are_the_designs_own() -> None:
     assert found.variance(values)[0] < 0.05 * values.var() / 150
 
 
-def test_values_must_be_of_the_designs_children() -> None:
-    with pytest.raises(InputError, match="5 values for the 40 children"):
+def test_values_must_be_of_the_designs_futures() -> None:
+    with pytest.raises(InputError, match="5 values for the 40 futures"):
         DesignIntervals(drawn(40, 0), design="balanced").share(np.zeros(5, dtype=bool))
 
 

@@ -65,7 +65,7 @@ def test_within_the_fences_it_is_wasserstein_over_the_unit() -> None:
 
 
 def test_outliers_move_a_distance_only_up_to_the_fence() -> None:
-    # One of ten children moves from 0 to beyond the fence at 20 m, unit 10 m: 2 units by a tenth.
+    # One of ten futures moves from 0 to beyond the fence at 20 m, unit 10 m: 2 units by a tenth.
     scale = Scale(unit=10.0, middle=0.0, low=-20.0, high=20.0)
     near, far, beyond = arrays([0.0] * 10, [0.0] * 9 + [1e9], [0.0] * 9 + [INF])
     distances = wasserstein_distances([near, far, beyond], scale)
@@ -135,7 +135,7 @@ def test_the_divergence_of_draws_is_scipys_of_the_densities() -> None:
         assert found.jsd[index] == pytest.approx(scipys_jensen_shannon(some, whole) ** 2, abs=1e-9)
 
 
-def test_a_draw_without_a_defined_child_has_no_error() -> None:
+def test_a_draw_without_a_defined_future_has_no_error() -> None:
     found = errors(np.array([np.nan, 1.0, 2.0]), [np.array([0, 0]), np.array([0, 1])])
     assert np.isnan([found.ks[0], found.w1[0], found.jsd[0]]).all()
     assert found.ks[1] == 0.5

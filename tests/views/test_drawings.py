@@ -10,9 +10,9 @@ import pytest
 
 from scex_sumo.scene import States
 from scex_sumo.views.drawings import (
-    ChildView,
-    TiledChild,
-    draw_children,
+    FutureView,
+    TiledFuture,
+    draw_futures,
     draw_ids,
     draw_legend,
     draw_seams,
@@ -63,7 +63,7 @@ def test_tiles_are_all_in_view() -> None:
     assert frame.net == frame.view == (0.0, -120.0, 620.0, 100.0)
 
 
-def test_a_child_is_shown_where_its_vehicles_are() -> None:
+def test_a_future_is_shown_where_its_vehicles_are() -> None:
     frame = frame_of(MAP, [(0, 0)], []).closer(track(100.0, 40.0))
     assert frame.view == (75.0, 15.0, 128.0, 65.0)  # 25 m around 100 to 103, 40
     assert frame.viewport[0] > 200.0
@@ -82,9 +82,11 @@ def test_vehicles_are_enlarged_only_where_they_would_be_too_small_to_see() -> No
 
 
 def test_ways_begin_at_the_seed_scene_in_the_colour_of_the_model() -> None:
-    child = ChildView(number=7, states=track(100.0, 40.0), models=("risky",), past=2, title="wttc < 0.3, say")
-    shown = TiledChild(child=child, slot=4, offset=(1000, -500))
-    drawn = elements(draw_children([shown], {"risky": RED}, frame_of(MAP, [(0, 0)], [])))
+    future = FutureView(
+        number=7, states=track(100.0, 40.0), models=("risky",), past=2, title="wttc < 0.3, say"
+    )
+    shown = TiledFuture(future=future, slot=4, offset=(1000, -500))
+    drawn = elements(draw_futures([shown], {"risky": RED}, frame_of(MAP, [(0, 0)], [])))
     way = drawn["t4_way.0"]
     assert way.get("shape") == "1101.00,-460.00 1102.00,-460.00 1103.00,-460.00"
     assert way.get("color") == "214,64,58"
@@ -141,9 +143,9 @@ def test_ids_of_an_event_stand_beside_its_ring() -> None:
 
 
 def test_junctions_have_an_outline_in_the_colour_of_lanes_that_hides_their_seams(tmp_path: Path) -> None:
-    child = ChildView(number=3, states=track(0.0, 0.0), models=("a",), past=1)
+    future = FutureView(number=3, states=track(0.0, 0.0), models=("a",), past=1)
     square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]])
-    drawn = elements(draw_seams([square], [TiledChild(child=child, slot=None, offset=(10.0, 0.0))]))
+    drawn = elements(draw_seams([square], [TiledFuture(future=future, slot=None, offset=(10.0, 0.0))]))
     (seam,) = drawn.values()
     assert seam.get("shape") == "10.00,0.00 14.00,0.00 14.00,4.00 10.00,0.00"
     assert float(seam.get("layer", "nan")) < 0.0

@@ -6,10 +6,10 @@ import numpy as np
 
 from scex_sumo.world.batch import SharedVehicles
 
-ALIKE = np.array([0, 1, 0, 1, 0, 1])  # two vehicles in three children
+ALIKE = np.array([0, 1, 0, 1, 0, 1])  # two vehicles in three futures
 
 
-def test_children_that_are_alike_share_their_vehicles() -> None:
+def test_futures_that_are_alike_share_their_vehicles() -> None:
     known = SharedVehicles(ALIKE)
     assert known.split([np.array([5.0, 7.0, 5.0, 7.0, 5.0, 7.0])]).tolist() == [0, 1]
     assert known.held[known.place].tolist() == [0, 1, 0, 1, 0, 1]

@@ -127,11 +127,11 @@ def _ahead_of(
     aside: FloatArray | None,
     margin: float,
 ) -> Ahead:
-    now = history.now[who.child, who.vehicle]
+    now = history.now[who.future, who.vehicle]
     length, width = history.scene.length[who.vehicle], history.scene.width[who.vehicle]
-    ox, oy = others.states.x[who.child], others.states.y[who.child]  # (n, M)
+    ox, oy = others.states.x[who.future], others.states.y[who.future]  # (n, M)
     near = (ox - now.x[:, None]) ** 2 + (oy - now.y[:, None]) ** 2 <= radius**2
-    near &= others.present[who.child]
+    near &= others.present[who.future]
     near[np.arange(len(who)), who.vehicle] = False
     guess, distance2 = _first_guess(paths, row, s_centre, ox, oy, radius)
     # Points further than this from every coarse sample count in no case.
@@ -146,12 +146,12 @@ def _ahead_of(
     s, offset, path_heading = refine(paths, row[i], guess[i, j], x, y, 3)
     if aside is not None:
         offset = offset - aside[i]
-    turn = others.states.heading[who.child[i], j] - path_heading
+    turn = others.states.heading[who.future[i], j] - path_heading
     cos, sin = np.cos(turn), np.sin(turn)
     half_length, half_width = others.length[j] / 2, others.width[j] / 2
     extent = np.abs(cos) * half_length + np.abs(sin) * half_width
     body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width
-    speed = others.states.speed[who.child[i], j] * cos
+    speed = others.states.speed[who.future[i], j] * cos
     inside = body <= width[i] / 2 + margin
     ahead = s - s_centre[i]
     gap = ahead - extent - length[i] / 2
@@ -160,7 +160,7 @@ def _ahead_of(
         (gap > 0) & ~oncoming, (np.abs(offset) <= clearance[j]) | inside, inside & (ahead > 0)
     )  # fmt: skip
     # Bodies have to pass each other by half of both widths, on the side where it is going.
-    across = others.states.speed[who.child[i], j] * sin
+    across = others.states.speed[who.future[i], j] * sin
     to_go = np.abs(offset) - body + width[i] / 2 - np.sign(across) * offset
     leaves = np.maximum(to_go, 0.0) / np.maximum(np.abs(across), MIN_ACROSS_MPS)
     found = Ahead(driver=i, other=j, gap=gap, speed=speed, cos=cos, leaves=leaves)
@@ -189,7 +189,7 @@ def _first_guess(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Everyone:
-    """Vehicles and obstacles of all children; M = V + O columns."""
+    """Vehicles and obstacles of all futures; M = V + O columns."""
 
     states: States  # (C, M) now
     present: BoolArray

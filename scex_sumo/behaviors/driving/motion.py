@@ -72,8 +72,8 @@ def _present_bend(
     """Return (n,) curvatures of the vehicles' motion minus those of their lines, 1/m."""
     steps = 1 if history.step > 0 else 5
     length = history.scene.length[who.vehicle]
-    now = history.states[who.child, who.vehicle, -1]
-    before = history.states[who.child, who.vehicle, -1 - steps]
+    now = history.states[who.future, who.vehicle, -1]
+    before = history.states[who.future, who.vehicle, -1 - steps]
     x, y = rear_axle(now, length)
     px, py = rear_axle(before, length)
     chord = np.sqrt((x - px) ** 2 + (y - py) ** 2)
@@ -112,7 +112,7 @@ def drive(
     length = history.scene.length[who.vehicle]
     if paths.slow_in_curves:
         accelerate = _slowing_for_curves(accelerate, paths, row, REAR_AXLE_SHARE * length)
-    now = history.now[who.child, who.vehicle]
+    now = history.now[who.future, who.vehicle]
     begin = now if start is None else start
     x, y = rear_axle(begin, length)
     s, _, path_heading = foot_points(paths, row, x, y, expected_way(history, who))
@@ -262,7 +262,7 @@ def _slowing_for_curves(
 
 def own_motion(history: SceneHistory, who: VehicleIndex) -> FloatArray:
     """Return (n, 45) index and last second of each vehicle."""
-    past = history.states[who.child, who.vehicle]
+    past = history.states[who.future, who.vehicle]
     return np.concatenate([who.vehicle[:, None], past.x, past.y, past.heading, past.speed], axis=1)
 
 
@@ -275,7 +275,7 @@ def map_plan(
     speed: FloatArray,
 ) -> Plan:
     """Transform (n, H) trajectories from the vehicles' present frames to the map."""
-    now = history.now[who.child, who.vehicle].map(lambda values: values[:, None])
+    now = history.now[who.future, who.vehicle].map(lambda values: values[:, None])
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     return Plan(
         x=now.x + cos * x - sin * y,
@@ -327,7 +327,7 @@ class DrivesAlong(ABC):
 
     @property
     def sight(self) -> Sight | None:
-        """What a plan depends on; a drawn path differs between children."""
+        """What a plan depends on; a drawn path differs between futures."""
         return None if self.profile.path == "random" else self.sees
 
     def plan(
@@ -354,7 +354,7 @@ def _side_by_side(history: SceneHistory, paths: SeedPaths, intents: Sequence[Int
     ends = [0, *accumulate(len(one.who) for one in intents)]
     parts = [(one.accelerate, slice(*part)) for one, part in zip(intents, pairwise(ends), strict=True)]
     who = VehicleIndex(
-        child=np.concatenate([one.who.child for one in intents]),
+        future=np.concatenate([one.who.future for one in intents]),
         vehicle=np.concatenate([one.who.vehicle for one in intents]),
     )
 

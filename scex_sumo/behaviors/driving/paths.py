@@ -1,6 +1,6 @@
 """Path tables of a seed scene: candidate paths of all vehicles, smoothed and sampled.
 
-A path depends on the vehicle's pose in the seed scene and is the same in all children.
+A path depends on the vehicle's pose in the seed scene and is the same in all futures.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 DS_M = 0.5
 BEHIND_M = 20.0  # behind the centre, for the rear axle and vehicles behind
-FIRST_HORIZON_S = 8.0  # 3 s of a child, 3 s of a plan, and some acceleration
-LONGER_S = 5.0  # longer children get tables that are longer by 1, 3, 7, ... times this
+FIRST_HORIZON_S = 8.0  # 3 s of a future, 3 s of a plan, and some acceleration
+LONGER_S = 5.0  # longer futures get tables that are longer by 1, 3, 7, ... times this
 ROUTE_M = 500.0  # of the routes for SUMO
 BESIDE_M, BESIDE_COS = (25.0, 8.0), 0.87  # along and across, to a vehicle that drives in parallel
 COARSE = 8  # for the first step of a projection
@@ -104,12 +104,12 @@ def chosen_paths(
     Args:
         beside: as in `seed_paths`.
     """
-    # The length depends on the step alone, not on the batch. It doubles, so that all tables of a child
+    # The length depends on the step alone, not on the batch. It doubles, so that all tables of a future
     # together need memory in proportion to its steps.
     further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
     horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
     paths = seed_paths(history.scene, road, given_path(path), horizon, beside)
-    return paths, paths.choose(path, who.vehicle, history.route_draw[who.child, who.vehicle])
+    return paths, paths.choose(path, who.vehicle, history.route_draw[who.future, who.vehicle])
 
 
 @owner_cache

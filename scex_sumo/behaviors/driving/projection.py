@@ -58,7 +58,7 @@ def refine(
 def expected_way(history: SceneHistory, who: VehicleIndex) -> FloatArray:
     """Return (n,) rough arc lengths, m, from the mean of first and present speed, to distinguish laps."""
     first = history.scene.now.speed[who.vehicle]
-    now = history.now.speed[who.child, who.vehicle]
+    now = history.now.speed[who.future, who.vehicle]
     return BEHIND_M + history.step * STEP_S * (first + now) / 2
 
 

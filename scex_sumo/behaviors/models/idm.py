@@ -43,7 +43,7 @@ class IdmProfile:
             scene to ``v0``; 0 takes ``v0`` at once.
         habit_lead: time in s over which the last half second's acceleration changes the shown speed.
         path: index from left to right (clamped to the last; -1 is the rightmost), ``straight`` (the
-            straightest from the most probable lane), ``random`` (drawn per child and vehicle), lane ids, or
+            straightest from the most probable lane), ``random`` (drawn per future and vehicle), lane ids, or
             points.
     """
 
@@ -183,7 +183,7 @@ class IdmDriver(DrivesAlong):
     def follow(self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> Intent:
         """Return the drive along (n,) rows of `paths`."""
         profile = self.profile
-        now = history.now[who.child, who.vehicle]
+        now = history.now[who.future, who.vehicle]
         s_centre, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
         leaders = find_leaders(
             history,
@@ -195,7 +195,7 @@ class IdmDriver(DrivesAlong):
             radius=profile.radius,
             obstacle_clearance=profile.obstacle_clearance,
         )
-        # Vehicles with the same leader at the same gap drive the same; many children differ elsewhere only.
+        # Vehicles with the same leader at the same gap drive the same; many futures differ elsewhere only.
         situation = np.stack([row, leaders.gap, leaders.speed], axis=1)
         first, kind = distinct(np.concatenate([own_motion(history, who), situation], axis=1))
         behind = (leaders.gap[first], leaders.speed[first])
@@ -300,7 +300,7 @@ def _nearest_path(
     history: SceneHistory, who: VehicleIndex, paths: SeedPaths, straight: IntArray
 ) -> tuple[IntArray, BoolArray]:
     """Return (n,) path that each vehicle is on, and (n,) True if it is on none."""
-    now = history.now[who.child, who.vehicle]
+    now = history.now[who.future, who.vehicle]
     first, count = paths.first[who.vehicle], paths.count[who.vehicle]
     way = expected_way(history, who)
 
@@ -322,7 +322,7 @@ def _nearest_path(
 
 
 def _straight_on(history: SceneHistory, who: VehicleIndex) -> Plan:
-    now = history.now[who.child, who.vehicle]
+    now = history.now[who.future, who.vehicle]
     speed = np.maximum(now.speed, 0.0)[:, None] * np.ones(PLAN_STEPS)
     heading = now.heading[:, None] * np.ones(PLAN_STEPS)
     way = speed * STEP_S * np.arange(1, PLAN_STEPS + 1)

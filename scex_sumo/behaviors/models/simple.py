@@ -84,7 +84,7 @@ class Replay:
 
     @property
     def sight(self) -> Sight | None:
-        """What a plan depends on; a drawn path differs between children."""
+        """What a plan depends on; a drawn path differs between futures."""
         return None if self.profile.path == "random" else "itself"
 
     def plan(
@@ -107,7 +107,7 @@ class Replay:
         recorded = scene.future[who.vehicle]
         last = np.clip(history.step + left - 1, 0, recorded.shape[1] - 1)
         i = np.arange(len(who))
-        ends = [recorded[i, last], history.now[who.child, who.vehicle]]
+        ends = [recorded[i, last], history.now[who.future, who.vehicle]]
         end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
         h = np.arange(PLAN_STEPS)
         made = recorded[:, np.minimum(history.step + h, recorded.shape[1] - 1)]

@@ -71,7 +71,7 @@ class SumoDriver:
 
     @property
     def sight(self) -> Sight | None:
-        """What a plan depends on; a drawn path differs between children."""
+        """What a plan depends on; a drawn path differs between futures."""
         return None if self.path == "random" else "itself"
 
     def plan(

@@ -108,18 +108,18 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     """Return the places where pairs apart first touch, if the other is ahead then."""
     paths, around, scene, steps = view.paths, view.around, view.history.scene, round(SAMPLE_S / STEP_S)
     samples = int(view.profile.contact_time / SAMPLE_S) + 1
-    child, vehicle = view.who.child[i], view.who.vehicle[i]
+    future, vehicle = view.who.future[i], view.who.vehicle[i]
     sizes = (
         (scene.length[vehicle], scene.width[vehicle]),
         (around.others.length[j], around.others.width[j]),
     )
     reach = sum(np.hypot(*size) for size in sizes) / 2
     own = slice(0, samples * steps, steps)
-    dx = around.x[child, j, :samples] - paths.x[i, own]
-    dy = around.y[child, j, :samples] - paths.y[i, own]
-    speed = paths.start_speed[i] + np.maximum(around.others.states.speed[child, j], 0.0)
+    dx = around.x[future, j, :samples] - paths.x[i, own]
+    dy = around.y[future, j, :samples] - paths.y[i, own]
+    speed = paths.start_speed[i] + np.maximum(around.others.states.speed[future, j], 0.0)
     near = np.flatnonzero((np.hypot(dx, dy) < (reach + speed * SAMPLE_S / 2)[:, None]).any(axis=1))
-    i, j, child = i[near], j[near], child[near]
+    i, j, future = i[near], j[near], future[near]
     own_size, size = ((length[near, None], width[near, None]) for length, width in sizes)
     time = np.arange((samples - 1) * steps + 1)
     one = States(
@@ -129,7 +129,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
         speed=np.zeros((len(i), len(time))),
     )
     x, y, heading = (
-        between(a[child, j, :samples], time / steps) for a in (around.x, around.y, around.heading)
+        between(a[future, j, :samples], time / steps) for a in (around.x, around.y, around.heading)
     )
     other = States(x=x, y=y, heading=heading, speed=one.speed)
     boxes = Rectangles.of(one, *own_size), Rectangles.of(other, *size)
@@ -141,10 +141,12 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     ahead = cos * (x - one.x)[k, first] + sin * (y - one.y)[k, first] > 0
     k = np.flatnonzero(touches.any(axis=1) & ahead & (distance[:, 0] > 0))
     k = k[~_gives_way(view, i[k], j[k], first[k], *(box.part(k) for box in boxes))]
-    first, i, j, child = first[k], i[k], j[k], child[k]
+    first, i, j, future = first[k], i[k], j[k], future[k]
     along = np.cos(heading[k, first] - one.heading[k, first])
-    line = np.maximum(around.others.states.speed[child, j] * along, 0.0)
-    braking = np.where(line > 0, np.minimum(around.braking[child, j], view.profile.comfort_deceleration), 0.0)
+    line = np.maximum(around.others.states.speed[future, j] * along, 0.0)
+    braking = np.where(
+        line > 0, np.minimum(around.braking[future, j], view.profile.comfort_deceleration), 0.0
+    )
     none = np.zeros(len(k))
     return StopLines(
         row=i,
@@ -168,7 +170,7 @@ def _gives_way(
         first: (P,) step at which the boxes (P, T) touch.
     """
     others, k = view.around.others, np.arange(len(i))
-    speed = np.maximum(others.states.speed[view.who.child[i], j], 0.0)
+    speed = np.maximum(others.states.speed[view.who.future[i], j], 0.0)
     needs = view.paths.start_speed[i] ** 2 / np.maximum(view.paths.arc[i, first], LEAST_WAY_M)
     other_needs = speed**2 / np.maximum(speed * STEP_S * first, LEAST_WAY_M)
     along = np.cos(other.heading[k, first] - one.heading[k, first]) >= SAME_WAY
@@ -182,9 +184,9 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
     others = around.others
     half = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.profile.margin
     reach = half[:, None] + np.sqrt(others.length**2 + others.width**2) / 2
-    near = others.present[who.child] & (paths.arc[:, -1] > 0.0)[:, None]
+    near = others.present[who.future] & (paths.arc[:, -1] > 0.0)[:, None]
     for planned, other in ((paths.corner_x, around.x), (paths.corner_y, around.y)):
-        low, high = other.min(axis=2)[who.child], other.max(axis=2)[who.child]
+        low, high = other.min(axis=2)[who.future], other.max(axis=2)[who.future]
         near &= low - reach <= planned.max(axis=1)[:, None]
         near &= high + reach >= planned.min(axis=1)[:, None]
     near[np.arange(len(who)), who.vehicle] = False
@@ -213,7 +215,7 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     some = blocked.inside.any(axis=0)
     i, j = i[some], j[some]
     blocked = _Blocked(**{f.name: getattr(blocked, f.name)[:, some] for f in fields(_Blocked)})
-    v, v_other = paths.start_speed[i], np.maximum(around.others.states.speed[who.child[i], j], 0.0)
+    v, v_other = paths.start_speed[i], np.maximum(around.others.states.speed[who.future[i], j], 0.0)
     meeting = _meetings(blocked, v, v_other, profile)
     obstacle = around.others.obstacle[j]
     yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], profile)
@@ -223,7 +225,7 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     yields &= (meeting.enter == 0) | (paths.arc[i, before] <= meeting.high)
     k = np.flatnonzero(yields)
     speed, in_front = meeting.speed[k], meeting.enter[k] == 0
-    braking = np.minimum(around.braking[who.child[i], j], profile.comfort_deceleration)[k]
+    braking = np.minimum(around.braking[who.future[i], j], profile.comfort_deceleration)[k]
     braking = np.where(in_front & (speed > 0), braking, 0.0)
     return StopLines(
         row=i[k],
@@ -244,9 +246,9 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
     A small present margin may shrink a little.
     """
     around, who, scene = view.around, view.who, view.history.scene
-    child, vehicle = who.child[i], who.vehicle[i]
-    one, two = view.history.now[child, vehicle], around.others.states[child, j]
-    braking = around.braking[child, j]
+    future, vehicle = who.future[i], who.vehicle[i]
+    one, two = view.history.now[future, vehicle], around.others.states[future, j]
+    braking = around.braking[future, j]
     t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
     braked = np.minimum(t, (np.maximum(two.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
     ways = (
@@ -352,9 +354,9 @@ def _yields(
 def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     """Project the others j onto the corridors of the vehicles i."""
     paths, around, profile = view.paths, view.around, view.profile
-    child, vehicle = view.who.child[i], view.who.vehicle[i]
+    future, vehicle = view.who.future[i], view.who.vehicle[i]
     # Pairs are the last axis, so that operations run along memory.
-    x, y, heading = (np.ascontiguousarray(a[child, j].T) for a in (around.x, around.y, around.heading))
+    x, y, heading = (np.ascontiguousarray(a[future, j].T) for a in (around.x, around.y, around.heading))
     s, offset, line_cos, line_sin, swing = onto_ways(paths, i, x, y)
     ahead, left = np.cos(heading), np.sin(heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin

@@ -68,7 +68,7 @@ class PlannedWays:
 
 def planned_paths(plan: Plan, history: SceneHistory, who: VehicleIndex, profile: GuardProfile) -> PlannedWays:
     """Arrange plans by arc length."""
-    now = history.now[who.child, who.vehicle]
+    now = history.now[who.future, who.vehicle]
     x = np.concatenate([now.x[:, None], plan.x], axis=1)
     y = np.concatenate([now.y[:, None], plan.y], axis=1)
     heading = np.concatenate([now.heading[:, None], plan.heading], axis=1)
@@ -208,8 +208,8 @@ def _along_paths(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return x, y, heading (C, V, K) of vehicles along their paths."""
     shape = history.now.shape
-    child, vehicle = (a.ravel() for a in np.indices(shape))
-    who = VehicleIndex(child=child, vehicle=vehicle)
+    future, vehicle = (a.ravel() for a in np.indices(shape))
+    who = VehicleIndex(future=future, vehicle=vehicle)
     paths, straight = chosen_paths(history, road, who, "straight")
     now = history.now.map(np.ravel)
     way = expected_way(history, who)

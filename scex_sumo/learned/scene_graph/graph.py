@@ -1,4 +1,4 @@
-"""Semantic scene graph of all children of a batch, without edges between children; SI units."""
+"""Semantic scene graph of all futures of a batch, without edges between futures; SI units."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ RADIUS_M = 100.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneGraph:
-    """The semantic scene graphs of all children of a batch; node = child * V + vehicle.
+    """The semantic scene graphs of all futures of a batch; node = future * V + vehicle.
 
     Attributes:
-        child: (N,) index into the batch.
+        future: (N,) index into the batch.
         vehicle: (N,) index into the seed scene's vehicles.
         node: (N, F) features, columns as in `NODE_COLUMNS`.
         history: (N, 11, 5) the last second in the node's present frame, oldest first, columns as in
@@ -47,7 +47,7 @@ class SceneGraph:
         (14, 2)
     """
 
-    child: IntArray
+    future: IntArray
     vehicle: IntArray
     node: FloatArray
     node_columns: tuple[str, ...]
@@ -65,10 +65,10 @@ class SceneGraph:
 def scene_graph(
     history: SceneHistory | SeedScene, road: Road | None = None, *, radius: float = RADIUS_M
 ) -> SceneGraph:
-    """Build the semantic scene graphs of all children; kept with the history.
+    """Build the semantic scene graphs of all futures; kept with the history.
 
     Args:
-        history: a batch of children, or a seed scene as the only child.
+        history: a batch of futures, or a seed scene as the only future.
         road: the map; None takes that of the seed scene.
         radius: largest length of an edge, centre to centre, m.
 
@@ -91,14 +91,14 @@ def scene_graph(
 @owner_cache
 def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneGraph:
     history = SceneHistory.of_scene(given) if isinstance(given, SeedScene) else given
-    children, vehicles = history.now.shape
+    futures, vehicles = history.now.shape
     now = history.now.map(np.ravel)
     index = road_index(road)
     place = _locate(index, match(road, now.x, now.y, now.heading), len(now.x))
     edges = _edges(history, now, place, index, radius)
     return SceneGraph(
-        child=np.repeat(np.arange(children), vehicles),
-        vehicle=np.tile(np.arange(vehicles), children),
+        future=np.repeat(np.arange(futures), vehicles),
+        vehicle=np.tile(np.arange(vehicles), futures),
         node=node_features(history, place, index),
         node_columns=NODE_COLUMNS,
         history=node_history(history),
@@ -131,16 +131,16 @@ def _locate(index: RoadIndex, matches: Matches, count: int) -> Located:
 
 
 def _edges(history: SceneHistory, now: States, place: Located, index: RoadIndex, radius: float) -> Edges:
-    children, vehicles = history.now.shape
+    futures, vehicles = history.now.shape
     x, y = history.now.x, history.now.y
     near = (x[:, :, None] - x[:, None, :]) ** 2 + (y[:, :, None] - y[:, None, :]) ** 2 <= radius**2
-    on_road = (place.probability[0] > 0).reshape(children, vehicles)
+    on_road = (place.probability[0] > 0).reshape(futures, vehicles)
     near &= on_road[:, :, None] & on_road[:, None, :]
     near[:, np.arange(vehicles), np.arange(vehicles)] = False
     flat = np.flatnonzero(near)
     target = flat // vehicles
     source = target // vehicles * vehicles + flat % vehicles
-    length = np.tile(history.scene.length, children)
+    length = np.tile(history.scene.length, futures)
     return scene_edges(target, source, now, length, place, index.relations)
 
 
@@ -175,8 +175,8 @@ def node_history(history: SceneHistory) -> FloatArray:
 
 def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> FloatArray:
     """Return (C * V, F) `NODE_COLUMNS`."""
-    children, vehicles = history.now.shape
-    features = np.zeros((children, vehicles, len(NODE_COLUMNS)))
+    futures, vehicles = history.now.shape
+    features = np.zeros((futures, vehicles, len(NODE_COLUMNS)))
     scene = history.scene
     features[..., 0], features[..., 1] = scene.length, scene.width
     kind = np.array([_type_of(name) for name in scene.types], dtype=np.int64)
@@ -215,9 +215,9 @@ def _obstacle_ahead(history: SceneHistory) -> FloatArray:
     distance = cos * dx + sin * dy - history.scene.length[:, None] / 2
     offset = cos * dy - sin * dx
     inside = (distance >= 0) & (distance <= CORRIDOR_M) & (np.abs(offset) <= CORRIDOR_HALF_WIDTH_M)
-    child, vehicle = np.nonzero(inside.any(axis=-1))
-    which = np.where(inside, distance, np.inf)[child, vehicle].argmin(axis=-1)
-    nearest[child, vehicle, 0] = 1.0
-    nearest[child, vehicle, 1] = distance[child, vehicle, which]
-    nearest[child, vehicle, 2] = offset[child, vehicle, which]
+    future, vehicle = np.nonzero(inside.any(axis=-1))
+    which = np.where(inside, distance, np.inf)[future, vehicle].argmin(axis=-1)
+    nearest[future, vehicle, 0] = 1.0
+    nearest[future, vehicle, 1] = distance[future, vehicle, which]
+    nearest[future, vehicle, 2] = offset[future, vehicle, which]
     return nearest

@@ -74,7 +74,7 @@ def _plan(scene: SeedScene, model: str, weights: str | Path) -> Plan:
     assert scene.road is not None
     built = build(parse_models(f"{model}:weights={weights}" if str(weights) else model)[0])
     history = SceneHistory.of_scene(scene)
-    who = VehicleIndex(child=np.zeros(scene.vehicles, dtype=np.int64), vehicle=np.arange(scene.vehicles))
+    who = VehicleIndex(future=np.zeros(scene.vehicles, dtype=np.int64), vehicle=np.arange(scene.vehicles))
     return built.plan(history, scene.road, who, [np.random.default_rng(0)])
 
 

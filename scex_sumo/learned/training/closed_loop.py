@@ -97,7 +97,7 @@ def drive_all(
     """Let one model drive all vehicles, (1, steps, V); the last ``held`` ones keep their velocity."""
     mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)
     batch = Batch(
-        children=np.zeros(1, dtype=np.int64),
+        futures=np.zeros(1, dtype=np.int64),
         assignment=mine[None],
         models=(model, build(ModelSpec(name="constant_velocity"))),
         names=("driver", "constant_velocity"),

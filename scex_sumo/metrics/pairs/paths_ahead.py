@@ -60,7 +60,7 @@ class PathsAhead:
     """Planned path of every vehicle at every step: a first segment to the plan's next column, then the plan.
 
     Attributes:
-        lines: the plans, ordered by child, replan, vehicle.
+        lines: the plans, ordered by future, replan, vehicle.
         line: (V, C, T) index of the current plan; ``column`` (T,) its next column.
         has_path: (V, C, T); ``ahead`` the same, with ``moving_only`` only of moving vehicles.
         dx: (V, C, T) first segment, m; ``first_boxes`` the octagons around it.
@@ -69,16 +69,16 @@ class PathsAhead:
     """
 
     def __init__(self, scenes: Scenes, planned: PlannedPaths, *, moving_only: bool = True) -> None:
-        children, replans, vehicles, columns = planned.x.shape
-        shape = (children * replans * vehicles, columns)
+        futures, replans, vehicles, columns = planned.x.shape
+        shape = (futures * replans * vehicles, columns)
         x, some_x = bridged(planned.x.reshape(shape))
         y, some_y = bridged(planned.y.reshape(shape))
-        vehicle, child = np.arange(vehicles)[:, None, None], np.arange(children)[:, None]
+        vehicle, future = np.arange(vehicles)[:, None, None], np.arange(futures)[:, None]
         next_column = np.minimum(planned.column, columns - 1)
         self.scenes, self.planned = scenes, planned
         self.lines = Polylines.build(x, y)
         self.has_plan = some_x & some_y
-        self.line = (child * replans + planned.index) * vehicles + vehicle
+        self.line = (future * replans + planned.index) * vehicles + vehicle
         self.column = planned.column
         moves: BoolArray = scenes.speed > (scenes.parameters.standing_speed if moving_only else -np.inf)
         self.has_path = scenes.present & self.has_plan[self.line] & (planned.column < columns)
@@ -97,9 +97,9 @@ class PathsAhead:
 
     def first_crossings(self, *, min_sine: float = 0.0) -> Crossings:
         """Find the first crossing point on each ordered pair's own path, at large enough angles."""
-        children, replans, _, columns = self.planned.x.shape
+        futures, replans, _, columns = self.planned.x.shape
         (first, second), count = self.scenes.pairs, self.scenes.count
-        rows_per_pair = max(children * columns * max(self.scenes.shape[1], replans), 1)
+        rows_per_pair = max(futures * columns * max(self.scenes.shape[1], replans), 1)
         size = max(BLOCK_ROWS // rows_per_pair, 1)
         parts = []
         for start in range(0, len(first), size):
@@ -129,9 +129,9 @@ class PathsAhead:
         return Crossings.join([one_order, reverse])
 
     def _between_plans(self, first: IntArray, second: IntArray) -> Crossings:
-        children, steps = self.scenes.shape
+        futures, steps = self.scenes.shape
         replans, lines = self.planned.x.shape[1], self.lines
-        path = np.arange(children * replans)[:, None] * self.scenes.vehicles
+        path = np.arange(futures * replans)[:, None] * self.scenes.vehicles
         one, two = (path + first).reshape(-1), (path + second).reshape(-1)
         usable = np.flatnonzero(self.has_plan[one] & self.has_plan[two])
         hits, segment_1, segment_2 = polyline_crossings(lines, one[usable], two[usable])
@@ -139,14 +139,14 @@ class PathsAhead:
         arc_1 = lines.arc_at(one[which], segment_1, hits.first)
         arc_2 = lines.arc_at(two[which], segment_2, hits.second)
         plan, pair = np.divmod(which, max(len(first), 1))
-        child, replan = np.divmod(plan, replans)
+        future, replan = np.divmod(plan, replans)
         until = np.minimum(segment_1, segment_2)
         ahead = [(self.planned.index[t] == replan) & (until >= self.column[t]) for t in range(steps)]
         step, hit = np.nonzero(np.array(ahead).reshape(steps, which.size))
-        at_1, at_2 = (first[pair[hit]], child[hit], step), (second[pair[hit]], child[hit], step)
+        at_1, at_2 = (first[pair[hit]], future[hit], step), (second[pair[hit]], future[hit], step)
         both = self.ahead[at_1] & self.ahead[at_2]
         crossings = Crossings(
-            where=(pair[hit] * children + child[hit]) * steps + step,
+            where=(pair[hit] * futures + future[hit]) * steps + step,
             own=arc_1[hit] + self.offset[at_1],
             other=arc_2[hit] + self.offset[at_2],
             sine=hits.sine[hit],
@@ -215,7 +215,7 @@ def meeting_pairs(
         present: (V, C, T) where both octagons exist.
     """
     row, other = pairs
-    _, children, steps = present.shape
+    _, futures, steps = present.shape
     if not present.all():  # octagons of absent vehicles meet nothing
         own, others = own.copy(), others.copy()
         own[0, 0][~present] = others[0, 0][~present] = np.inf
@@ -225,8 +225,8 @@ def meeting_pairs(
         for b in (own, others)
     ]
     near = np.flatnonzero(boxes_meet(whole[0][:, :, row], whole[1][:, :, other]))
-    pair, child = np.divmod(near, max(children, 1))
-    one, two = row[pair] * children + child, other[pair] * children + child
+    pair, future = np.divmod(near, max(futures, 1))
+    one, two = row[pair] * futures + future, other[pair] * futures + future
     meet = np.ones((near.size, steps), dtype=bool)
     for axis in range(4):
         for low, high, first, second in ((own, others, one, two), (others, own, two, one)):

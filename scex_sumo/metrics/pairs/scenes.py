@@ -51,7 +51,7 @@ class Samples:
         ...     vehicle = np.arange(len(scenes.speed))
         ...     there = np.ones(scenes.speed.shape, bool)
         ...     return scex.Samples(value=scenes.speed, defined=there, row=vehicle, other=None)
-        >>> scex.extrapolate(scene, children=2, metrics=["haste"]).columns
+        >>> scex.extrapolate(scene, futures=2, metrics=["haste"]).columns
         ['haste', 'haste_mean']
     """
 
@@ -90,7 +90,7 @@ class Scenes:
     parameters: MetricParameters
     preset: Preset
     chosen: tuple[IntArray, IntArray] | None = None
-    shared: TrackPairs | None = None  # values computed once for equal tracks of several children
+    shared: TrackPairs | None = None  # values computed once for equal tracks of several futures
     _derived: dict[Callable[[Scenes], Any] | str, Any] = field(default_factory=dict, repr=False)
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
@@ -258,14 +258,14 @@ class Scenes:
         """Return rows that depend on an ordered pair's two tracks only."""
         if self.shared is None:
             return self.once(make)
-        return self.shared.per_child(make, self.shared.scenes.under(self.preset).once(make))
+        return self.shared.per_future(make, self.shared.scenes.under(self.preset).once(make))
 
     def at_pairs(self, values: PairValues, pair: IntArray, scene: IntArray) -> FloatArray:
         """Return (N,) values of pairs in scenes given by flat index into (C, T)."""
         if self.shared is None:
             return values(self, pair, scene)
-        child, step = np.divmod(scene, max(self.shape[1], 1))
-        return self.shared.at(values, self.shared.row[pair, child], step)
+        future, step = np.divmod(scene, max(self.shape[1], 1))
+        return self.shared.at(values, self.shared.row[pair, future], step)
 
     def of_all_pairs(self, values: PairValues) -> Samples:
         """Return samples of all pairs."""
@@ -314,15 +314,15 @@ def _distance(scenes: Scenes) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrackPairs:
-    """Different pairs of tracks of several children; values of a pair are computed once."""
+    """Different pairs of tracks of several futures; values of a pair are computed once."""
 
-    scenes: Scenes  # one child with all different tracks, and the pairs of them that occur in a child
+    scenes: Scenes  # one future with all different tracks, and the pairs of them that occur in a future
     row: IntArray  # (P, C) number of each pair of vehicles among those pairs
     _bounds: dict[Any, IntArray] = field(default_factory=dict, repr=False)
     _values: dict[Any, tuple[FloatArray, BoolArray]] = field(default_factory=dict, repr=False)
 
-    def per_child(self, make: Any, rows: E) -> E:
-        """Repeat rows, made by ``make``, for all children that contain the pair."""
+    def per_future(self, make: Any, rows: E) -> E:
+        """Repeat rows, made by ``make``, for all futures that contain the pair."""
         steps = self.scenes.shape[1]
         pairs = len(self.scenes.pairs[0])
         if make not in self._bounds:  # where the rows of each ordered pair begin

@@ -29,7 +29,7 @@ function makeChart(run, state, element) {
   const key = `m${m}`;
   let drag = null, known = null;
 
-  const samplesOf = (isHuman) => [...column.subarray(...(isHuman ? [run.children] : [0, run.children]))].filter((value) => !Number.isNaN(value));
+  const samplesOf = (isHuman) => [...column.subarray(...(isHuman ? [run.futures] : [0, run.futures]))].filter((value) => !Number.isNaN(value));
   const someOf = (values, count, xs, atoms) => curveOf(values, count, xs, run.info.bandwidth, isFolded, atoms.map(Math.fround));
 
   // Curves of both sets on a grid of pixels, and how high they are.
@@ -47,7 +47,7 @@ function makeChart(run, state, element) {
   const isNear = (px, value) => value !== null && Math.abs(toX(value) - px) < 9;
 
   function draw(isCumulative) {
-    const pen = sharp(canvas), { paint, write, width } = pen, threshold = state.thresholds[m], own = toX(column[state.child]);
+    const pen = sharp(canvas), { paint, write, width } = pen, threshold = state.thresholds[m], own = toX(column[state.future]);
     if (!width || !metric.ticks.length) return;
     const { xs, drawn, likely, peak, most } = curvesAt(width), base = bottomAxis(pen, metric.ticks, toX), top = isCumulative ? 1 : 1.12 * peak;
     const at = (x, y) => [toX(x), base - clamp(y / top, 0, 1) * (base - 4)], upright = (x, style) => paint([[x, 0], [x, base]], style);
@@ -68,8 +68,8 @@ function makeChart(run, state, element) {
     if (isCumulative) area(curveLine(drawn, metric.band), curveLine(drawn, -metric.band), "drawn", 0.2);
     curve(drawn, "drawn");
     curve(likely, "likely", [5, 3]);
-    const chosen = [...column.subarray(0, run.children)].filter((value, c) => state.mask[c] && !Number.isNaN(value));
-    if (state.count < run.children && chosen.length) curve(someOf(chosen, metric.defined, xs, metric.atoms), "picked");
+    const chosen = [...column.subarray(0, run.futures)].filter((value, c) => state.mask[c] && !Number.isNaN(value));
+    if (state.count < run.futures && chosen.length) curve(someOf(chosen, metric.defined, xs, metric.atoms), "picked");
     const [atom] = drawn.atoms.filter(([, share]) => share === most);
     if (atom && !isCumulative) write(percent(most), clamp(toX(atom[0]), 16, width - 16), 9);
     if (metric.recorded !== null) upright(toX(metric.recorded), { stroke: "recorded", dash: [5, 3] });

@@ -43,10 +43,10 @@ function posesOf({ shape: [, rows, steps], values }, start, ownerOf) {
 // `packed` the page has tracks, rows of `poses`.
 function runOf({ info, arrays }) {
   const { start, motion, owner, which, levels, values, recorded, events } = arrays, vehicles = levels.shape[1];
-  const total = info.children + info.human, place = new Map(info.packed.map((future, i) => [future, i]));
+  const total = info.futures + info.human, place = new Map(info.packed.map((future, i) => [future, i]));
   const first = Array.from({ length: vehicles }, (_, v) => owner.values.indexOf(v));
   return {
-    info, arrays, vehicles, total, children: info.children, owner: owner.values,
+    info, arrays, vehicles, total, futures: info.futures, owner: owner.values,
     frames: motion.shape[2] + 1,
     poses: posesOf(motion, start, (row) => owner.values[row]),
     recorded: recorded && posesOf(recorded, start, (row) => row),
@@ -57,9 +57,9 @@ function runOf({ info, arrays }) {
     track: (future, vehicle) => first[vehicle] + which.values[place.get(future) * vehicles + vehicle],
     model: (future, vehicle) => levels.values[future * vehicles + vehicle],
     events: (pair, future) => events.values[pair * total + future], // of info.bits
-    isHuman: (future) => future >= info.children,
-    number: (future) => future < info.children ? future : future - info.children,
-    nameOf: (future) => `${future < info.children ? "" : "human-like "}future ${future < info.children ? future : future - info.children}`,
+    isHuman: (future) => future >= info.futures,
+    number: (future) => future < info.futures ? future : future - info.futures,
+    nameOf: (future) => `${future < info.futures ? "" : "human-like "}future ${future < info.futures ? future : future - info.futures}`,
   };
 }
 
@@ -70,7 +70,7 @@ function poseAt(poses, frames, row, step) {
   return [0, 1, 2, 3].map((k) => poses[a + k] + part * (poses[b + k] - poses[a + k]));
 }
 
-// Share with the 95 % score interval (Wilson 1927) of as many independent children.
+// Share with the 95 % score interval (Wilson 1927) of as many independent futures.
 function interval(value, number) {
   const z2 = 1.959964 ** 2, middle = (value * number + z2 / 2) / (number + z2);
   const half = Math.sqrt(z2 * (value * (1 - value) * number + z2 / 4)) / (number + z2);

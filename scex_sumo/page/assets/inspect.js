@@ -12,7 +12,7 @@ function showMoments({ info, arrays: { ids, poses, sizes, kinds, types, before, 
   const of = (table, v) => table.values[v * frames + state.step];
   Object.assign(info, { track_ids: everybody, colors: MOMENT_COLORS, under_test: [], metrics: [], packed: [0] });
   const run = {
-    info, frames, vehicles: slots, children: 1, total: 1, owner: Int32Array.from(everybody), arrays: { others: { values: [] } },
+    info, frames, vehicles: slots, futures: 1, total: 1, owner: Int32Array.from(everybody), arrays: { others: { values: [] } },
     poses: Float64Array.from(poses.values, (value, i) => value * UNITS[i % 4]),
     radius: (v) => Math.hypot(...info.sizes[v]) / 2, id: (v) => of(ids, v) < 0 ? "" : of(ids, v), track: (_, v) => v, isHuman: () => false, model: (_, v) => of(kinds, v),
   };
@@ -75,7 +75,7 @@ function showMoments({ info, arrays: { ids, poses, sizes, kinds, types, before, 
   };
   onTheme(() => state.change({}, "view"));
   new ResizeObserver(() => map.fit()).observe(byId("mapbox"));
-  state.change({ child: 0, step: info.first }, "step");
+  state.change({ future: 0, step: info.first }, "step");
 }
 
 unpack(byId("data").textContent).then(showMoments);

@@ -1,4 +1,4 @@
-// Map: the road, and the vehicles of all children, one child, or the selected ones, at any time.
+// Map: the road, and the vehicles of all futures, one future, or the selected ones, at any time.
 
 const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
 const ROAD_UNIT = 0.05; // m, as in road_lines.py
@@ -20,9 +20,9 @@ function makeMap(run, state, canvas) {
     weights = new Float32Array(owner.length);
     drivers = new Int32Array(owner.length);
     const packed = info.packed.filter((future) => !run.isHuman(future)), chosen = packed.filter((future) => state.mask[future]);
-    for (const child of chosen) for (const v of vehicles) {
-      weights[run.track(child, v)] += state.count / chosen.length;
-      drivers[run.track(child, v)] = child;
+    for (const future of chosen) for (const v of vehicles) {
+      weights[run.track(future, v)] += state.count / chosen.length;
+      drivers[run.track(future, v)] = future;
     }
     usual = vehicles.map((v) => run.track(packed[0], v));
     owner.forEach((v, row) => { if (weights[row] > weights[usual[v]]) usual[v] = row; });
@@ -45,8 +45,8 @@ function makeMap(run, state, canvas) {
   const isShown = (name) => byId(`show-${name}`).checked, middle = () => half;
   const measure = () => { half = [canvas.clientWidth / 2, canvas.clientHeight / 2]; }; // once a frame: it may cost a layout
   const toScreen = ([px, py], [w, h] = middle()) => [w + (px - x) * scale, h - (py - y) * scale];
-  // Where a vehicle is: in the child, or on the way of most of the selected ones.
-  const rowOf = (v) => state.child < 0 ? usual[v] : run.track(state.child, v);
+  // Where a vehicle is: in the future, or on the way of most of the selected ones.
+  const rowOf = (v) => state.future < 0 ? usual[v] : run.track(state.future, v);
   const poseOf = (row) => poseAt(poses, frames, row, state.step), place = (v) => poseOf(rowOf(v));
 
   function look(centre, wide, high = wide) {
@@ -78,17 +78,17 @@ function makeMap(run, state, canvas) {
 
   function draw() {
     measure();
-    const pen = sharp(canvas), { context, paint, write, width, height, ratio } = pen, { child } = state;
+    const pen = sharp(canvas), { context, paint, write, width, height, ratio } = pen, { future } = state;
     if (!width) return;
     drawGround(width, height);
     const spare = (SPARE - 1) / 2, [left, top] = [(groundAt[0] - x) * scale - spare * width, (y - groundAt[1]) * scale - spare * height];
     context.drawImage(ground, left, top, SPARE * width, SPARE * height);
     inMetres(pen);
-    if (child < 0 || isShown("ghosts")) drawGhosts(pen, child < 0 ? 0.75 : 0.25);
+    if (future < 0 || isShown("ghosts")) drawGhosts(pen, future < 0 ? 0.75 : 0.25);
     drawOthers(pen);
     for (const v of vehicles) {
       if (isShown("recorded") && run.recorded) body(pen, v, poseAt(run.recorded, frames, v, state.step), { stroke: "recorded", dash: scale > DASHED ? [0.7, 0.5] : [] });
-      if (child >= 0) body(pen, v, place(v), { fill: color(rowOf(v), child), stroke: "ink" });
+      if (future >= 0) body(pen, v, place(v), { fill: color(rowOf(v), future), stroke: "ink" });
     }
     if (isShown("heat")) drawHeat(pen);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -108,7 +108,7 @@ function makeMap(run, state, canvas) {
 
   // Road and paths do not change while it plays: they are drawn once, and again when the view leaves them.
   function drawGround(width, height) {
-    const key = String([scale, width, height, state.child, isShown("paths"), inked("map"), state.selection]), spare = (SPARE - 1) / 2 / scale;
+    const key = String([scale, width, height, state.future, isShown("paths"), inked("map"), state.selection]), spare = (SPARE - 1) / 2 / scale;
     if (key === groundKey && Math.abs(x - groundAt[0]) < spare * width && Math.abs(y - groundAt[1]) < spare * height) return;
     groundKey = key;
     groundAt = [x, y];
@@ -120,15 +120,15 @@ function makeMap(run, state, canvas) {
       // Lanes and areas are drawn a little larger: that hides the seams between them.
       pen.paint(path, kind === 1 ? { fill: ink, stroke: ink, width: 0.2 } : { stroke: ink, width: wide ? wide + 0.05 : Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
     }
-    const isOne = state.child >= 0;
+    const isOne = state.future >= 0;
     for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : ghosts.map(([ghost]) => ghost)) {
       const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 4));
-      const style = isOne ? { stroke: color(row, state.child), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 };
+      const style = isOne ? { stroke: color(row, state.future), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 };
       pen.paint(points, { width: Math.max(0.25, 1 / scale), ...style });
     }
   }
 
-  const color = (row, child = drivers[row]) => info.colors[run.model(child, owner[row])]; // of who drives there
+  const color = (row, future = drivers[row]) => info.colors[run.model(future, owner[row])]; // of who drives there
 
   function body({ context, paint, width, height }, v, [px, py, heading], style) { // unless out of sight
     const reach = run.radius(v), [long, wide] = info.sizes[v], c = Math.cos(heading), s = Math.sin(heading);
@@ -139,7 +139,7 @@ function makeMap(run, state, canvas) {
     paint(null, { width: Math.max(0.12, 1.2 / scale), ...style });
   }
 
-  function drawGhosts(pen, ink) { // the more children, the darker
+  function drawGhosts(pen, ink) { // the more futures, the darker
     for (const [row, weight] of ghosts) body(pen, owner[row], poseOf(row), { fill: color(row), alpha: Math.min(0.1 + ink * weight / state.count, 0.9) });
   }
 
@@ -150,10 +150,10 @@ function makeMap(run, state, canvas) {
     }
   }
 
-  function drawHeat({ paint }) { // collisions of the selected children
-    const { children, places } = info.collisions, alpha = Math.min(0.5, 0.08 + 3 / children.length);
-    children.forEach((child, i) => {
-      if (state.mask[child]) for (const part of [1, 0.5]) paint(circle(places[i], part * Math.max(1.6, 7 / scale)), { fill: "critical", alpha });
+  function drawHeat({ paint }) { // collisions of the selected futures
+    const { futures, places } = info.collisions, alpha = Math.min(0.5, 0.08 + 3 / futures.length);
+    futures.forEach((future, i) => {
+      if (state.mask[future]) for (const part of [1, 0.5]) paint(circle(places[i], part * Math.max(1.6, 7 / scale)), { fill: "critical", alpha });
     });
   }
 

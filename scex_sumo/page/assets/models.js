@@ -1,7 +1,7 @@
-// Table of vehicles and models: how often a child is critical, given who drives a vehicle.
+// Table of vehicles and models: how often a future is critical, given who drives a vehicle.
 
 function modelTable(run, state) {
-  const { track_ids: ids, under_test: tested } = run.info, drawn = new Set(run.arrays.levels.values.subarray(0, run.children * run.vehicles));
+  const { track_ids: ids, under_test: tested } = run.info, drawn = new Set(run.arrays.levels.values.subarray(0, run.futures * run.vehicles));
   const models = run.info.models.filter((_, model) => drawn.has(model)); // human-like models come after those of the stress test
   const titles = models.map((name) => ({ title: name.replaceAll("_", " "), as: "percent", none: "", down: true }));
   let mean;
@@ -16,7 +16,7 @@ function modelTable(run, state) {
   const select = (v, model) => state.filter(`v${v}`, [model], `${ids[v]} as ${models[model]}`, (c) => run.model(c, v) === model);
 
   function draw(isShown) { // anew, of the vehicles shown
-    const { test, words } = criticalBy(run, state), chosen = [...Array(run.children).keys()].filter((c) => state.mask[c]);
+    const { test, words } = criticalBy(run, state), chosen = [...Array(run.futures).keys()].filter((c) => state.mask[c]);
     const hits = chosen.map((c) => Number(test(c)));
     mean = sum(hits) / chosen.length;
     byId("models-about").textContent = `Share of futures with ${words}, by the model of a vehicle; overall ${percent(mean)}. A click selects those futures.`;
@@ -30,9 +30,9 @@ function modelTable(run, state) {
   return { draw, select };
 }
 
-// Whether a child is critical by what is in focus: a collision, or a metric's threshold, else its worst tenth.
+// Whether a future is critical by what is in focus: a collision, or a metric's threshold, else its worst tenth.
 function criticalBy(run, { focus, thresholds, isCritical }) {
-  const collided = new Set(run.info.collisions.children);
+  const collided = new Set(run.info.collisions.futures);
   if (focus < 0) return { test: (c) => collided.has(c), words: "a collision" };
   const { name, sign, tenth } = run.info.metrics[focus], limit = thresholds[focus] ?? tenth;
   const words = `${name} ${sign} ${short(limit)}${thresholds[focus] === null ? ", the worst tenth" : ""}`;

@@ -1,4 +1,4 @@
-// Pairs of vehicles: speed, acceleration, body gap and TTC over time, in all children.
+// Pairs of vehicles: speed, acceleration, body gap and TTC over time, in all futures.
 
 const CORNERS = [[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5]];
 
@@ -103,14 +103,14 @@ function pairStrips(run, state, host) {
 
   // Draws the curves if they changed, and moves the cursor.
   return (isNew) => {
-    const { pair, child, step } = state, isRecorded = run.recorded && byId("show-recorded").checked, wanted = `${pair} ${state.selection} ${isRecorded}`, t = Math.round(step);
+    const { pair, future, step } = state, isRecorded = run.recorded && byId("show-recorded").checked, wanted = `${pair} ${state.selection} ${isRecorded}`, t = Math.round(step);
     const isOther = key !== wanted;
     if (isOther) {
       key = wanted;
       lines = coursesOf(run, pair, state.mask);
       recorded = isRecorded ? courseOf(run, run.recorded, pair, pair) : null;
     }
-    const own = lines.find((line) => line.futures.includes(child));
+    const own = lines.find((line) => line.futures.includes(future));
     for (const strip of strips) {
       if (isNew || isOther) draw(strip, own);
       strip.cursor.style.left = `${100 * step / last}%`;

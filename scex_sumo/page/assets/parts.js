@@ -20,7 +20,7 @@ function fillReport({ info }) {
     const limit = make("input", { type: "number", step: "any", placeholder: " ", title: "Threshold", ariaLabel: `Threshold of ${titled(metric)}` });
     const words = [
       ...(metric.recorded === null ? [] : [`recorded ${short(metric.recorded)} ${metric.unit}`]),
-      ...(metric.defined < info.children ? [`defined in ${metric.defined} of ${info.children} futures`] : []),
+      ...(metric.defined < info.futures ? [`defined in ${metric.defined} of ${info.futures} futures`] : []),
     ];
     const head = make("header", {}, make("span", titled(metric)), make("span", {}, make("b"), ` ${metric.sign} `, limit));
     const canvas = make("canvas", { ariaLabel: `Distribution of ${titled(metric)}`, hidden: !metric.ticks.length });
@@ -30,7 +30,7 @@ function fillReport({ info }) {
   }));
   const events = new Set(info.events.rows.map(({ metric }) => metric)), names = ["collision", ...metrics.map(({ name, mean }) => name + (mean ? " (mean)" : ""))];
   byId("focus").append(...names.map((name, i) => make("option", { textContent: name, value: i - 1 })).filter((_, i) => events.has(i - 1)));
-  const commands = { "open in sumo-gui": `scex-sumo view ${quoted} --child CHILD`, "export future": `scex-sumo export ${quoted} --child CHILD --to fcd`, "run again": info.command };
+  const commands = { "open in sumo-gui": `scex-sumo view ${quoted} --future FUTURE`, "export future": `scex-sumo export ${quoted} --future FUTURE --to fcd`, "run again": info.command };
   byId("copies").append(...Object.entries(commands).filter(([, text]) => text).map(([name, text]) => {
     const button = make("button", `copy: ${name}`);
     button.dataset.copy = text;

@@ -1,8 +1,8 @@
-// Player: time and children of a page, with keys, and what is saved of it.
+// Player: time and futures of a page, with keys, and what is saved of it.
 
 function makePlayer(run, state, map) {
   const { info } = run, last = run.frames - 1, canvas = byId("map");
-  const nameOf = (ending) => `${info.name}${state.child < 0 ? "" : `_${run.nameOf(state.child).replace("future ", "child").replace(" ", "_")}`}.${ending}`;
+  const nameOf = (ending) => `${info.name}${state.future < 0 ? "" : `_${run.nameOf(state.future).replace("future ", "future").replace(" ", "_")}`}.${ending}`;
 
   function play() {
     let before = performance.now();
@@ -31,20 +31,20 @@ function makePlayer(run, state, map) {
   }
 
   function copy(command) {
-    const folder = run.isHuman(state.child) ? `${info.folder}/reference` : info.folder;
-    const words = command.replace(`'${info.folder}'`, `'${folder}'`).replace("CHILD", run.number(Math.max(state.child, 0)));
+    const folder = run.isHuman(state.future) ? `${info.folder}/reference` : info.folder;
+    const words = command.replace(`'${info.folder}'`, `'${folder}'`).replace("FUTURE", run.number(Math.max(state.future, 0)));
     navigator.clipboard.writeText(words).then(() => say(`copied: ${words}`), () => say(words));
   }
 
   const clicks = {
-    play, all: () => state.change({ child: -1 }), previous: () => state.nextChild(true), next: () => state.nextChild(false),
+    play, all: () => state.change({ future: -1 }), previous: () => state.nextFuture(true), next: () => state.nextFuture(false),
     fit: map.fit, "zoom-in": () => map.zoom(1.3), "zoom-out": () => map.zoom(1 / 1.3),
     "help-open": () => byId("help").showModal(),
     "save-png": () => canvas.toBlob((blob) => save(blob, nameOf("png"))), "save-webm": film,
   };
   for (const [name, act] of Object.entries(clicks)) byId(name).onclick = () => act();
   Object.assign(byId("time"), { max: last, oninput: ({ target }) => state.seek(Number(target.value)) });
-  byId("child").onchange = ({ target: { value } }) => state.show(value === "" ? -1 : clamp(Math.round(value), 0, run.children - 1));
+  byId("future").onchange = ({ target: { value } }) => state.show(value === "" ? -1 : clamp(Math.round(value), 0, run.futures - 1));
   for (const box of all("[id^=show]")) box.onchange = () => state.change({}, "view");
   for (const button of all("[data-copy]")) button.onclick = () => copy(button.dataset.copy);
 
@@ -67,8 +67,8 @@ function makePlayer(run, state, map) {
     byId("time").value = state.step;
     tell(byId("clock"), seconds(state.step));
     tell(byId("play"), state.playing ? "❚❚" : "▶");
-    byId("all").classList.toggle("on", state.child < 0);
-    tell(byId("shown"), `shown: ${state.child < 0 ? "all futures of the stress test" : `${run.isHuman(state.child) ? "" : "stress test, "}${run.nameOf(state.child)}`}`);
-    if (document.activeElement !== byId("child")) byId("child").value = state.child < 0 ? "" : run.number(state.child);
+    byId("all").classList.toggle("on", state.future < 0);
+    tell(byId("shown"), `shown: ${state.future < 0 ? "all futures of the stress test" : `${run.isHuman(state.future) ? "" : "stress test, "}${run.nameOf(state.future)}`}`);
+    if (document.activeElement !== byId("future")) byId("future").value = state.future < 0 ? "" : run.number(state.future);
   };
 }

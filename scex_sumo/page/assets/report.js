@@ -7,8 +7,8 @@ function runReport(run) {
   const charts = all(".chart").map((element) => makeChart(run, state, element)), find = byId("find");
 
   function show(row) {
-    const { child, step } = row.event === undefined ? row : select.typicalOf(row);
-    state.show(child, { pair: row.pair, step, playing: false });
+    const { future, step } = row.event === undefined ? row : select.typicalOf(row);
+    state.show(future, { pair: row.pair, step, playing: false });
   }
   function jump(row) {
     show(row);
@@ -16,13 +16,13 @@ function runReport(run) {
   }
   const drawCard = vehicleCard(run, state, map, jump);
 
-  const isOpen = ({ pair, human }) => Boolean(state.pair && pair) && pair.every((v) => state.pair.includes(v)) && (state.child < 0 || run.isHuman(state.child) === human);
+  const isOpen = ({ pair, human }) => Boolean(state.pair && pair) && pair.every((v) => state.pair.includes(v)) && (state.future < 0 || run.isHuman(state.future) === human);
   const encounters = makeTable(byId("encounters"), info.encounters, { onRow: jump, isChosen: isOpen, onSort: () => address.later() });
-  const worst = makeTable(byId("worst"), info.events, { onRow: jump, isChosen: ({ children }) => children.includes(state.child) });
+  const worst = makeTable(byId("worst"), info.events, { onRow: jump, isChosen: ({ futures }) => futures.includes(state.future) });
 
   function drawSelection() { // chips, P(collision), and what tables have of the selected futures
     const chips = [...state.filters].map(([key, { words }]) => make("button.chip", { textContent: `${words} ×`, title: "Clear", onclick: () => state.filter(key) }));
-    byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.children} futures`)] : []), ...chips);
+    byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.futures} futures`)] : []), ...chips);
     for (const [name, known, isHuman] of [["p-collision", info.collision, false], ["likely-collision", info.likely_collisions, true]]) {
       const said = byId(name), told = byId(`${name}-words`);
       if (!said || !known) continue;
@@ -56,12 +56,12 @@ function runReport(run) {
   }
 
   function drawPair(isNew) {
-    const { pair, child } = state;
+    const { pair, future } = state;
     byId("pairbox").hidden = !pair;
     if (!pair) return;
     if (isNew) {
-      const of = pair.map((v) => id(v) + (child < 0 ? "" : ` ${info.models[run.model(child, v)]}`));
-      byId("pair-title").replaceChildren(make("span.solid", of[0]), " and ", make("span.dashed", of[1]), child < 0 ? ", all futures" : `, ${run.nameOf(child)}`);
+      const of = pair.map((v) => id(v) + (future < 0 ? "" : ` ${info.models[run.model(future, v)]}`));
+      byId("pair-title").replaceChildren(make("span.solid", of[0]), " and ", make("span.dashed", of[1]), future < 0 ? ", all futures" : `, ${run.nameOf(future)}`);
     }
     drawStrips(isNew);
   }
@@ -75,21 +75,21 @@ function runReport(run) {
 
   state.onChange = (any) => {
     if (any("selection")) map.weigh();
-    if (any("pair", "child", "step")) map.follow(any("pair", "child"));
+    if (any("pair", "future", "step")) map.follow(any("pair", "future"));
     map.draw();
     drawPlayer();
     drawCard();
-    if (any("selection", "child", "thresholds", "size")) drawCharts();
+    if (any("selection", "future", "thresholds", "size")) drawCharts();
     if (any("size")) drawTested();
-    if (any("pair", "child", "step", "selection", "size", "view")) drawPair(any("pair", "child", "selection", "size"));
+    if (any("pair", "future", "step", "selection", "size", "view")) drawPair(any("pair", "future", "selection", "size"));
     if (any("selection", "find")) drawSelection();
     if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
     if (any("thresholds", "focus", "selection")) models.draw(select.isShown);
     if (any("focus", "selection")) drawWorst();
-    if (any("pair", "child")) for (const table of [encounters, worst]) table.choose();
+    if (any("pair", "future")) for (const table of [encounters, worst]) table.choose();
     byId("only-pair").classList.toggle("on", state.filters.has("pair"));
     byId("only-future").classList.toggle("on", state.filters.has("future"));
-    byId("only-future").disabled = state.child < 0;
+    byId("only-future").disabled = state.future < 0;
     address.later();
   };
 
@@ -109,10 +109,10 @@ function runReport(run) {
       },
     },
     future: {
-      get: () => ({ "": state.child < 0 ? "" : `${run.isHuman(state.child) ? "h" : ""}${run.number(state.child)}` }),
+      get: () => ({ "": state.future < 0 ? "" : `${run.isHuman(state.future) ? "h" : ""}${run.number(state.future)}` }),
       set({ "": text = "" }) {
         const [, isHuman, number] = /^(h?)(\d+)$/.exec(text) || [];
-        state.show(number === undefined ? -1 : isHuman ? Math.min(run.children + Number(number), run.total - 1) : Math.min(number, run.children - 1));
+        state.show(number === undefined ? -1 : isHuman ? Math.min(run.futures + Number(number), run.total - 1) : Math.min(number, run.futures - 1));
       },
     },
     t: { get: () => ({ "": (state.step / 10).toFixed(1) }), set: ({ "": text = 0 }) => state.seek(10 * (Number(text) || 0)) },
@@ -159,7 +159,7 @@ function runReport(run) {
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });
   byId("curve").onchange = byId("means").onchange = redraw;
   byId("only-pair").onclick = () => only("pair", () => select.onlyPair(state.pair));
-  byId("only-future").onclick = () => only("future", () => select.onlyFuture(state.child));
+  byId("only-future").onclick = () => only("future", () => select.onlyFuture(state.future));
   byId("pair-close").onclick = () => state.change({ pair: null });
   byId("release").onclick = () => {
     [...state.filters.keys()].forEach((key) => state.filter(key));

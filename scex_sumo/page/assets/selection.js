@@ -5,10 +5,10 @@ const MAX_TYPICAL = 15; // futures of which the typical one is looked for
 const NEAR_M = 10;
 
 function makeSelection(run, state) {
-  const { collisions, events, encounters, bits, track_ids: ids, types, packed } = run.info, worst = new Map(), collided = new Set(collisions.children);
+  const { collisions, events, encounters, bits, track_ids: ids, types, packed } = run.info, worst = new Map(), collided = new Set(collisions.futures);
   const any = sum(Object.values(bits));
   const places = new Map(encounters.pairs.map((pair, place) => [pairKey(pair), place]));
-  for (const { pair, children } of events.rows) if (pair) worst.set(pairKey(pair), new Set([...worst.get(pairKey(pair)) || [], ...children]));
+  for (const { pair, futures } of events.rows) if (pair) worst.set(pairKey(pair), new Set([...worst.get(pairKey(pair)) || [], ...futures]));
   const isOfPair = ({ pair }) => !state.filters.has("pair") || Boolean(pair) && pairKey(pair) === pairKey(state.filters.get("pair").value);
   const share = ({ event, human }, some) => state.shareOf((c) => run.events(event, c) & some, human);
   const isEvent = (row) => share(row, any).count > 0;
@@ -19,7 +19,7 @@ function makeSelection(run, state) {
     const isCritical = [...state.mask.keys()].some(critical);
     state.filter("pair", pair, `${pair.map(run.id).join(" and ")} are ${isCritical ? "critical" : "the worst pair"}`, isCritical ? critical : (c) => futures.has(c));
   }
-  const onlyFuture = (child) => state.filter("future", [child], run.nameOf(child), (c) => c === child);
+  const onlyFuture = (future) => state.filter("future", [future], run.nameOf(future), (c) => c === future);
 
   // Whether an encounter has all words of a search: numbers are vehicles.
   function isFound({ pair, words }, search) {
@@ -30,34 +30,34 @@ function makeSelection(run, state) {
   // The typical one of the selected futures with tracks: of those that collide, else are critical, the middle
   // one by least gap. The run's own typical future stays where it is selected.
   function typicalOf(row) {
-    const { child, step, pair, human, event, cells } = row;
-    if (state.mask[child] && run.isPacked(child)) return { child, step, gap: cells.at(-2) };
+    const { future, step, pair, human, event, cells } = row;
+    if (state.mask[future] && run.isPacked(future)) return { future, step, gap: cells.at(-2) };
     const chosen = packed.filter((c) => state.mask[c] && run.isHuman(c) === human);
     const hits = [bits.collision, any, 0].map((some) => chosen.filter((c) => !some || run.events(event, c) & some)).find(({ length }) => length) || [];
     const met = hits.slice(0, MAX_TYPICAL).map((c) => {
       const [paths, sizes] = [pair.map((v) => pathAt(run, c, v)), pair.map((v) => run.info.sizes[v])];
       const gaps = paths[0].map((pose, t) => bodyGap(pose, sizes[0], paths[1][t], sizes[1])), gap = Math.min(...gaps);
-      return { child: c, step: gaps.indexOf(gap), gap };
+      return { future: c, step: gaps.indexOf(gap), gap };
     });
-    return met.sort((a, b) => a.gap - b.gap)[Math.floor((met.length - 1) / 2)] || { child: -1 };
+    return met.sort((a, b) => a.gap - b.gap)[Math.floor((met.length - 1) / 2)] || { future: -1 };
   }
 
   function encounterRows(search) {
     const rows = encounters.rows.filter((row) => isOfPair(row) && isFound(row, search));
     if (!state.filters.size) return rows;
     return rows.filter((row) => state.filters.has("pair") || isEvent(row)).map((row) => {
-      const hit = share(row, bits.collision), { child, step, gap } = typicalOf(row);
-      const shown = { range: range(hit), gap: gap < NEAR_M ? gap : null, after: child < 0 ? null : step / 10 };
+      const hit = share(row, bits.collision), { future, step, gap } = typicalOf(row);
+      const shown = { range: range(hit), gap: gap < NEAR_M ? gap : null, after: future < 0 ? null : step / 10 };
       for (const [name, bit] of Object.entries(bits)) shown[name] = bit === bits.collision || encounters.known ? share(row, bit).value : null;
-      return { ...row, child, step, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
+      return { ...row, future, step, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
     });
   }
 
   function eventRows() {
-    const chosen = events.rows.filter((row) => row.metric === state.focus && isOfPair(row)).map((row) => ({ ...row, children: row.children.filter((c) => state.mask[c]) }));
-    return chosen.filter(({ children }) => children.length).map((row) => {
-      const named = row.children.slice(0, 4).join(", ") + (row.children.length > 4 ? ", …" : "");
-      return { ...row, child: row.children.find(run.isPacked) ?? row.children[0], cells: [...row.cells.slice(0, 3), row.children.length, named] };
+    const chosen = events.rows.filter((row) => row.metric === state.focus && isOfPair(row)).map((row) => ({ ...row, futures: row.futures.filter((c) => state.mask[c]) }));
+    return chosen.filter(({ futures }) => futures.length).map((row) => {
+      const named = row.futures.slice(0, 4).join(", ") + (row.futures.length > 4 ? ", …" : "");
+      return { ...row, future: row.futures.find(run.isPacked) ?? row.futures[0], cells: [...row.cells.slice(0, 3), row.futures.length, named] };
     });
   }
 

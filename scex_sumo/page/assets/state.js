@@ -3,9 +3,9 @@
 function makeState(run) {
   const pending = new Set(), filters = new Map();
   const state = {
-    step: 0, child: -1, pair: null, vehicle: null, focus: -1, playing: false, filters,
+    step: 0, future: -1, pair: null, vehicle: null, focus: -1, playing: false, filters,
     thresholds: run.info.metrics.map((metric) => metric.threshold),
-    selection: 0, mask: new Uint8Array(run.total).fill(1), count: run.children, human: run.total - run.children,
+    selection: 0, mask: new Uint8Array(run.total).fill(1), count: run.futures, human: run.total - run.futures,
 
     // Takes values, and tells at most once per frame, with a test for names, what has changed since.
     change(values, ...names) {
@@ -21,22 +21,22 @@ function makeState(run) {
 
     seek(step) { state.change({ step: clamp(step, 0, run.frames - 1), playing: false }); },
 
-    // Selects the children that a filter keeps, together with all other filters; without a test it goes.
+    // Selects the futures that a filter keeps, together with all other filters; without a test it goes.
     // `value` is what the address of the page keeps of it.
     filter(key, value, words, keeps) {
       if (keeps) filters.set(key, { value, words, keeps });
       else filters.delete(key);
       state.mask = state.mask.map((_, c) => [...filters.values()].every((entry) => entry.keeps(c)));
-      state.change({ selection: state.selection + 1, count: sum(state.mask.subarray(0, run.children)), human: sum(state.mask.subarray(run.children)) });
+      state.change({ selection: state.selection + 1, count: sum(state.mask.subarray(0, run.futures)), human: sum(state.mask.subarray(run.futures)) });
     },
-    show(child, values = {}) { // a future, if the page has its tracks
-      if (child < 0 || run.isPacked(child)) return state.change({ child, ...values });
-      say(`the page holds no tracks of ${run.nameOf(child)}: scex-sumo view ${run.info.folder} --child ${child}`);
+    show(future, values = {}) { // a future, if the page has its tracks
+      if (future < 0 || run.isPacked(future)) return state.change({ future, ...values });
+      say(`the page holds no tracks of ${run.nameOf(future)}: scex-sumo view ${run.info.folder} --future ${future}`);
     },
-    nextChild(isBack) { // of the selected ones with tracks, in a circle
+    nextFuture(isBack) { // of the selected ones with tracks, in a circle
       const chosen = run.info.packed.filter((c) => state.mask[c]);
-      const next = isBack ? chosen.findLast((c) => c < state.child) : chosen.find((c) => c > state.child);
-      state.change({ child: next ?? chosen.at(isBack ? -1 : 0) ?? -1 });
+      const next = isBack ? chosen.findLast((c) => c < state.future) : chosen.find((c) => c > state.future);
+      state.change({ future: next ?? chosen.at(isBack ? -1 : 0) ?? -1 });
     },
 
     isCritical(m, value, limit = state.thresholds[m]) {
@@ -45,7 +45,7 @@ function makeState(run) {
     },
     // Share of the selected futures of a set in which something happens.
     shareOf(happens, isHuman = false) {
-      const [first, stop, all] = isHuman ? [run.children, run.total, state.human] : [0, run.children, state.count];
+      const [first, stop, all] = isHuman ? [run.futures, run.total, state.human] : [0, run.futures, state.count];
       let count = 0;
       for (let c = first; c < stop; c++) if (state.mask[c] && happens(c)) count++;
       const found = interval(count / all, all);
@@ -57,7 +57,7 @@ function makeState(run) {
       const found = state.shareOf((c) => state.isCritical(m, run.columns[m][c]), isHuman), { p, threshold, numbers } = run.info.metrics[m];
       if (isHuman || filters.size) return found;
       const own = p && state.thresholds[m] === threshold ? p : interval(found.value, numbers.find(([share]) => share >= found.value)[1]);
-      return { ...found, ...own, words: `${found.count} of ${run.children} futures; 95 %: ${range(own)}` };
+      return { ...found, ...own, words: `${found.count} of ${run.futures} futures; 95 %: ${range(own)}` };
     },
   };
   return state;

@@ -21,7 +21,7 @@ function vehicleCard(run, state, map, jump) {
     card.hidden = v === null;
     if (v === null) return;
     const { speed: [speeds], acceleration: [rates] } = motionOf(run, run.poses, [map.rowOf(v)]), t = Math.round(state.step), met = mine(v);
-    const by = state.child < 0 ? "as in most of the futures" : info.models[run.model(state.child, v)];
+    const by = state.future < 0 ? "as in most of the futures" : info.models[run.model(state.future, v)];
     const words = `${info.types[v]}${info.under_test.includes(id(v)) ? " under test" : ""} · ${short(speeds[t], 1)} m/s · ${short(rates[t], 1)} m/s² · ${by}`;
     const key = `${v} ${isKept}`;
     if (shown !== key) { // a button that is made anew while it is pressed has no click

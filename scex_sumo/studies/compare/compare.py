@@ -1,6 +1,6 @@
 """Compare runs by the densities of their metrics: by the values, and by how often they are defined.
 
-Axes are R (run), C (child), M (metric). Formulas: docs/compare.md.
+Axes are R (run), C (future), M (metric). Formulas: docs/compare.md.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from scex_sumo.statistics.density import BANDWIDTH, density
 Kind: TypeAlias = Literal["w1", "jsd"]
 
 KINDS: Final[tuple[str, ...]] = get_args(Kind)
-FEW_CHILDREN: Final = 30
+FEW_FUTURES: Final = 30
 
 Columns: TypeAlias = Sequence[FloatArray]
-"""One metric in all runs: R arrays (C,), NaN in the children where it is undefined; inf is a value."""
+"""One metric in all runs: R arrays (C,), NaN in the futures where it is undefined; inf is a value."""
 
 SPREAD: Final = (0.1, 0.9)  # pooled quantiles between which the middle of all values lies
 FENCE: Final = 1.0  # spreads beyond those quantiles at which a value no longer moves a distance
@@ -74,7 +74,7 @@ def pooled_scale(columns: Columns) -> Scale:
 def wasserstein_distances(columns: Columns, scale: Scale) -> FloatArray:
     """Return the Wasserstein-1 distances (R, R) of one metric in units of its scale.
 
-    Every child counts, so the triangle inequality holds.
+    Every future counts, so the triangle inequality holds.
     """
     placed = [np.sort(scale.place(column)) for column in columns]
     at = np.unique(np.concatenate(placed))
@@ -162,7 +162,7 @@ class Comparison:
 
     @property
     def chance(self) -> float:
-        """Typical distance of two runs of one seed scene; NaN if no run has two children."""
+        """Typical distance of two runs of one seed scene; NaN if no run has two futures."""
         return float("nan") if np.isnan(self.noise).all() else float(np.nanmedian(self.noise))
 
     def nearest(self, run: int) -> IntArray:
@@ -207,11 +207,9 @@ def comparable(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
             notes.append(
                 f"{what} of {_listing(differing)} are not those of {labels[0]}; distances show that too"
             )
-    few = [label for label, run in zip(labels, runs, strict=True) if run.children < FEW_CHILDREN]
+    few = [label for label, run in zip(labels, runs, strict=True) if run.futures < FEW_FUTURES]
     if few:
-        notes.append(
-            f"fewer than {FEW_CHILDREN} futures in {_listing(few)}; expect distances by chance alone"
-        )
+        notes.append(f"fewer than {FEW_FUTURES} futures in {_listing(few)}; expect distances by chance alone")
     return notes
 
 
@@ -256,9 +254,9 @@ def _noise(samples: Mapping[str, Columns], scales: Sequence[Scale], kind: Kind) 
     noise = np.zeros((runs, len(samples)))
     for m, (columns, scale) in enumerate(zip(samples.values(), scales, strict=True)):
         for r, column in enumerate(columns):
-            noise[r, m] = np.nan  # one child says nothing about chance
+            noise[r, m] = np.nan  # one future says nothing about chance
             if column.size > 1:
-                # Neighbouring children may belong together in a balanced design: halves at random.
+                # Neighbouring futures may belong together in a balanced design: halves at random.
                 halves = np.array_split(np.random.default_rng(0).permutation(column), 2)
                 values, undefined = _distances(halves, scale, kind)
                 noise[r, m] = values[0, 1] + undefined[0, 1]

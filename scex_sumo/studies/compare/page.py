@@ -95,7 +95,7 @@ def _ridges(runs: Sequence[Run], comparison: Comparison, grouping: Grouping, m: 
     for row, run in enumerate(int(r) for r in grouping.order):
         foot, kind = float(-row - 1), kind_of(int(grouping.group[run]))
         parts.append(plane.line(np.array(x), np.full(2, foot), "axis"))
-        share = samples[run].size / runs[run].children
+        share = samples[run].size / runs[run].futures
         parts += _ridge(plane, samples[run], share, foot, kind)
         parts.append(plane.words(x[0], foot + 0.62, comparison.labels[run], anchor="start"))
         if share < 1:
@@ -271,7 +271,7 @@ def _pair(runs: Sequence[Run], comparison: Comparison, run: int, other: int) -> 
 
 def _typical(run: Run, metric: str) -> str:
     samples = run.samples(metric)
-    share = len(samples) / run.children
+    share = len(samples) / run.futures
     if share == 0:
         return "undefined"
     text = f"{np.median(samples):.2f} {metric_of(metric).column_unit}".rstrip()

@@ -84,13 +84,13 @@ def explain_command(
             for line in _told(run, explanation, ids, names, worst_ones):
                 print_line(line, console)
     if not any(explanation.effects for explanation in shown):
-        print("too few futures, or values that do not vary: no shares; run with more --children")
+        print("too few futures, or values that do not vary: no shares; run with more --futures")
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")
     if page is not None:
         print(f"report: {page}")
 
     def answer() -> dict[str, Any]:
-        return {"scene": run.info["seed_scene"]["name"], "futures": run.children} | {
+        return {"scene": run.info["seed_scene"]["name"], "futures": run.futures} | {
             "explanations": [
                 {
                     "metric": e.metric,
@@ -160,7 +160,7 @@ def _told(
     for c in explanation.rules if table is None else ():
         models = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
         sure = "" if whole else f"95 %: {c.low:.0%} – {c.high:.0%}, "
-        counted = f"{c.critical} of {c.children}; {c.covered:.0%} of the critical ones"
+        counted = f"{c.critical} of {c.futures}; {c.covered:.0%} of the critical ones"
         yield f"  {c.share:.0%} with {models} ({sure}{counted})"
     if explanation.effects and table is None:
         yield f"  variance: {_sources(explanation.effects, ids)}"
@@ -175,4 +175,4 @@ def _told(
         if len(drivers) > _SHOWN_DRIVERS:
             both = (f"{row['track_id']}=", f"{row['other_id']}=")
             drivers = [name for name in drivers if name.startswith(both)]
-        yield f"  future {row['child']}: {', '.join(value)}: {' '.join(drivers)}"
+        yield f"  future {row['future']}: {', '.join(value)}: {' '.join(drivers)}"

@@ -12,10 +12,10 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.statistics.density import CONFIDENCE, wilson
 
-CHILDREN_PER_PARAMETER: Final = 5
-"""Children that each parameter of a fit needs."""
-MIN_CHILDREN: Final = 5
-"""Conditions of fewer children are left out."""
+FUTURES_PER_PARAMETER: Final = 5
+"""Futures that each parameter of a fit needs."""
+MIN_FUTURES: Final = 5
+"""Conditions of fewer futures are left out."""
 _TRIED: Final = 5  # pairs of the largest screened gain that are tested in each step
 _HUGE: Final = 1e100  # larger values are scaled, so that their squares are finite
 
@@ -44,16 +44,16 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class Condition:
-    """Critical share of the children in which one or two vehicles have certain models.
+    """Critical share of the futures in which one or two vehicles have certain models.
 
     Attributes:
         share: critical share, with Wilson's 95 % interval ``low`` to ``high``, as in the report.
-        covered: share of all critical children that are so.
+        covered: share of all critical futures that are so.
     """
 
     vehicles: tuple[int, ...]
     models: tuple[int, ...]
-    children: int
+    futures: int
     critical: int
     share: float
     low: float
@@ -62,12 +62,12 @@ class Condition:
 
 
 class Cells:
-    """Children by the models of one vehicle or two, for G groups of vehicles and K cells in all.
+    """Futures by the models of one vehicle or two, for G groups of vehicles and K cells in all.
 
     Attributes:
         groups: (G) indices of one vehicle or two.
         group: (K,) group of each cell.
-        count: (K,) children in each cell.
+        count: (K,) futures in each cell.
     """
 
     def __init__(self, levels: IntArray, groups: Sequence[tuple[int, ...]]) -> None:
@@ -80,12 +80,12 @@ class Cells:
         self.count = np.bincount(self._code, minlength=len(used))
 
     def sums(self, weights: FloatArray | BoolArray) -> FloatArray:
-        """Return the sums (K,) of the weights (C,) of the children in each cell."""
+        """Return the sums (K,) of the weights (C,) of the futures in each cell."""
         every = np.repeat(weights, len(self.groups))
         return np.bincount(self._code, every, minlength=len(self.count)).astype(np.float64)
 
     def of(self, group: int) -> IntArray:
-        """Return the cell (C,) of each child in one group."""
+        """Return the cell (C,) of each future in one group."""
         return np.asarray(self._code[group :: len(self.groups)])
 
     def squares(self, values: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -123,10 +123,10 @@ def effects(
 
     Exact Sobol' indices if every assignment occurs once. Else a least squares fit by forward selection:
     vehicles, then pairs, enter if the F test finds them beyond chance (5 % after Bonferroni) and
-    `CHILDREN_PER_PARAMETER` allows.
+    `FUTURES_PER_PARAMETER` allows.
 
     Args:
-        levels: (C, V) model of each vehicle in each child.
+        levels: (C, V) model of each vehicle in each future.
         values: (C, Q); only finite ones count.
         pairs: vehicles that may have an effect together, the lower index first; None for any two.
         progress: called with (columns done, columns in all).
@@ -159,7 +159,7 @@ def _effects_of(
     assignments = int(np.prod([len(np.unique(levels[:, v])) for v in free], dtype=np.float64))
     if whole and len(levels) == assignments == len(np.unique(levels, axis=0)):
         fit.add_all(all_cells(levels))
-    elif len(y) < CHILDREN_PER_PARAMETER * min(len(np.unique(levels[:, v])) for v in free):
+    elif len(y) < FUTURES_PER_PARAMETER * min(len(np.unique(levels[:, v])) for v in free):
         return []
     else:
         cells = all_cells(levels, pairs)
@@ -212,7 +212,7 @@ class _Fit:
             new = vectors[:, size > 1e-6]
             degrees, spare = new.shape[1], count - basis.shape[1] - new.shape[1]
             basis, along = np.concatenate([basis, new], axis=1), new.T @ residual
-            if not degrees or basis.shape[1] * CHILDREN_PER_PARAMETER > count:
+            if not degrees or basis.shape[1] * FUTURES_PER_PARAMETER > count:
                 return False
             gain, residual = float(along @ along), residual - new @ along
             noise = float(residual @ residual) / spare
@@ -245,7 +245,7 @@ class _Fit:
 
 
 def conditions(cells: Cells, critical: BoolArray) -> list[Condition]:
-    """Return critical shares (of (C,) critical children) under models, if beyond chance.
+    """Return critical shares (of (C,) critical futures) under models, if beyond chance.
 
     Ordered by the lower limit of the critical share, highest first; of equals, the simpler first.
     """
@@ -258,7 +258,7 @@ def conditions(cells: Cells, critical: BoolArray) -> list[Condition]:
 def _beyond_chance(count: FloatArray | IntArray, hits: FloatArray, share: float) -> list[int]:
     from scipy.special import bdtrc
 
-    enough = count >= MIN_CHILDREN
+    enough = count >= MIN_FUTURES
     limit = (1 - CONFIDENCE) / max(int(enough.sum()), 1)
     chance = bdtrc(np.maximum(hits - 1, 0), count.astype(np.int64), share)
     return np.flatnonzero(enough & (hits > 0) & (chance < limit)).tolist()
@@ -269,7 +269,7 @@ def _condition(cells: Cells, cell: int, hits: FloatArray, total: int) -> Conditi
     return Condition(
         vehicles=cells.groups[cells.group[cell]],
         models=cells.models(cell),
-        children=int(cells.count[cell]),
+        futures=int(cells.count[cell]),
         critical=int(hits[cell]),
         share=interval.value,
         low=interval.low,
@@ -281,8 +281,8 @@ def _condition(cells: Cells, cell: int, hits: FloatArray, total: int) -> Conditi
 def covering(cells: Cells, critical: BoolArray, most: int) -> list[Condition]:
     """Choose at most ``most`` conditions that together account for much of what is critical.
 
-    Each step takes the condition beyond chance with the most critical children beyond the overall share, by
-    Wilson's lower limit, among children without a condition so far.
+    Each step takes the condition beyond chance with the most critical futures beyond the overall share, by
+    Wilson's lower limit, among futures without a condition so far.
 
     Source: sequential covering, Clark, Niblett 1989.
     """

@@ -25,9 +25,9 @@ from scex_sumo.studies.explain.effects import (
 )
 
 WORST_SHARE: Final = 0.1
-"""The most critical tenth stands in for the critical children of a metric without threshold."""
+"""The most critical tenth stands in for the critical futures of a metric without threshold."""
 RULES: Final = 3
-MOMENT_MS: Final = 1000  # the seed scene is frame 10 of every child
+MOMENT_MS: Final = 1000  # the seed scene is frame 10 of every future
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,11 +35,11 @@ class Explanation:
     """Explanation of one metric.
 
     Attributes:
-        defined: number of children in which it is defined.
+        defined: number of futures in which it is defined.
         threshold: of criticality; the limit of the most critical tenth if the metric has none.
         given: whether the threshold is the run's.
-        p_critical: critical share of all children.
-        worst: most critical children, the worst first.
+        p_critical: critical share of all futures.
+        worst: most critical futures, the worst first.
     """
 
     metric: str
@@ -74,7 +74,7 @@ def explain(
 
     Args:
         metrics: metric columns, ``collision``, or two track ids ``A,B``: whether these two collide.
-        worst: how many of the most critical children are named.
+        worst: how many of the most critical futures are named.
         progress: True for a bar on a terminal or in a notebook; or called with (steps done, steps in all).
     """
     names = [m if pair_of(m) else column_named(m, [*run.outcomes, *run.columns]) for m in metrics]
@@ -121,7 +121,7 @@ def _explain(
 
 
 def meeting(run: Run) -> set[tuple[int, int]]:
-    """Return the pairs of vehicles, as indices, that meet in some child."""
+    """Return the pairs of vehicles, as indices, that meet in some future."""
     place = {track: index for index, track in enumerate(run.info["seed_scene"]["track_ids"])}
     rows = zip(run.encounters["track_id"].to_pylist(), run.encounters["other_id"].to_pylist(), strict=True)
     pairs = (sorted((place[one], place[two])) for one, two in rows)
@@ -137,7 +137,7 @@ def pair_of(metric: str) -> tuple[int, int] | None:
 
 
 def metric_values(run: Run, metric: str) -> FloatArray:
-    """Return the values (C,) of a metric; for ``A,B`` 1 in children in which the two collide, else 0."""
+    """Return the values (C,) of a metric; for ``A,B`` 1 in futures in which the two collide, else 0."""
     pair = pair_of(metric)
     if pair is None:
         return run.values(metric)
@@ -146,11 +146,11 @@ def metric_values(run: Run, metric: str) -> FloatArray:
     both = np.isin(one, pair) & np.isin(two, pair) & (one != two)
     if not both.any():
         raise UsageError(f"{metric}: these two collide in no future; see scex-sumo encounters {run.folder}")
-    return np.isin(np.asarray(run.metrics["child"]), np.asarray(table["child"])[both]).astype(np.float64)
+    return np.isin(np.asarray(run.metrics["future"]), np.asarray(table["future"])[both]).astype(np.float64)
 
 
 def assignment_of(run: Run) -> tuple[IntArray, list[str]]:
-    """Return the model (C, V) of each vehicle in each child, and the models' names."""
+    """Return the model (C, V) of each vehicle in each future, and the models' names."""
     table = run.assignments
     names, flat = np.unique(np.asarray(table["model"].to_pylist(), dtype=str), return_inverse=True)
     vehicles = int(run.info["seed_scene"]["vehicles"])
@@ -185,7 +185,7 @@ def condition_rows(
             "model": names[c.models[0]],
             "other_id": track_ids[c.vehicles[1]] if len(c.vehicles) > 1 else None,
             "other_model": names[c.models[1]] if len(c.vehicles) > 1 else None,
-            "children": c.children,
+            "futures": c.futures,
             "critical": c.critical,
             "share": c.share,
             "low": c.low,
@@ -199,30 +199,30 @@ def condition_rows(
 def worst_rows(
     run: Run, explanation: Explanation, levels: IntArray, names: Sequence[str]
 ) -> list[dict[str, Any]]:
-    """Return the most critical children as rows; ``levels`` and ``names`` as of `assignment_of`."""
+    """Return the most critical futures as rows; ``levels`` and ``names`` as of `assignment_of`."""
     track_ids = run.info["seed_scene"]["track_ids"]
     metric = explanation.metric.removesuffix("_mean")
     source = {
-        row["child"]: row
+        row["future"]: row
         for row in (run.worst.to_pylist() if metric == explanation.metric else [])
-        if row["metric"] == metric and row["child"] in explanation.worst
+        if row["metric"] == metric and row["future"] in explanation.worst
     }
     pair = pair_of(explanation.metric)
     if explanation.metric == COLLISION or pair:
-        hits = run.collisions.sort_by([("time_s", "descending")]).to_pylist()  # the first of a child stays
+        hits = run.collisions.sort_by([("time_s", "descending")]).to_pylist()  # the first of a future stays
         hits = [hit for hit in hits if not pair or {hit["track_id"], hit["other_id"]} == set(pair)]
-        source = {hit["child"]: hit | {"timestamp_ms": MOMENT_MS + 1000 * hit["time_s"]} for hit in hits}
+        source = {hit["future"]: hit | {"timestamp_ms": MOMENT_MS + 1000 * hit["time_s"]} for hit in hits}
     values, rows = metric_values(run, explanation.metric), []
-    for rank, child in enumerate(explanation.worst, 1):
-        by = source.get(child, {})
+    for rank, future in enumerate(explanation.worst, 1):
+        by = source.get(future, {})
         stamp = by.get("timestamp_ms")
-        drivers = zip(track_ids, levels[child], strict=True)
+        drivers = zip(track_ids, levels[future], strict=True)
         rows.append(
             {
                 "metric": explanation.metric,
                 "rank": rank,
-                "child": child,
-                "value": None if np.isnan(values[child]) else float(values[child]),
+                "future": future,
+                "value": None if np.isnan(values[future]) else float(values[future]),
                 "track_id": by.get("track_id"),
                 "other_id": by.get("other_id"),
                 "after_s": None if stamp is None else (stamp - MOMENT_MS) / 1000,

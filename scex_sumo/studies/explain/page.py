@@ -53,7 +53,7 @@ def write_explanations(
         "worst": page_table(_WORST, [row for rows in worst.values() for row in rows]),
     }
     scene = run.info["seed_scene"]
-    about = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.children, 'future')}"
+    about = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.futures, 'future')}"
     return write_study(
         run.folder / HTML, f"Which models make it critical: {scene['name']}", about, *cards, tables=tables
     )
@@ -94,7 +94,7 @@ _CONDITIONS = (
 )
 _WORST = (
     Column(lambda row: _titled(row["metric"]), "metric"),
-    Column("child", "child"),
+    Column("future", "future"),
     Column("value", "value", "real"),
     Column(
         lambda row: " – ".join(str(row[k]) for k in ("track_id", "other_id") if row[k] is not None) or None,

@@ -34,14 +34,14 @@ class StudySettings:
     """Settings that all studies of moments share.
 
     Attributes:
-        run: of each moment; SUMO checks samples of its children.
+        run: of each moment; SUMO checks samples of its futures.
         every: least time between two moments of a recording, s; every case is a moment.
         min_vehicles: least number of moving vehicles.
         cache: use converted nets in ``~/.cache/scex-sumo``.
         weights: SHA-256 of the weights by learned model.
     """
 
-    run: RunSettings = field(default_factory=lambda: RunSettings(children=96))
+    run: RunSettings = field(default_factory=lambda: RunSettings(futures=96))
     every: float = 1.0
     min_vehicles: int = 2
     cache: bool = True
@@ -54,8 +54,8 @@ class StudySettings:
         run = self.run
         if run.count is None or run.until_band is not None or run.assign or run.under_test:
             raise UsageError(
-                "a study draws the models of all vehicles in a fixed number of children; "
-                "leave out children='all', until_band, assign and under_test"
+                "a study draws the models of all vehicles in a fixed number of futures; "
+                "leave out futures='all', until_band, assign and under_test"
             )
         models = written(run.models)
         run = dataclasses.replace(run, models=models, keep_plans=False, world="checked")
@@ -69,8 +69,8 @@ class StudySettings:
             raise UsageError(f"--{option}: got {getattr(self, name)}, needs at least 1")
 
     @property
-    def children(self) -> int:
-        """Maximum number of children of a moment."""
+    def futures(self) -> int:
+        """Maximum number of futures of a moment."""
         assert self.run.count is not None
         return self.run.count
 
@@ -95,7 +95,7 @@ class StudySettings:
             "every_s": self.every,
             "min_vehicles": self.min_vehicles,
             "first": first,
-            "children": self.children,
+            "futures": self.futures,
             "top": top,
             "models": [m if isinstance(m, str) else f"{m}@{m.weight!r} {m.state}" for m in self.models],
             "weights": dict(self.weights),
@@ -152,7 +152,7 @@ def unpack_road(packed: bytes) -> Road:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MomentTask:
-    """Some children of one moment, to be run.
+    """Some futures of one moment, to be run.
 
     Attributes:
         scene: its seed scene, without the road.
@@ -163,7 +163,7 @@ class MomentTask:
     ref: MomentRef
     scene: SeedScene
     road: bytes | None
-    children: range
+    futures: range
     settings: StudySettings
     version: str = __version__
 
@@ -219,7 +219,7 @@ def road_and_net(packed: bytes, cache: bool) -> tuple[Road, SumoNet]:
 
 
 def compared(net: SumoNet, ref: MomentRef) -> bool:
-    """Whether SUMO checks children of a moment: of a worker's first on a map, and of every 16th."""
+    """Whether SUMO checks futures of a moment: of a worker's first on a map, and of every 16th."""
     first = net not in _compared_on
     _compared_on.add(net)
     return first or zlib.crc32(ref.moment.encode()) % COMPARED_EVERY == 0

@@ -37,7 +37,7 @@ def rank_command(
     every: Every = 1.0,
     first_s: Annotated[float | None, Option("--from", metavar="S", help="First moment, s.")] = None,
     last_s: Annotated[float | None, Option("--to", metavar="S", help="Last moment, s.")] = None,
-    children: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
+    futures: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
     first: Annotated[int, Option(help="Futures of every seed scene; close ranks get more.")] = 32,
     min_vehicles: MinVehicles = 2,
     models: Models = None,
@@ -78,7 +78,7 @@ def rank_command(
     more = len(failed) - _SHOWN_FAILURES
     warn(failed[:_SHOWN_FAILURES] + ([f"{more} more failed; see ranking.csv"] if more > 0 else []))
     _print_top(ranking)
-    print(f"{ranking.info['seeds']} seed scenes, {ranking.info['children_run']} futures")
+    print(f"{ranking.info['seeds']} seed scenes, {ranking.info['futures_run']} futures")
     print(f"result: {out / 'ranking.csv'}")
     print(f"look:   {out / 'ranking.html'}")
     return lambda: {
@@ -86,7 +86,7 @@ def rank_command(
         "report": out / "ranking.html",
         "notes": ranking.info["notes"],
         "scenes": ranking.info["seeds"],
-        "futures": ranking.info["children_run"],
+        "futures": ranking.info["futures_run"],
         "shown": ranking.info["shown"],
         "moments": ranking.table.to_pylist(),
     }

@@ -22,7 +22,7 @@ from scex_sumo.certainty.exact import MAX_FUTURES, MIN_CHECKED, why_not_exact
 from scex_sumo.certainty.futures import DrawnModels, encounters_only
 from scex_sumo.certainty.search import BASE_ROWS, Search
 from scex_sumo.certainty.tables import InfluenceTable, union_probability
-from scex_sumo.extrapolation.assignments import EXACT_STREAM, child_generator
+from scex_sumo.extrapolation.assignments import EXACT_STREAM, future_generator
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.statistics.bands import remainder_of
 from scex_sumo.studies.moments.run import built
@@ -41,7 +41,7 @@ class ExactScore:
 
     Attributes:
         mean: exact mean of the predicted scores.
-        predicted: (C,) score of each child that may be drawn.
+        predicted: (C,) score of each future that may be drawn.
         settled: each event that the score counts has a table.
         p_collision: exact probability of any collision; None if a pair that collides has no table.
         pairs: two track ids, event, and its exact probability.
@@ -71,7 +71,7 @@ class ExactScore:
 def search_after(settings: RankSettings, ends: Sequence[int]) -> int | None:
     """Return the number of drawn futures after which tables are searched, if they may save futures."""
     for end in ends if settings.exact else ():
-        if end >= MIN_CHECKED and settings.children - end >= BASE_ROWS:
+        if end >= MIN_CHECKED and settings.futures - end >= BASE_ROWS:
             why = why_not_exact(settings.run, built(settings.models), end)
             return end if why is None else None
     return None
@@ -81,8 +81,8 @@ def find_exact_score(job: Job, pairs: Sequence[IntArray], by: str) -> ExactScore
     """Run futures with chosen assignments, and return what the tables of critical pairs say.
 
     Args:
-        job: with the assignments of all children that may be drawn.
-        pairs: critical encounters of each drawn child, as of `pairs_of`.
+        job: with the assignments of all futures that may be drawn.
+        pairs: critical encounters of each drawn future, as of `pairs_of`.
         by: order of the ranking: its events are searched first.
     """
     drawn = DrawnModels(job)
@@ -99,7 +99,7 @@ def find_exact_score(job: Job, pairs: Sequence[IntArray], by: str) -> ExactScore
             _happens(seen, keys, count),
             [[tracks.index(track) for track in key[:2]] for key in keys],
             rank=[rank[key[2]] for key in keys],
-            rng=child_generator(job.settings.seed, 0, EXACT_STREAM),
+            rng=future_generator(job.settings.seed, 0, EXACT_STREAM),
         )
         search.run(lambda rows, keys=keys: futures.run(rows, keys), most=most)  # type: ignore[misc]
         settled = [e for e in range(len(keys)) if search.is_settled(e)]
@@ -183,13 +183,13 @@ class _Futures:
     def events(self, pairs: Sequence[IntArray]) -> dict[_Key, FloatArray]:
         """Return by event (C, 2): 1 in the futures in which it happens, and what it adds to their score."""
         found: dict[_Key, FloatArray] = {}
-        for child, rows in enumerate(pairs):
+        for future, rows in enumerate(pairs):
             hit, unit, each = worth_of(rows, self._by)
             for row, worth in zip(rows.tolist(), (hit / unit).tolist(), strict=True):
                 for event, happens, value in ((COLLISION, row[2], worth), (CRITICAL, 1, each)):
                     if happens and event in _wanted(self._by):
                         key = (min(row[:2]), max(row[:2]), event)
-                        found.setdefault(key, np.zeros((len(pairs), 2)))[child] = 1.0, value
+                        found.setdefault(key, np.zeros((len(pairs), 2)))[future] = 1.0, value
         return found
 
 

@@ -30,7 +30,7 @@ from scex_sumo.reports.run_table import counted
 from scex_sumo.statistics.density import Interval
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.moments.run import MomentTask, unpack_road, written
-from scex_sumo.studies.rank.children import REPORTS
+from scex_sumo.studies.rank.futures import REPORTS
 from scex_sumo.studies.rank.places import distinct_moments, nearby
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.table import critical_words, page_columns
@@ -82,10 +82,10 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
 
 
 def _write_report(task: MomentTask, command: Sequence[str], path: Path, workers: Workers) -> Html | None:
-    """Run the children of a moment and write their report; return its picture, None if they cannot be run."""
+    """Run the futures of a moment and write their report; return its picture, None if they cannot be run."""
     assert task.road is not None
     scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
-    settings = dataclasses.replace(task.settings.run, children=len(task.children))
+    settings = dataclasses.replace(task.settings.run, futures=len(task.futures))
     with TemporaryFolder() as folder:
         try:
             options = RunOptions(compared=False, out=Path(folder) / "run")
@@ -111,7 +111,7 @@ def _command(run: RankingRun, ref: MomentRef) -> list[str]:
 
 
 def _summary(run: RankingRun, ranking: pa.Table) -> str:
-    ran = sum(pc.sum(ranking[name]).as_py() for name in ("children", "extra"))
+    ran = sum(pc.sum(ranking[name]).as_py() for name in ("futures", "extra"))
     failed = len(ranking) - len(run.refs)
     return (
         f"{counted(len(run.refs), 'seed scene')} of {counted(len(run.recordings), 'recording')} at "
@@ -129,7 +129,7 @@ def _moment(
     where = f", case {row['case']}" if row["case"] else ""
     about = (
         f"{row['location']}{where}, {row['time_s']:g} s, {counted(row['vehicles'], 'vehicle')}. Place "
-        f"{row['rank_low']} to {row['rank_high']} (95 %) after {counted(row['children'], 'future')}"
+        f"{row['rank_low']} to {row['rank_high']} (95 %) after {counted(row['futures'], 'future')}"
         + (f" and {row['extra']} more for exact P." if row["extra"] else ".")
     ) + (f" {counted(beside, 'more moment')} within 3 s." if beside else "")
     link = element("p", element("a", "Open its report", href=f"{REPORTS}/{name}.html"))
@@ -150,7 +150,7 @@ def _moment(
 
 def _share(words: str, row: Mapping[str, Any], name: str) -> Html:
     value, low, high = (row[f"{name}{end}"] for end in ("", "_low", "_high"))
-    interval = Interval(value=value, low=low, high=high, count=row["children"])
+    interval = Interval(value=value, low=low, high=high, count=row["futures"])
     shown, sure = interval.share, f"95 %: {interval.range} %"
     if name == f"p_{COLLISION}" and row["remainder"] is not None:
         sure = f"exactly {100 * value:.4g} %, remainder {row['remainder']:.1%}"

@@ -1,4 +1,4 @@
-"""Ranks of moments by score, with intervals, and the moments that get more children.
+"""Ranks of moments by score, with intervals, and the moments that get more futures.
 
 A round depends on whole earlier rounds only, not on workers, interruptions or the order of moments.
 """
@@ -20,7 +20,7 @@ from scex_sumo.studies.rank.scores import RankSettings
 
 DRAWS = 200
 NEARBY_S = 3.0
-"""Two moments of a recording closer than a child is long show the same situation."""
+"""Two moments of a recording closer than a future is long show the same situation."""
 _STREAM = 4  # of the random numbers; the runs' own use 0 to 3
 
 
@@ -63,7 +63,7 @@ def place(
     """Rank moments by score, then by `severity_share`, with 95 % intervals of normal errors.
 
     Args:
-        score: (n,) mean over the children; larger is more critical.
+        score: (n,) mean over the futures; larger is more critical.
         error: (n,) its standard error.
         severity: (n, M) typical value of each metric; larger is more critical, -inf if undefined.
 
@@ -82,9 +82,9 @@ def place(
 
 
 def mean_score(values: FloatArray, intervals: DesignIntervals, unit: float = 1.0) -> tuple[float, float]:
-    """Return the mean of the scores (C,) of children, and its standard error under their design.
+    """Return the mean of the scores (C,) of futures, and its standard error under their design.
 
-    Half a child with another score, by ``unit``, is added: equal children do not prove that the next one is
+    Half a future with another score, by ``unit``, is added: equal futures do not prove that the next one is
     equal.
     """
     variance = float(intervals.variance(values[:, None])[0]) + (0.5 * unit / (len(values) + 1)) ** 2
@@ -112,13 +112,13 @@ class Tally:
     """Result of a moment in one round.
 
     Attributes:
-        children: of this round.
-        score: mean of all its children so far, corrected by the tables.
-        kept: children of this round whose tracks are kept.
+        futures: of this round.
+        score: mean of all its futures so far, corrected by the tables.
+        kept: futures of this round whose tracks are kept.
         exact: what tables say, if they were searched.
     """
 
-    children: int
+    futures: int
     score: float
     error: float
     kept: int = 0
@@ -126,10 +126,10 @@ class Tally:
 
 
 def rounds(settings: RankSettings) -> list[range]:
-    """Return the children of each round: their number doubles each time; none where tables are searched."""
+    """Return the futures of each round: their number doubles each time; none where tables are searched."""
     ends = [settings.first]
-    while ends[-1] < settings.children:
-        ends.append(min(2 * ends[-1], settings.children))
+    while ends[-1] < settings.futures:
+        ends.append(min(2 * ends[-1], settings.futures))
     spans, searched = list(map(range, [0, *ends], ends)), search_after(settings, ends)
     return spans if searched is None else sorted([*spans, range(searched, searched)], key=lambda s: s.stop)
 

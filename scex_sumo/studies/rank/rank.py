@@ -20,7 +20,7 @@ from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.workers import moment_workers
-from scex_sumo.studies.rank.children import RankFolder, run_moment
+from scex_sumo.studies.rank.futures import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import MIXED, RankSettings
@@ -36,7 +36,7 @@ class Ranking:
         info: content of ``rank.json``.
 
     Example:
-        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranked", every=9, children=2, first=2)
+        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranked", every=9, futures=2, first=2)
         >>> ranking.table["seed"][0].as_py()
         'roundabout_t9.1'
     """
@@ -56,7 +56,7 @@ def rank(
     window: Window = (None, None),
     min_vehicles: int = 2,
     first: int = 32,
-    children: int = 96,
+    futures: int = 96,
     top: int = 10,
     keep: str = "none",
     by: str = MIXED,
@@ -78,7 +78,7 @@ def rank(
         window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
-        progress: True for a bar; or called with (children done, children expected).
+        progress: True for a bar; or called with (futures done, futures expected).
         run: settings as of `extrapolate`.
 
     Raises:
@@ -87,13 +87,13 @@ def rank(
         ResultError: the folder cannot be written or holds something else.
 
     Example:
-        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranking", every=9, children=2, first=2)
+        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranking", every=9, futures=2, first=2)
         >>> ranking.table["rank"][0].as_py()
         1
     """
     started = time.perf_counter()
     settings = RankSettings(
-        run=RunSettings(children=children, **run),
+        run=RunSettings(futures=futures, **run),
         every=every,
         min_vehicles=min_vehicles,
         first=first,
@@ -125,7 +125,7 @@ def rank(
             **identity,
             "seeds": len(ranking.refs),
             "failed": len(table) - len(ranking.refs),
-            "children_run": sum(pc.sum(table[name]).as_py() or 0 for name in ("children", "extra")),
+            "futures_run": sum(pc.sum(table[name]).as_py() or 0 for name in ("futures", "extra")),
             "fallbacks": pc.sum(table["fallbacks"]).as_py() or 0,
             "shown": shown,
             "notes": [*left_out(places), *pool.notes()],

@@ -1,4 +1,4 @@
-"""Rounds of a ranking: which moments get how many children, and the scores so far."""
+"""Rounds of a ranking: which moments get how many futures, and the scores so far."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.rank.children import MAX_KEPT, RankFolder, RankTask
 from scex_sumo.studies.rank.exact import ExactScore
+from scex_sumo.studies.rank.futures import MAX_KEPT, RankFolder, RankTask
 from scex_sumo.studies.rank.places import Tally, mean_score, rounds, undecided
 from scex_sumo.studies.rank.scores import INJURIES, RankSettings, pairs_of, score_of
 
@@ -71,7 +71,7 @@ class RankingRun:
         return [ref for ref in self.listed if self.tallies.get(ref.moment)]
 
     def parts(self, ref: MomentRef) -> list[pa.Table]:
-        """Read the children of a moment."""
+        """Read the futures of a moment."""
         spans = [span for span in self._rounds[: len(self.tallies[ref.moment])] if span]
         return [self._folder.read(ref, span) for span in spans]
 
@@ -92,24 +92,24 @@ class RankingRun:
                         self._count(task.ref, exact=result)
                     else:
                         self._folder.append(task.ref, result)
-                        self._count(task.ref, result.children)
+                        self._count(task.ref, result.futures)
                     self._tick(_cost(span))
 
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
-        """Yield tasks that run moments once more, with all their children."""
+        """Yield tasks that run moments once more, with all their futures."""
         names = {ref.moment for ref in refs}
         items = moment_tasks(
             self._readable(),
             self.listings,
             self.settings,
-            range(self.settings.children),
+            range(self.settings.futures),
             wanted=lambda listing: [ref for ref in listing.moments if ref.moment in names],
         )
         for task in (item for item in items if isinstance(item, MomentTask)):
-            yield dataclasses.replace(task, children=range(self.drawn(task.ref)))
+            yield dataclasses.replace(task, futures=range(self.drawn(task.ref)))
 
     def drawn(self, ref: MomentRef) -> int:
-        """Return the number of children of a moment."""
+        """Return the number of futures of a moment."""
         return sum(len(part) for part in self._drawn[ref.moment])
 
     def _readable(self) -> list[Recording]:
@@ -124,23 +124,23 @@ class RankingRun:
             wanted=lambda listing: [ref for ref in listing.moments if self._open(ref, span, chosen)],
         )
 
-    def _tasks(self, items: Iterator[Item], children: int) -> Iterator[RankTask]:
+    def _tasks(self, items: Iterator[Item], futures: int) -> Iterator[RankTask]:
         for item in items:
             if isinstance(item, MomentTask):
                 kept = sum(tally.kept for tally in self.tallies.get(item.ref.moment, ()))
-                drawn = None if item.children else self._pairs(item.ref)
+                drawn = None if item.futures else self._pairs(item.ref)
                 yield RankTask.of(item, spare=MAX_KEPT - kept, drawn=drawn)
             elif isinstance(item, Listing):
                 self._folder.save_listing(item)
                 self.listings[item.recording] = item
                 self._count_kept(item.moments, self._rounds[0], None)
-                self._expect(children)
+                self._expect(futures)
             elif item.time_s is None:
                 self.unreadable[item.recording] = item
-                self._expect(children)
+                self._expect(futures)
             else:
                 self._fail(item)
-                self._tick(children)
+                self._tick(futures)
 
     def _chosen(self, number: int) -> set[str]:
         top, seed = self.settings.top, self.settings.run.seed
@@ -168,13 +168,13 @@ class RankingRun:
         return [rows for part in self._drawn[ref.moment] for rows in pairs_of(part)]
 
     def _count(
-        self, ref: MomentRef, children: pa.Table | None = None, exact: ExactScore | None = None
+        self, ref: MomentRef, futures: pa.Table | None = None, exact: ExactScore | None = None
     ) -> None:
         tallies, parts = self.tallies.setdefault(ref.moment, []), self._drawn.setdefault(ref.moment, [])
         kept = 0
-        if children is not None:
-            parts.append(children.select(["model", "critical_pairs"]))
-            kept = pc.sum(children["kept"]).as_py()
+        if futures is not None:
+            parts.append(futures.select(["model", "critical_pairs"]))
+            kept = pc.sum(futures["kept"]).as_py()
         exact = exact or (tallies[-1].exact if tallies else None)
         models = [row for part in parts for row in part["model"].to_pylist()]
         scores, mean = score_of(self._pairs(ref), self.settings.by), 0.0
@@ -182,33 +182,33 @@ class RankingRun:
             scores, mean = scores - exact.predicted[: len(scores)], exact.mean
         unit = INJURIES if self.settings.by == "severity" else 1.0
         score, error = mean_score(scores, self.settings.intervals(models), unit)
-        count = 0 if children is None else len(children)
-        tallies.append(Tally(children=count, score=mean + score, error=error, kept=kept, exact=exact))
+        count = 0 if futures is None else len(futures)
+        tallies.append(Tally(futures=count, score=mean + score, error=error, kept=kept, exact=exact))
 
     def _fail(self, failure: Failure) -> None:
         self.failures[failure.moment] = failure
         self._folder.fail(failure)
 
     def _begin_round(self, span: range, chosen: set[str] | None) -> None:
-        self._done = sum(tally.children for tallies in self.tallies.values() for tally in tallies)
+        self._done = sum(tally.futures for tallies in self.tallies.values() for tally in tallies)
         if chosen is None:
             self._expect(len(span))
         else:
             self._total = self._done + _cost(span) * sum(self._open(ref, span, chosen) for ref in self.listed)
         self._tick(0)
 
-    def _expect(self, children: int) -> None:
+    def _expect(self, futures: int) -> None:
         known = len(self.listings) + len(self.unreadable)
         moments = sum(len(listing.moments) for listing in self.listings.values())
         expected = moments * len(self.recordings) / known if known else len(self.recordings)
-        self._total = max(round(expected * children), self._done)
+        self._total = max(round(expected * futures), self._done)
 
-    def _tick(self, children: int) -> None:
-        self._done += children
+    def _tick(self, futures: int) -> None:
+        self._done += futures
         if self._progress is not None:
             self._progress(self._done, max(self._total, self._done))
 
 
 def _cost(span: range) -> int:
-    """Return the children of a moment in a round; where tables are searched, at most."""
+    """Return the futures of a moment in a round; where tables are searched, at most."""
     return len(span) or 2 * span.stop

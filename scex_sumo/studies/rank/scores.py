@@ -29,11 +29,11 @@ SCORED = {"severity": "expected_mais3", "collisions": "collisions", "encounters"
 
 @dataclass(frozen=True, kw_only=True)
 class RankSettings(StudySettings):
-    """Settings of a ranking; ``run.children`` is the maximum of a moment.
+    """Settings of a ranking; ``run.futures`` is the maximum of a moment.
 
     Attributes:
-        first: children of every moment.
-        top: moments on the page; more children settle their ranks.
+        first: futures of every moment.
+        top: moments on the page; more futures settle their ranks.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
         by: order of the moments: ``mixed``, ``severity``, ``collisions`` or ``encounters``.
         exact: search exact tables, see `scex_sumo.studies.rank.exact`.
@@ -53,7 +53,7 @@ class RankSettings(StudySettings):
             raise UsageError(f"--keep: got {self.keep!r}; known: {', '.join(KEEP)}")
         if self.by not in BY:
             raise UsageError(f"--by: got {self.by!r}; known: {', '.join(BY)}")
-        object.__setattr__(self, "first", min(self.first, self.children))
+        object.__setattr__(self, "first", min(self.first, self.futures))
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify the ranking of some recordings."""
@@ -61,7 +61,7 @@ class RankSettings(StudySettings):
         return self.identity(recordings, first=self.first, top=self.top, keep=self.keep) | other
 
     def intervals(self, models: Sequence[Sequence[str]]) -> DesignIntervals:
-        """Return the intervals of children with (C, V) models."""
+        """Return the intervals of futures with (C, V) models."""
         drawn = built(self.models).drawn
         index = {str(spec): number for number, spec in enumerate(drawn)}
         levels = np.array([[index[name] for name in row] for row in models], dtype=np.int64)
@@ -80,7 +80,7 @@ HARD_MPS = 10.0
 
 
 def score_of(pairs: Sequence[IntArray], by: str = MIXED) -> FloatArray:
-    """Return the scores (C,) of children from their critical encounters.
+    """Return the scores (C,) of futures from their critical encounters.
 
     ``mixed``: a collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
     ``severity``: expected severe injuries. ``collisions``, ``encounters``: their number.
@@ -106,10 +106,10 @@ def worth_of(rows: IntArray, by: str = MIXED) -> tuple[FloatArray, float, float]
 
 
 def critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
-    """Return the critical encounters (E, 5) of each child of a part, see `pairs_of`."""
+    """Return the critical encounters (E, 5) of each future of a part, see `pairs_of`."""
     assert part.encounters is not None and part.collisions is not None
     injured = {
-        (hit["child"], frozenset((hit["track_id"], hit["other_id"]))): round(
+        (hit["future"], frozenset((hit["track_id"], hit["other_id"]))): round(
             MICRO * ((hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0))
         )
         for hit in part.collisions.to_pylist()
@@ -119,15 +119,15 @@ def critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
     some = np.flatnonzero(answers["critical"])
     speed = np.round(100 * found.relative_speed[some])
     hits = answers["collision"][some]
-    child, one, other = found.child[some], track_ids[found.first[some]], track_ids[found.second[some]]
-    pairs = zip(child.tolist(), one.tolist(), other.tolist(), strict=True)
+    future, one, other = found.future[some], track_ids[found.first[some]], track_ids[found.second[some]]
+    pairs = zip(future.tolist(), one.tolist(), other.tolist(), strict=True)
     injuries = np.array([injured.get((c, frozenset((a, b))), 0) for c, a, b in pairs], dtype=np.int64)
     rows = np.stack([one, other, hits, speed, injuries], axis=-1)
-    return [rows[child == number].astype(np.int64) for number in part.children]
+    return [rows[future == number].astype(np.int64) for number in part.futures]
 
 
 def pairs_of(table: pa.Table) -> list[IntArray]:
-    """Return the critical encounters (E, 5) of each child.
+    """Return the critical encounters (E, 5) of each future.
 
     Rows are track_id, other_id, 1 in a collision, the relative speed at impact in cm/s, and the expected
     severe injuries in millionths.

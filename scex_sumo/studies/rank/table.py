@@ -44,7 +44,7 @@ def ranking_table(run: RankingRun) -> pa.Table:
     table = placed(tabulate(rows, settings), limits, seed=settings.run.seed)
     names = {ref.moment for ref in refs}
     late = {name: failure.reason for name, failure in run.failures.items() if name in names}
-    if late:  # their first children ran, those of a later round did not
+    if late:  # their first futures ran, those of a later round did not
         reasons = pa.array([late.get(name) for name in table["seed"].to_pylist()], pa.string())
         table = table.set_column(table.schema.get_field_index("failure"), "failure", reasons)
     failed = [*run.unreadable.values()]
@@ -58,7 +58,7 @@ def schema(settings: RankSettings) -> pa.Schema:
     fields = dict.fromkeys(("rank", "rank_low", "rank_high"), whole)
     fields |= dict.fromkeys(("score", "score_error"), real)
     fields |= dict.fromkeys(("seed", "location", "recording", "case"), text) | {"time_s": real}
-    fields |= dict.fromkeys(("vehicles", "children", "extra", "fallbacks"), whole)
+    fields |= dict.fromkeys(("vehicles", "futures", "extra", "fallbacks"), whole)
     fields |= dict.fromkeys((*_ends("p_collision"), "remainder", "collisions", "encounters"), real)
     fields |= {"expected_mais3": real, "worst_track_id": whole, "worst_other_id": whole}
     fields |= dict.fromkeys(("worst_p_collision", "worst_p_critical"), real)
@@ -83,7 +83,7 @@ def page_columns(limits: Mapping[str, float], *, exact: bool) -> list[Column]:
         Column("location", "site", "words"),
         Column("time_s", "time", "seconds", "In the recording"),
         Column("vehicles", "vehicles"),
-        Column("children", "children", "text", "That have been run"),
+        Column("futures", "futures", "text", "That have been run"),
         Column("p_collision", "P(collision)", "percent"),
         *([Column("remainder", "remainder", "percent", share)] if exact else []),
         Column("encounters", "encounters", "real", "Critical ones of a future, on average"),
@@ -102,7 +102,7 @@ def printed_columns() -> list[Column]:
         Column(lambda row: ranks(row).replace(" ", ""), "95 %"),
         Column("seed", "moment", "words"),
         Column("vehicles", "vehicles"),
-        Column("children", "children"),
+        Column("futures", "futures"),
         Column(_collision, "P(collision)"),
         Column("encounters", "encounters", ".2f"),
         Column(_worst, "worst", "words"),
@@ -140,21 +140,21 @@ def _worst(row: Row) -> str | None:
 def moment_row(
     ref: MomentRef, parts: Sequence[pa.Table], tally: Tally, settings: RankSettings
 ) -> dict[str, Any]:
-    """Return the row of a moment without its rank, from its children and their tally.
+    """Return the row of a moment without its rank, from its futures and their tally.
 
     An exact P(collision) has no interval but a ``remainder``.
     """
-    children = pa.concat_tables(parts)
-    intervals = settings.intervals(children["model"].to_pylist())
-    pairs = pairs_of(children)
-    row: dict[str, Any] = as_row(ref) | {"children": children.num_rows}
+    futures = pa.concat_tables(parts)
+    intervals = settings.intervals(futures["model"].to_pylist())
+    pairs = pairs_of(futures)
+    row: dict[str, Any] = as_row(ref) | {"futures": futures.num_rows}
     row |= {"score": tally.score, "score_error": tally.error, "extra": 0}
-    row["fallbacks"] = int(np.asarray(children["fallbacks"]).sum())
+    row["fallbacks"] = int(np.asarray(futures["fallbacks"]).sum())
     row |= _outcome(pairs, intervals)
     if tally.exact is not None:
         row |= _exact(row, tally.score, tally.exact, settings.by)
     for column in settings.run.columns:
-        values = column_of(children, column)
+        values = column_of(futures, column)
         samples = values[~np.isnan(values)]
         row[f"median_{column}"] = float(np.median(samples)) if len(samples) else None
         if column in settings.thresholds:
@@ -200,7 +200,7 @@ def _exact(row: Row, score: float, exact: ExactScore, by: str) -> dict[str, Any]
 
 def failed_row(failure: Failure) -> dict[str, Any]:
     """Return the row of a moment or recording without a result."""
-    return as_row(failure) | {"children": 0, "failure": failure.reason}
+    return as_row(failure) | {"futures": 0, "failure": failure.reason}
 
 
 def tabulate(rows: Iterable[dict[str, Any]], settings: RankSettings) -> pa.Table:

@@ -1,1 +1,1 @@
-"""Sample size: how many children a map needs, and its page."""
+"""Sample size: how many futures a map needs, and its page."""

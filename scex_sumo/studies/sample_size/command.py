@@ -110,14 +110,14 @@ def sample_size_command(
     for line in _answers(rows):
         print_line(line, console)
     print(
-        f"all {run.children} assignments: {simulated - started:.0f} s; "
+        f"all {run.futures} assignments: {simulated - started:.0f} s; "
         f"samples: {clock.perf_counter() - simulated:.0f} s"
     )
     print(f"result: {folder / 'sample_size.csv'}")
     if plots:
         from scex_sumo.studies.sample_size.page import HTML, write_sample_size
 
-        one = {n: subsets(run.children, n, 1, seed=seed)[0] for n in wanted if n <= run.children}
+        one = {n: subsets(run.futures, n, 1, seed=seed)[0] for n in wanted if n <= run.futures}
         print(f"report: {write_sample_size(run, rows, one, folder / HTML)}")
 
 
@@ -152,6 +152,6 @@ def _print(rows: list[dict[str, Any]], run: Run, draws: int, console: Console) -
     names = ("KS", "95 %", "W1", "95 %", "JSD", "95 %")
     distances = [one._replace(title=name, form=".3f") for name, one in zip(names, COLUMNS[3:], strict=True)]
     heads = [Column("metric", "metric", "words"), Column("design", "design", "words"), Column("size", "runs")]
-    title = f"{run.info['seed_scene']['name']}: samples of {run.children} assignments, {draws} draws each"
+    title = f"{run.info['seed_scene']['name']}: samples of {run.futures} assignments, {draws} draws each"
     shown = [row for row in rows if not row["metric"].endswith("_mean")]
     print_columns([*heads, *distances], shown, console, title, about, grouped=True)

@@ -42,11 +42,11 @@ def write_sample_size(
     )
     what = card(
         "What samples look like",
-        f"Density over all {run.children} assignments, and over one sample of each size.",
-        line_legend([("drawn", f"all {run.children}"), *((kind, f"{size}") for size, kind in sizes.items())]),
+        f"Density over all {run.futures} assignments, and over one sample of each size.",
+        line_legend([("drawn", f"all {run.futures}"), *((kind, f"{size}") for size, kind in sizes.items())]),
         plots(*(_densities(run, column, subsets) for column in columns)),
     )
-    about = f"{counted(scene['vehicles'], 'vehicle')}, all {run.children} assignments of models"
+    about = f"{counted(scene['vehicles'], 'vehicle')}, all {run.futures} assignments of models"
     numbers = card(
         "In numbers",
         "Also of the means over a future. KS, W1, JSD: three distances of a sample from all assignments.",
@@ -59,7 +59,7 @@ def write_sample_size(
 COLUMNS = (
     Column(lambda row: metric_title(row["metric"]), "metric"),
     Column("design", "design"),
-    Column("size", "children"),
+    Column("size", "futures"),
     *(
         Column(f"{kind}_{end}", f"{kind.upper()} {words}", "real")
         for kind in ("ks", "w1", "jsd")
@@ -94,7 +94,7 @@ def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, 
 def _densities(run: Run, column: str, subsets: Mapping[int, IntArray]) -> Html:
     values = run.values(column)
     x = value_range(values)
-    samples = [values[children] for children in subsets.values()]
+    samples = [values[futures] for futures in subsets.values()]
     curves = [
         (kind, _density(one)) for kind, one in zip(("drawn", *_KINDS), [values, *samples], strict=False)
     ]

@@ -57,7 +57,7 @@ def truth(
         wanted: Mapping[str, Any] = {
             "scex_sumo": __version__,
             "models": [{"model": str(s), "weight": s.weight} for s in specs],
-            "children": len(all_assignments([len(specs)] * scene.vehicles)),
+            "futures": len(all_assignments([len(specs)] * scene.vehicles)),
             "assign": {},
             "preset": preset,
             "seed": seed,
@@ -65,13 +65,13 @@ def truth(
         same_scene = found.info["seed_scene"]["fingerprint"] == digest(scene)
         if same_scene and all(found.info.get(k) == v for k, v in wanted.items()):
             return found
-    options |= {"models": models, "children": "all", "preset": preset, "seed": seed, "world": "checked"}
+    options |= {"models": models, "futures": "all", "preset": preset, "seed": seed, "world": "checked"}
     options |= {"reference": None, "report": False}
     return extrapolate(scene, out=out, overwrite=overwrite, **options)
 
 
 def subsets(count: int, size: int, draws: int, *, seed: int = 0) -> IntArray:
-    """Return random subsets (D, size) of ``count`` children."""
+    """Return random subsets (D, size) of ``count`` futures."""
     rngs = (np.random.default_rng([seed, size, draw]) for draw in range(draws))
     return np.stack([rng.permutation(count)[:size] for rng in rngs])
 
@@ -79,7 +79,7 @@ def subsets(count: int, size: int, draws: int, *, seed: int = 0) -> IntArray:
 def designed(
     design: str, models: int, vehicles: int, size: int, draws: int, *, seed: int = 0
 ) -> tuple[IntArray, ...]:
-    """Return the children that repetitions of a design would run.
+    """Return the futures that repetitions of a design would run.
 
     Args:
         design: one of `scex_sumo.statistics.designs.DESIGNS`.
@@ -106,24 +106,24 @@ def study(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return median and 95th percentile of the distances of smaller samples to all children.
+    """Return median and 95th percentile of the distances of smaller samples to all futures.
 
     Rows have metric, design, size, draws, defined_draws, and median and p95 of ks, w1 and jsd.
 
     Args:
-        sizes: numbers of children; those above the number of assignments are left out.
+        sizes: numbers of futures; those above the number of assignments are left out.
         designs: ``random``: subsets without replacement; ``balanced``: its designs.
         progress: called with (metrics done, metrics in all).
     """
     models, vehicles = len(run.info["models"]), run.info["seed_scene"]["vehicles"]
-    if run.children != models**vehicles:
-        raise UsageError(f"{run.folder}: {run.children} children, not all {models**vehicles} assignments")
-    fitting = [size for size in sizes if size <= run.children]
+    if run.futures != models**vehicles:
+        raise UsageError(f"{run.folder}: {run.futures} futures, not all {models**vehicles} assignments")
+    fitting = [size for size in sizes if size <= run.futures]
     samples: dict[tuple[str, int], Sequence[IntArray] | IntArray] = {}
     for design in designs:
         check_design(design)
         if design == "random":
-            samples |= {(design, n): subsets(run.children, n, draws, seed=seed) for n in fitting}
+            samples |= {(design, n): subsets(run.futures, n, draws, seed=seed) for n in fitting}
         elif fitting:
             whole = designed(design, models, vehicles, max(fitting), draws, seed=seed)
             # The first runs of a long one are a short one.
@@ -150,7 +150,7 @@ class Errors:
     """Distances of draws from the truth, in one metric.
 
     Attributes:
-        ks: (D,) Kolmogorov-Smirnov; NaN if the metric is defined in no child of a draw.
+        ks: (D,) Kolmogorov-Smirnov; NaN if the metric is defined in no future of a draw.
         w1: (D,) Wasserstein-1, in the metric's unit.
         jsd: (D,) Jensen-Shannon divergence, base 2, of the kernel densities.
     """
@@ -161,11 +161,11 @@ class Errors:
 
 
 def errors(values: FloatArray, draws: Sequence[IntArray] | IntArray) -> Errors:
-    """Compute distances between the distribution of a metric over some children and over all.
+    """Compute distances between the distribution of a metric over some futures and over all.
 
     Args:
-        values: (N,) of all children; only finite ones count.
-        draws: D arrays of children.
+        values: (N,) of all futures; only finite ones count.
+        draws: D arrays of futures.
     """
     defined = np.flatnonzero(np.isfinite(values))
     nothing = np.full(len(draws), np.nan)

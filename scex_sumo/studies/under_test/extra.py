@@ -37,7 +37,7 @@ class Baseline(Extra):
         if self.repeats(job.settings):
             settings = dataclasses.replace(
                 job.settings,
-                children="all" if job.settings.count is None else len(job.assignment),
+                futures="all" if job.settings.count is None else len(job.assignment),
                 under_test=dict.fromkeys(job.settings.under_test),
                 until_band=None,
             )

@@ -1,4 +1,4 @@
-"""Paired tests: values and critical children of two runs of the same children."""
+"""Paired tests: values and critical futures of two runs of the same futures."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ def signed_rank(one: FloatArray, two: FloatArray) -> float:
 
 
 def mcnemar(first_only: int, second_only: int) -> float:
-    """Return the two-sided p of McNemar's exact test (1947); 1 if no child differs.
+    """Return the two-sided p of McNemar's exact test (1947); 1 if no future differs.
 
     Args:
-        first_only: children that are critical in the first run only; ``second_only`` in the second.
+        first_only: futures that are critical in the first run only; ``second_only`` in the second.
     """
     from scipy.special import bdtr
 

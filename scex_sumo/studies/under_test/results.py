@@ -27,22 +27,22 @@ Driven = Literal["under_test", "baseline"]
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """Difference of a metric between children with the models under test and without.
+    """Difference of a metric between futures with the models under test and without.
 
     Attributes:
-        under_test: median with the models under test; NaN if defined in no child.
-        children: number of children with a value in both.
-        worse: children in which the models under test are more critical.
-        p_value: Wilcoxon's signed-rank test for no difference in the values; NaN if no child differs.
-        p_critical: share of critical children with the models under test; None without a threshold.
-        newly_critical: children that are critical with the models under test only.
+        under_test: median with the models under test; NaN if defined in no future.
+        futures: number of futures with a value in both.
+        worse: futures in which the models under test are more critical.
+        p_value: Wilcoxon's signed-rank test for no difference in the values; NaN if no future differs.
+        p_critical: share of critical futures with the models under test; None without a threshold.
+        newly_critical: futures that are critical with the models under test only.
         critical_p_value: McNemar's exact test for no difference in the shares; NaN if undefined.
     """
 
     column: str
     under_test: float
     baseline: float
-    children: int
+    futures: int
     worse: int
     better: int
     p_value: float
@@ -58,13 +58,13 @@ class UnderTest:
 
     Attributes:
         vehicles: model by track id; None: as drawn.
-        metrics: one row per child over the vehicles' own pairs, null where undefined.
+        metrics: one row per future over the vehicles' own pairs, null where undefined.
         baseline: the same without the models under test.
         injuries: (C,) expected severe injuries (MAIS 3+) in the vehicles' own collisions; None in older
             results.
 
     Example:
-        >>> run = scex.extrapolate(scene, children=4, under_test={8: "emergency_brake"})
+        >>> run = scex.extrapolate(scene, futures=4, under_test={8: "emergency_brake"})
         >>> scex.UnderTest.of(run).vehicles
         {8: 'emergency_brake'}
     """
@@ -84,7 +84,7 @@ class UnderTest:
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
         self.thresholds, self.reflect, self.injuries = thresholds, reflect, injuries
         self.intervals = {"under_test": intervals, "baseline": without or intervals}
-        self.columns = [name for name in metrics.column_names if name != "child"]
+        self.columns = [name for name in metrics.column_names if name != "future"]
 
     @classmethod
     def of(cls, run: Run) -> UnderTest:
@@ -101,11 +101,11 @@ class UnderTest:
         tested, without = (
             with_own_collisions(one.table(UNDER_TEST), one.collisions, known) for one in driven.values()
         )
-        if without["child"] != tested["child"]:
+        if without["future"] != tested["future"]:
             raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
         injuries = None
         if "p_mais3" in run.collisions.column_names:
-            injuries = {k: own_injuries(one.collisions, known, one.children) for k, one in driven.items()}
+            injuries = {k: own_injuries(one.collisions, known, one.futures) for k, one in driven.items()}
         return cls(
             {int(track): model for track, model in known.items()},
             tested,
@@ -123,14 +123,14 @@ class UnderTest:
         return ", ".join(f"vehicle {track}: {model}" for track, model in self.vehicles.items())
 
     def values(self, column: str, driven: Driven = "under_test") -> tuple[FloatArray, BoolArray]:
-        """Return the values (C,) of a metric in all children, and where it is defined."""
+        """Return the values (C,) of a metric in all futures, and where it is defined."""
         column = column_named(column, self.columns)
         table = self.metrics if driven == "under_test" else self.baseline
         values = np.asarray(table[column].fill_null(0.0), dtype=np.float64)
         return values, ~np.asarray(table[column].is_null())
 
     def samples(self, column: str, driven: Driven = "under_test") -> FloatArray:
-        """Return the values (n,) of a metric in the children where it is defined."""
+        """Return the values (n,) of a metric in the futures where it is defined."""
         values, defined = self.values(column, driven)
         return values[defined]
 
@@ -142,7 +142,7 @@ class UnderTest:
         return metric_density(known, width, reflect=self.reflect, bandwidth=bandwidth)
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
-        """Return the share of critical children with its 95 % interval; None without a threshold."""
+        """Return the share of critical futures with its 95 % interval; None without a threshold."""
         column = column_named(column, self.columns)
         limit = self.thresholds.get(column)
         if limit is None:
@@ -151,12 +151,12 @@ class UnderTest:
         return self.intervals[driven].share(defined & is_critical(values, column, limit))
 
     def difference(self, column: str) -> Difference:
-        """Compare each child with its baseline."""
+        """Compare each future with its baseline."""
         one, there = self.values(column)
         two, there_too = self.values(column, "baseline")
         both = there & there_too
         sign = -1.0 if side_of(column) == "left" else 1.0
-        limit = self.thresholds.get(column, float("nan"))  # without a threshold no child is critical
+        limit = self.thresholds.get(column, float("nan"))  # without a threshold no future is critical
         change = signs(sign * one[both], sign * two[both])
         critical = [is_critical(values[both], column, limit) for values in (one, two)]
         newly, no_longer = (int((a & ~b).sum()) for a, b in (critical, critical[::-1]))
@@ -164,7 +164,7 @@ class UnderTest:
             column=column,
             under_test=_median(one[there]),
             baseline=_median(two[there_too]),
-            children=int(both.sum()),
+            futures=int(both.sum()),
             worse=int((change > 0).sum()),
             better=int((change < 0).sum()),
             p_value=signed_rank(one[both], two[both]),

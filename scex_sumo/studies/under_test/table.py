@@ -124,8 +124,8 @@ def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
 
 def under_test_table(tested: UnderTest, columns: Sequence[str] | None = None) -> Table:
     """Return medians, worse and better futures, critical shares and p-values by metric."""
-    children = counted(tested.metrics.num_rows, "future")
-    return console_table(f"under test, {tested.label}: {children}", HEADS, under_test_rows(tested, columns))
+    futures = counted(tested.metrics.num_rows, "future")
+    return console_table(f"under test, {tested.label}: {futures}", HEADS, under_test_rows(tested, columns))
 
 
 def under_test_rows(tested: UnderTest, columns: Sequence[str] | None = None) -> list[list[Any]]:
@@ -139,7 +139,7 @@ def under_test_rows(tested: UnderTest, columns: Sequence[str] | None = None) -> 
             [
                 metric_of(one.column).titled(),
                 *(None if is_share or math.isnan(v) else v for v in (one.baseline, one.under_test)),
-                f"{one.worse} : {one.better}" if one.children else None,
+                f"{one.worse} : {one.better}" if one.futures else None,
                 chance_text(p_value),
                 *(None if p is None else p.value for p in (one.baseline_p_critical, one.p_critical)),
                 chance_text(p_share),

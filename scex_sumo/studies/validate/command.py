@@ -22,7 +22,7 @@ def validate_command(
     roots: Roots,
     models: Models = None,
     every: Every = 1.0,
-    children: Annotated[int, Option(help="Futures of a seed scene.")] = 96,
+    futures: Annotated[int, Option(help="Futures of a seed scene.")] = 96,
     min_vehicles: MinVehicles = 2,
     part: Annotated[
         str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")

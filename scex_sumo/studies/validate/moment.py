@@ -58,8 +58,8 @@ class ValidationSettings(StudySettings):
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify the validation of some recordings."""
-        # first, top and keep as of a ranking that gives every moment all children
-        shared = self.identity(recordings, first=self.children, top=10, keep="none")
+        # first, top and keep as of a ranking that gives every moment all futures
+        shared = self.identity(recordings, first=self.futures, top=10, keep="none")
         return {**shared, "part": self.part, "population": parameters_digest()}
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
@@ -78,26 +78,26 @@ class ValidationSettings(StudySettings):
 
 RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
 COMPARED = (RECORDED, CONSTANT_VELOCITY, SEED_MOMENT)
-"""Rows beside the children: what happened, constant velocity, the first step of constant velocity."""
+"""Rows beside the futures: what happened, constant velocity, the first step of constant velocity."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Forecast:
-    """Forecast of one moment by its children, and what happened.
+    """Forecast of one moment by its futures, and what happened.
 
     Attributes:
         vehicles: see `position_forecasts`.
         encounters: see `gap_forecasts`.
         realism: one row with the score and the likelihood of each feature.
-        seen: metric columns and ``collision`` of each child with errors of boxes, see `as_recorded`.
-        children: the same of each child as driven, and of `COMPARED`.
+        seen: metric columns and ``collision`` of each future with errors of boxes, see `as_recorded`.
+        futures: the same of each future as driven, and of `COMPARED`.
     """
 
     vehicles: pa.Table
     encounters: pa.Table
     realism: pa.Table
     seen: pa.Table
-    children: pa.Table
+    futures: pa.Table
 
 
 def asked_of(settings: StudySettings) -> RunSettings:
@@ -117,7 +117,7 @@ class ForecastTask(MomentTask):
 
 
 def validate_moment(task: ForecastTask, road: bytes | None = None) -> Forecast | Failure:
-    """Run the children of a task; or return the moment's failure."""
+    """Run the futures of a task; or return the moment's failure."""
     return attempt(_forecast, task, road)
 
 
@@ -129,11 +129,11 @@ def _forecast(task: ForecastTask, scene: SeedScene, net: SumoNet) -> Forecast:
     if not judged.any():
         raise TrackError(f"no vehicle is recorded for {steps} steps after the moment; choose another moment")
     plain = RunSettings(
-        models="constant_velocity", children=1, steps=steps, keep_plans=False, world=asked.world
+        models="constant_velocity", futures=1, steps=steps, keep_plans=False, world=asked.world
     )
-    # Vehicles leave the children at the step at which they leave the recording.
+    # Vehicles leave the futures at the step at which they leave the recording.
     run = partial(_run, scene, net, compared(net, task.ref))
-    children = run(asked, built(task.settings.models), len(task.children))
+    futures = run(asked, built(task.settings.models), len(task.futures))
     straight = run(plain, ModelSet.of(plain), 1)
     first = run(dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
     recorded = measure_recorded(scene, steps, metrics=asked.measured, preset=asked.rule)
@@ -141,26 +141,26 @@ def _forecast(task: ForecastTask, scene: SeedScene, net: SumoNet) -> Forecast:
     after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
     rng = np.random.default_rng(zlib.crc32(task.ref.moment.encode()))
-    seen = _seen(scene, asked, children, task.noise, rng)
-    numbers = np.arange(len(task.children))
+    seen = _seen(scene, asked, futures, task.noise, rng)
+    numbers = np.arange(len(task.futures))
     rows = [
-        (numbers, children.values, children.collided),
+        (numbers, futures.values, futures.collided),
         (np.array([RECORDED]), values, recorded.overlaps.any_of(1)),
         (np.array([CONSTANT_VELOCITY]), straight.values, straight.collided),
         (np.array([SEED_MOMENT]), first.values, first.collided),
     ]
-    likelihood = realism(children.states, after, scene.length, scene.width, judged, road)
+    likelihood = realism(futures.states, after, scene.length, scene.width, judged, road)
     return Forecast(
-        children=_children_table(asked.columns, rows),
-        seen=_children_table(asked.columns, [(numbers, seen.values, seen.collided)]),
-        vehicles=position_forecasts(scene, children.states, seen.states, straight.states, judged, rng),
-        encounters=gap_forecasts(scene, children.states, seen.states, straight.states, after, judged, rng),
+        futures=_futures_table(asked.columns, rows),
+        seen=_futures_table(asked.columns, [(numbers, seen.values, seen.collided)]),
+        vehicles=position_forecasts(scene, futures.states, seen.states, straight.states, judged, rng),
+        encounters=gap_forecasts(scene, futures.states, seen.states, straight.states, after, judged, rng),
         realism=pa.table({"realism": [realism_score(likelihood)], **{k: [v] for k, v in likelihood.items()}}),
     )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Children:
+class _Futures:
     driven: Rollout
     values: FloatArray
     collided: BoolArray
@@ -172,17 +172,17 @@ class _Children:
 
 def _run(
     scene: SeedScene, net: SumoNet, compared: bool, settings: RunSettings, models: ModelSet, count: int
-) -> _Children:
+) -> _Futures:
     models.try_on(scene, seed=settings.seed)
-    drawn = models.draw(scene.track_ids, children=count, seed=settings.seed, design=settings.design)
+    drawn = models.draw(scene.track_ids, futures=count, seed=settings.seed, design=settings.design)
     counted = recorded_steps_of(scene, settings.steps)
     job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted, compared=compared)
     part, no_plans = run_in_memory(job, range(count)), np.empty(0)
     assert part.collisions is not None
-    return _Children(
-        collided=collided(part.collisions, part.children),
+    return _Futures(
+        collided=collided(part.collisions, part.futures),
         driven=Rollout(
-            children=part.children,
+            futures=part.futures,
             states=part.states,
             plan_x=no_plans if part.plan_x is None else part.plan_x,
             plan_y=no_plans if part.plan_y is None else part.plan_y,
@@ -193,9 +193,9 @@ def _run(
 
 
 def _seen(
-    scene: SeedScene, settings: RunSettings, children: _Children, noise: BoxNoise, rng: np.random.Generator
-) -> _Children:
-    seen = as_recorded(scene, children.driven, noise, rng)
+    scene: SeedScene, settings: RunSettings, futures: _Futures, noise: BoxNoise, rng: np.random.Generator
+) -> _Futures:
+    seen = as_recorded(scene, futures.driven, noise, rng)
     counted = recorded_steps_of(scene, settings.steps)
     found = measure_outcome(
         scene,
@@ -206,7 +206,7 @@ def _seen(
         limit_m2=OVERLAP_M2,
     )
     values = np.where(found.values.defined, found.values.values, np.nan)
-    return _Children(driven=seen, values=values, collided=found.collisions.any_of(len(seen.children)))
+    return _Futures(driven=seen, values=values, collided=found.collisions.any_of(len(seen.futures)))
 
 
 def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
@@ -216,9 +216,9 @@ def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
     return whole
 
 
-def _children_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:
+def _futures_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:
     values = np.concatenate([part[1] for part in rows])
-    data = {"child": pa.array(np.concatenate([part[0] for part in rows]), pa.int32())}
+    data = {"future": pa.array(np.concatenate([part[0] for part in rows]), pa.int32())}
     for index, name in enumerate(columns):
         data[name] = pa.array(values[:, index], mask=np.isnan(values[:, index]))
     data["collision"] = pa.array(np.concatenate([part[2] for part in rows]))
@@ -229,7 +229,7 @@ _MOMENTS, _PART = "moments", "forecast"
 
 
 class ForecastFolder(StudyFolder):
-    """Folder of the forecasts of moments: ``moments/NAME/children.parquet`` and four more tables."""
+    """Folder of the forecasts of moments: ``moments/NAME/futures.parquet`` and four more tables."""
 
     info, what, another, trees = "validate.json", "validation", "another validation", (_MOMENTS,)
     evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", _MOMENTS)

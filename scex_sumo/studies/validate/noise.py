@@ -1,6 +1,6 @@
-"""Noise of a recording's boxes, and children with this noise.
+"""Noise of a recording's boxes, and futures with this noise.
 
-A recorded extremum picks the largest error of the boxes, so children need the same errors to be compared.
+A recorded extremum picks the largest error of the boxes, so futures need the same errors to be compared.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ def _errors(rows: TrackRows) -> FloatArray:
 
 
 def as_recorded(scene: SeedScene, driven: Rollout, noise: BoxNoise, rng: np.random.Generator) -> Rollout:
-    """Return children as a recording would show them: with errors of boxes, their tracks as planned paths.
+    """Return futures as a recording would show them: with errors of boxes, their tracks as planned paths.
 
-    Errors start from none at the seed scene. Each vehicle of each child gets a random piece of ``noise``, of
+    Errors start from none at the seed scene. Each vehicle of each future gets a random piece of ``noise``, of
     vehicles that move or stand as it does. Tracks go on along the last plan.
     """
     count, steps, vehicles = driven.states.shape
@@ -118,5 +118,5 @@ def along_tracks(
         for parts in ((states.x, further_x), (states.y, further_y))
     )
     return Rollout(
-        children=np.arange(len(states.x)), states=states, plan_x=plan_x, plan_y=plan_y, replan=replan
+        futures=np.arange(len(states.x)), states=states, plan_x=plan_x, plan_y=plan_y, replan=replan
     )

@@ -130,7 +130,7 @@ def write_validation_page(
     tables = {name: page_table(columns, rows[name]) for name, columns in _TABLES.items()}
     about = (
         f"{counted(info['seeds'], 'seed scene')} of {counted(info['recordings'], 'recording')}, "
-        f"{info['children']} futures each, part of the recordings: {info['part']}"
+        f"{info['futures']} futures each, part of the recordings: {info['part']}"
     )
     title = f"Validation of {', '.join(info['models'])}"
     write_study(folder / HTML, title, about, *found, tables=tables)

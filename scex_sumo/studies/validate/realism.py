@@ -1,4 +1,4 @@
-"""Realism: how probable the recorded motion is among the children, feature by feature.
+"""Realism: how probable the recorded motion is among the futures, feature by feature.
 
 After the Waymo Open Sim Agents Challenge (Montali et al. 2023), histograms and weights of 2025. Without
 traffic lights and for 3 s, not 8, the numbers are not comparable with that leaderboard.
@@ -50,12 +50,12 @@ FEATURES = {
 
 
 def realism(
-    children: States, recorded: States, length: FloatArray, width: FloatArray, judged: BoolArray, road: Road
+    futures: States, recorded: States, length: FloatArray, width: FloatArray, judged: BoolArray, road: Road
 ) -> dict[str, float]:
     """Return the likelihood of the recorded future by feature: exp of the mean log, in (0, 1].
 
     Args:
-        children: (C, T, V).
+        futures: (C, T, V).
         recorded: (1, T, V).
         length: (V,) m.
         width: (V,) m.
@@ -64,7 +64,7 @@ def realism(
     if not judged.any():
         return {}
     sizes = length[judged], width[judged]
-    simulated = _features(children[:, :, judged], *sizes, road)
+    simulated = _features(futures[:, :, judged], *sizes, road)
     real = _features(recorded[:, :, judged], *sizes, road)
     found = {}
     for name, feature in FEATURES.items():

@@ -34,7 +34,7 @@ from scex_sumo.studies.validate.scores import (
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens, or not, in a child or in a recording.
+    """Something that happens, or not, in a future or in a recording.
 
     Attributes:
         column: metric column, or ``collision``.
@@ -73,7 +73,7 @@ MIN_SEEDS = 20
 """Number of seed scenes below which a validation compares nothing."""
 MIN_EVENTS = 5
 """Number of events, and of their absences, below which areas under curves are left out."""
-MIN_DEFINED = 0.5  # share of the children in which a metric must be defined to forecast its value
+MIN_DEFINED = 0.5  # share of the futures in which a metric must be defined to forecast its value
 SCORED_UP_TO: Final = {"s": 10.0, "1/s": 10.0, "m/s²": 20.0}
 """Value of a metric column in each unit from which on all values, inf too, are scored as equal.
 
@@ -87,7 +87,7 @@ class Forecasts:
 
     Attributes:
         columns: K metric columns, then ``collision``.
-        children: (M) values (C, K) of the children; NaN if undefined.
+        futures: (M) values (C, K) of the futures; NaN if undefined.
         seen: (M) the same with errors of boxes.
         recorded: (M, K) what happened.
         straight: (M, K) constant velocity.
@@ -97,7 +97,7 @@ class Forecasts:
 
     refs: Sequence[MomentRef]
     columns: tuple[str, ...]
-    children: Sequence[FloatArray]
+    futures: Sequence[FloatArray]
     seen: Sequence[FloatArray]
     recorded: FloatArray
     straight: FloatArray
@@ -114,13 +114,13 @@ class Forecasts:
 
 def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
     """Return the forecasts of all moments."""
-    columns = tuple(name for name in found[0][1].children.column_names if name != "child")
+    columns = tuple(name for name in found[0][1].futures.column_names if name != "future")
     names = sorted({ref.recording for ref, _ in found})
     group = np.array([names.index(ref.recording) for ref, _ in found])
-    parts = [_matrix(forecast.children, columns) for _, forecast in found]
+    parts = [_matrix(forecast.futures, columns) for _, forecast in found]
 
     def row(number: int) -> FloatArray:
-        return np.stack([values[child == number][0] for child, values in parts])
+        return np.stack([values[future == number][0] for future, values in parts])
 
     def rows(tables: Sequence[pa.Table]) -> pa.Table:
         marked = [
@@ -133,7 +133,7 @@ def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
     return Forecasts(
         refs=[ref for ref, _ in found],
         columns=columns,
-        children=[values[child >= 0] for child, values in parts],
+        futures=[values[future >= 0] for future, values in parts],
         seen=[_matrix(forecast.seen, columns)[1] for _, forecast in found],
         recorded=row(RECORDED),
         straight=row(CONSTANT_VELOCITY),
@@ -147,15 +147,15 @@ def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
 
 def _matrix(table: pa.Table, columns: tuple[str, ...]) -> tuple[IntArray, FloatArray]:
     values = [np.asarray(table[c].to_numpy(zero_copy_only=False), dtype=np.float64) for c in columns]
-    return np.asarray(table["child"], dtype=np.int64), np.stack(values, axis=1)
+    return np.asarray(table["future"], dtype=np.int64), np.stack(values, axis=1)
 
 
 def probability(found: Forecasts, event: Event) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return forecasts (M,) of an event, as driven and as recorded, and whether it happened."""
     column = found.of(event.column)
     driven, seen = (
-        np.array([event.happened(values[:, column]).mean() for values in children])
-        for children in (found.children, found.seen)
+        np.array([event.happened(values[:, column]).mean() for values in futures])
+        for futures in (found.futures, found.seen)
     )
     return driven, seen, event.happened(found.recorded[:, column])
 
@@ -182,7 +182,7 @@ def event_scores(found: Forecasts) -> list[dict[str, Any]]:
 
 
 def pair_scores(found: Forecasts) -> list[dict[str, Any]]:
-    """Return one row for each of `MEASURED` events; empty without pairs within 10 m in some child.
+    """Return one row for each of `MEASURED` events; empty without pairs within 10 m in some future.
 
     Pairs whose recorded boxes touch are left out: these boxes are inexact.
     """
@@ -249,7 +249,7 @@ def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
             continue
         limit = SCORED_UP_TO.get(metric_of(name).column_unit, np.inf)
         cases: list[tuple[Any, ...]] = []
-        for m, values in enumerate(found.children):
+        for m, values in enumerate(found.futures):
             sample, noisy = (np.minimum(part[:, column], limit) for part in (values, found.seen[m]))
             y, straight = (float(min(part[m, column], limit)) for part in (found.recorded, found.straight))
             sample, noisy = sample[np.isfinite(sample)], noisy[np.isfinite(noisy)]

@@ -60,7 +60,7 @@ class Validation:
         tables: events, pairs, values and positions, as in the folder.
 
     Example:
-        >>> out = scex.validate(scex.example_path("roundabout"), out="validated", every=9, children=4)
+        >>> out = scex.validate(scex.example_path("roundabout"), out="validated", every=9, futures=4)
         >>> out.folder.name
         'validated'
     """
@@ -75,7 +75,7 @@ def validate(
     *,
     out: str | Path,
     models: str = "likely",
-    children: int = 96,
+    futures: int = 96,
     every: float = 1.0,
     min_vehicles: int = 2,
     part: str = ALL,
@@ -104,13 +104,13 @@ def validate(
         ResultError: the folder cannot be written or holds something else.
 
     Example:
-        >>> out = scex.validate(scex.example_path("roundabout"), out="validation", every=9, children=4)
+        >>> out = scex.validate(scex.example_path("roundabout"), out="validation", every=9, futures=4)
         >>> sorted(out.tables)
         ['events', 'pairs', 'positions', 'values']
     """
     started = time.perf_counter()
     settings = ValidationSettings(
-        run=RunSettings(models=models, children=children, seed=seed),
+        run=RunSettings(models=models, futures=futures, seed=seed),
         every=every,
         min_vehicles=min_vehicles,
         part=part,
@@ -189,8 +189,8 @@ def _run(
         noise[loaded.recording.name] = box_noise(rows, float(known) / 1000)
         return settings.moments(loaded)
 
-    children = range(settings.children)
-    cut = moment_tasks(recordings, {}, settings, children, wanted=left, choose=chosen)
+    futures = range(settings.futures)
+    cut = moment_tasks(recordings, {}, settings, futures, wanted=left, choose=chosen)
     with closing(read_ahead(cut, _AHEAD)) as items:
         for task, found in workers.run(tasks(items)):
             if isinstance(found, Failure):

@@ -19,7 +19,7 @@ from scex_sumo.studies.validate.scores import covered, crps, rank_among
 
 SECONDS = (1, 2, 3)
 MOVING_MPS = 0.5
-ENCOUNTER_M = 10.0  # a pair that comes this near in some child is an encounter
+ENCOUNTER_M = 10.0  # a pair that comes this near in some future is an encounter
 
 _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
 
@@ -48,7 +48,7 @@ ENCOUNTERS = _schema(
 
 def position_forecasts(
     scene: SeedScene,
-    children: States,
+    futures: States,
     seen: States,
     straight: States,
     judged: BoolArray,
@@ -56,12 +56,12 @@ def position_forecasts(
 ) -> pa.Table:
     """Return one row of `POSITIONS` for each vehicle recorded to the end and each second.
 
-    Along and across the heading: coverage by the 5-95 % of the children (``seen``: with errors of boxes), and
+    Along and across the heading: coverage by the 5-95 % of the futures (``seen``: with errors of boxes), and
     the rank in (0, 1).
 
     Args:
-        children: (C, T, V).
-        seen: (C, T, V) children with errors of boxes.
+        futures: (C, T, V).
+        seen: (C, T, V) futures with errors of boxes.
         straight: (1, T, V) constant velocity.
         judged: (V,) vehicles recorded to the end.
     """
@@ -69,13 +69,13 @@ def position_forecasts(
     rows = []
     for second in SECONDS:
         step = 10 * second - 1
-        if step >= children.shape[1]:
+        if step >= futures.shape[1]:
             continue
         for v in np.flatnonzero(judged).tolist():
             x, y, heading = (
                 float(a[v, step]) for a in (scene.future.x, scene.future.y, scene.future.heading)
             )
-            dx, dy = children.x[:, step, v] - x, children.y[:, step, v] - y
+            dx, dy = futures.x[:, step, v] - x, futures.y[:, step, v] - y
             off = np.hypot(dx, dy)
             along, across = _in_frame(dx, dy, heading)
             ways = _in_frame(seen.x[:, step, v] - x, seen.y[:, step, v] - y, heading)
@@ -108,25 +108,25 @@ def _in_frame(dx: FloatArray, dy: FloatArray, heading: float) -> tuple[FloatArra
 
 def gap_forecasts(
     scene: SeedScene,
-    children: States,
+    futures: States,
     seen: States,
     straight: States,
     recorded: States,
     judged: BoolArray,
     rng: np.random.Generator,
 ) -> pa.Table:
-    """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some child.
+    """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some future.
 
-    ``crps_m`` and ``covered`` are of the children as driven, the others of ``seen``. `MEASURED` events of the
-    children (share), the recording and constant velocity count along the driven tracks. Arguments as of
+    ``crps_m`` and ``covered`` are of the futures as driven, the others of ``seen``. `MEASURED` events of the
+    futures (share), the recording and constant velocity count along the driven tracks. Arguments as of
     `position_forecasts`; ``recorded`` (1, T, V).
     """
-    first, second = _near_pairs(children, judged)
+    first, second = _near_pairs(futures, judged)
     forecast, happened, plain_events = (
-        _pair_events(scene, states, first, second) for states in (children, recorded, straight)
+        _pair_events(scene, states, first, second) for states in (futures, recorded, straight)
     )
     gaps, noisy, plain, real = (
-        _least_gap(scene, states, first, second) for states in (children, seen, straight, recorded)
+        _least_gap(scene, states, first, second) for states in (futures, seen, straight, recorded)
     )
     rows = [
         {
@@ -163,18 +163,18 @@ def _pair_events(scene: SeedScene, states: States, first: IntArray, second: IntA
     for event in MEASURED:
         events[event.name] = np.zeros((count, len(first)), dtype=bool)
         some = (pair >= 0) & met.happens(event)
-        events[event.name][met.child[some], pair[some]] = True
+        events[event.name][met.future[some], pair[some]] = True
     return events
 
 
-def _near_pairs(children: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
+def _near_pairs(futures: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
     vehicles = np.flatnonzero(judged)
     a, b = np.triu_indices(len(vehicles), 1)
     first, second = vehicles[a], vehicles[b]
     near = np.zeros(len(first), dtype=bool)
     for k in range(0, len(first), 256):
         i, j = first[k : k + 256], second[k : k + 256]
-        dx, dy = children.x[:, ::5, i] - children.x[:, ::5, j], children.y[:, ::5, i] - children.y[:, ::5, j]
+        dx, dy = futures.x[:, ::5, i] - futures.x[:, ::5, j], futures.y[:, ::5, i] - futures.y[:, ::5, j]
         near[k : k + 256] = (np.hypot(dx, dy) < 25.0).any(axis=(0, 1))
     return first[near], second[near]
 

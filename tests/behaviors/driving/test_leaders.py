@@ -26,7 +26,7 @@ def leaders(
 ) -> Leaders:
     scene = roads.scene_of(own, *others, obstacles=obstacles)
     history = roads.present(scene)
-    who = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
+    who = VehicleIndex(future=np.array([0]), vehicle=np.array([0]))
     paths = seed_paths(scene, roads.straight() if where is None else where)
     row = paths.choose(0, who.vehicle, np.zeros(1))
     s, _, _ = foot_points(paths, row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
@@ -115,7 +115,7 @@ def test_a_vehicle_on_another_branch_of_a_fork_leads_only_who_goes_there() -> No
     scene = roads.scene_of((40.0, 0.0, 0.0, 8.0), other)
     history, who = (
         roads.present(scene),
-        VehicleIndex(child=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int)),
+        VehicleIndex(future=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int)),
     )
     paths = seed_paths(scene, roads.fork())
     row = np.array([0, 1, 2])

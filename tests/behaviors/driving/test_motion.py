@@ -119,7 +119,7 @@ def test_the_path_is_kept_to_in_a_curve() -> None:
     assert radius == pytest.approx(15.0, abs=0.15)
 
 
-def test_a_long_child_still_finds_its_road() -> None:
+def test_a_long_future_still_finds_its_road() -> None:
     # A ring of 40 m radius, once round at 10 m/s: 25 s, 251 m; a plan's table reaches 120 m at first.
     ring = [roads.arc(40.0, np.pi), roads.arc(40.0, np.pi, (0.0, 80.0), np.pi)]
     where = roads.road(
@@ -205,7 +205,7 @@ def test_a_line_beside_a_bend_is_followed(aside: float) -> None:
     scene = roads.scene_of((x, 20.0 + REAR_AXLE_SHARE * LENGTH, np.pi / 2, 6.0))
     history, who = (
         roads.present(scene),
-        VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
+        VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
     )
     paths, row = chosen_paths(history, where, who, "straight")
     made = drive(
@@ -222,7 +222,7 @@ def test_steering_shown_by_jittery_headings_is_doubted() -> None:
     past = scene.history.map(np.copy)
     past.heading[0, -6:] = np.deg2rad(np.linspace(8.0, 0.0, 6))
     history = roads.present(replace(scene, history=past))
-    who = VehicleIndex(child=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     paths, row = chosen_paths(history, roads.straight(), who, "straight")
     turned = {
         doubt: np.abs(

@@ -194,7 +194,7 @@ def test_a_place_that_a_path_passes_twice_belongs_to_the_expected_lap() -> None:
     assert heading[1] - heading[0] == pytest.approx(2 * np.pi, abs=0.02)
 
 
-def test_all_paths_of_a_long_child_take_memory_in_proportion_to_its_steps() -> None:
+def test_all_paths_of_a_long_future_take_memory_in_proportion_to_its_steps() -> None:
     scene, where = roads.scene_of((10.0, 0.0, 0.0, 8.0)), roads.straight()
     history = roads.present(scene)
     tables = {}

@@ -92,7 +92,7 @@ def test_replay_repeats_the_recording_and_goes_on_with_its_last_speed() -> None:
     assert made.speed[0] == pytest.approx(4.0)
 
 
-def test_replay_later_in_a_child_goes_on_in_the_recording() -> None:
+def test_replay_later_in_a_future_goes_on_in_the_recording() -> None:
     scene = with_future(roads.scene_of((30.0, 50.0, np.pi / 2, 4.0)), 40, 4.0)
     track = roads.closed_loop(Replay(ReplayProfile()), roads.straight(), scene, steps=40, replan=5)
     assert scene.future is not None

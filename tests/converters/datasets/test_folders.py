@@ -127,10 +127,10 @@ def test_a_file_of_the_same_name_by_another_program_hides_nothing(folder: Path) 
 
 def test_commands_take_folders_and_print_what_they_leave_out(folder: Path, tmp_path: Path) -> None:
     add_result(folder, "run.json")
-    models = ("--models", "constant_velocity", "--every", "9", "--children", "2")
+    models = ("--models", "constant_velocity", "--every", "9", "--futures", "2")
     for words in (("inspect", folder), ("rank", folder, *models, "--first", "2", "-o", tmp_path / "r")):
         done = scex(*words)
         assert done.returncode == 0, done.stderr
         assert f"note: results of this program are left out: {folder / 'out'}" in done.stderr
-    done = scex("run", folder, "--time", "4", "--children", "2", "--no-plots", "-o", tmp_path / "run")
+    done = scex("run", folder, "--time", "4", "--futures", "2", "--no-plots", "-o", tmp_path / "run")
     assert done.returncode == 0, done.stderr

@@ -62,7 +62,7 @@ def test_all_recordings_are_found_with_their_maps_and_nothing_else(published: Pa
 
 
 def test_one_command_ranks_all_of_it(published: Path, tmp_path: Path) -> None:
-    options = ("--children", 2, "--every", 2, "--workers", 1, "-o", tmp_path / "out")
+    options = ("--futures", 2, "--every", 2, "--workers", 1, "-o", tmp_path / "out")
     done = scex("rank", published, *options)
     assert done.returncode == 0, done.stderr
     with (tmp_path / "out/ranking.csv").open() as file:

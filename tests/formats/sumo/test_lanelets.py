@@ -82,11 +82,11 @@ def test_drivers_on_nets_of_real_maps_drive_as_on_the_maps(name: str, data: Path
 
 
 def same_metrics(scene: SeedScene, folder: Path) -> None:
-    """Every metric of every child within 1e-6 for models that do not leave driving to SUMO."""
+    """Every metric of every future within 1e-6 for models that do not leave driving to SUMO."""
     assert scene.road is not None
     scenes = (scene, replace(scene, road=read_back(scene.road, folder)))
     one, other = (
-        _metrics(extrapolate(s, children=12, models=PATH_FOLLOWING, world="plain", out=folder / str(k)))
+        _metrics(extrapolate(s, futures=12, models=PATH_FOLLOWING, world="plain", out=folder / str(k)))
         for k, s in enumerate(scenes)
     )
     assert one.keys() == other.keys()
@@ -103,11 +103,11 @@ def test_sumo_s_own_drivers_see_the_very_net(tmp_path: Path) -> None:
     assert scene.road is not None
     back = replace(scene, road=read_back(scene.road, tmp_path))
     runs = [
-        extrapolate(s, children=2, models=["sumo:EIDM"], out=tmp_path / str(k))
+        extrapolate(s, futures=2, models=["sumo:EIDM"], out=tmp_path / str(k))
         for k, s in enumerate((scene, back))
     ]
-    for child in range(2):
-        np.testing.assert_array_equal(runs[0].states(child).x, runs[1].states(child).x)
+    for future in range(2):
+        np.testing.assert_array_equal(runs[0].states(future).x, runs[1].states(future).x)
     assert runs[0].net.lanes.rows == runs[1].net.lanes.rows
 
 

@@ -169,9 +169,9 @@ def test_nets_of_every_shape_are_populated_and_run_on(kind: str, merge: Path, tm
     }
     path = merge if kind == "merge" else generate(tmp_path / f"{kind}.net.xml", *options[kind])
     scene = synthetic_seed(path, vehicles=4)
-    run = extrapolate(scene, children=4, models=["standard_driver", "sumo:EIDM"], out=tmp_path / "out")
-    assert run.children == 4 and run.scene.vehicles == 4
-    assert all(np.isfinite(run.states(child).x).all() for child in range(4))
+    run = extrapolate(scene, futures=4, models=["standard_driver", "sumo:EIDM"], out=tmp_path / "out")
+    assert run.futures == 4 and run.scene.vehicles == 4
+    assert all(np.isfinite(run.states(future).x).all() for future in range(4))
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ import json
 from pathlib import Path
 before = {v: sumo.vehicle.getPosition(v) for v in sumo.vehicle.getIDList()}
 assert sumo.simulation.getTime() == watch.time_s
-assert run.children == 3 and run.folder.is_dir() and len(run.metrics) == 3
+assert run.futures == 3 and run.folder.is_dir() and len(run.metrics) == 3
 scene = watch.scene()
 names = scene.source["vehicles"].values()
 assert set(names) == {v for v in before if sumo.vehicle.getVehicleClass(v) != "bicycle"}
@@ -170,9 +170,9 @@ said(watch.scene)
 assert not watch.until(lambda: False, at_most_s=20)
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
-    run = watch.extrapolate(children=2, models=["constant_velocity"], out="out", exact=False)
+    run = watch.extrapolate(futures=2, models=["constant_velocity"], out="out", exact=False)
 print(*[w.message for w in caught], sep="\\n")
-said(lambda: watch.extrapolate(children=3, models=["constant_velocity"], out="out"))
+said(lambda: watch.extrapolate(futures=3, models=["constant_velocity"], out="out"))
 said(lambda: watch.extrapolate(progress=print))
 said(lambda: watch.extrapolate(models=["nonsense"]))
 assert sumo.simulation.getTime() == watch.time_s == 20.0

@@ -44,7 +44,7 @@ def hard_braking(scene: SeedScene, profile: GuardProfile) -> tuple[int, int]:
         SceneHistory.of_scene(scene),
         np.flatnonzero(scene.future_valid[:, :30].all(axis=1)),
     )
-    who = VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     model, now = Replay(ReplayProfile()), scene.now.speed[vehicle]
     raw, made = (one.plan(history, scene.road, who, []) for one in (model, Guarded(model, profile)))
     smooth = np.abs(np.diff(raw.speed[:, :5], axis=1, prepend=now[:, None])).max(axis=1) < 0.5
@@ -121,7 +121,7 @@ def test_a_car_in_the_next_lane_and_one_behind_hold_nobody_back() -> None:
     vehicles = [(60.0, 0.0, 0.0, 12.0), (63.0, 3.0, 0.0, 11.0), (80.0, 3.0, 0.0, 4.0), (50.0, 0.0, 0.0, 11.0)]
     scene = roads.scene_of(*vehicles)
     history = roads.present(scene)
-    first = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
+    first = VehicleIndex(future=np.array([0]), vehicle=np.array([0]))
     made, raw = roads.plan(GUARDED, two, history, first), roads.plan(STEADY, two, history, first)
     assert all(np.array_equal(getattr(made, k), getattr(raw, k)) for k in ("x", "y", "heading", "speed"))
 
@@ -161,7 +161,7 @@ def test_one_who_stands_at_a_crossing_waits_until_the_other_has_passed() -> None
             self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
         ) -> Plan:
             raw = STEADY.plan(history, road, who, rng)
-            now = history.now[who.child, who.vehicle]
+            now = history.now[who.future, who.vehicle]
             t = 0.1 * np.arange(1, 31)
             way = now.speed[:, None] * t + t**2
             go = (who.vehicle == 0)[:, None]
@@ -184,7 +184,7 @@ def test_boxes_that_touch_in_the_seed_scene_are_left_alone_where_the_guard_is_to
     # 0.2 m behind a car of the same speed, as a trailer that was recorded as a vehicle.
     scene = roads.scene_of((60.0, 0.0, 0.0, 12.0), (60.0 + LENGTH + 0.2, 0.0, 0.0, 12.0))
     history, road = roads.present(scene), roads.straight()
-    first = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
+    first = VehicleIndex(future=np.array([0]), vehicle=np.array([0]))
     held = roads.plan(GUARDED, road, history, first)
     left = roads.plan(Guarded(GUARDED.inner, GuardProfile(touching=0.3)), road, history, first)
     assert held.speed[0, 9] < 11.0
@@ -280,7 +280,7 @@ def test_a_long_body_swings_out_of_a_bend_by_half_its_length_times_its_angle_and
         speed=np.full((1, 30), 3.0),
     )
     scene = roads.scene_of((0.0, 0.0, -0.2, 3.0), length=10.0)
-    who = VehicleIndex(child=np.array([0]), vehicle=np.array([0]))
+    who = VehicleIndex(future=np.array([0]), vehicle=np.array([0]))
     left, right = planned_paths(raw, roads.present(scene), who, PROFILE).swing[:, 0]
     assert right[2:-2] == pytest.approx(5 * np.sin(0.2) + 25 / 30, abs=0.1)
     assert left[2:-2] == pytest.approx(5 * np.sin(0.2) - 25 / 30, abs=0.2)

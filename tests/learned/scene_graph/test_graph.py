@@ -284,9 +284,9 @@ def test_walkers_behind_far_ahead_or_gone_are_none(others: Obstacles) -> None:
     assert node(graph, "obstacle_ahead") == node(graph, "obstacle_distance") == [0.0]
 
 
-def batch(scene: SeedScene, children: int) -> SceneHistory:
-    """Children that have drifted apart."""
-    history, rng = present(scene, children), np.random.default_rng(0)
+def batch(scene: SeedScene, futures: int) -> SceneHistory:
+    """Futures that have drifted apart."""
+    history, rng = present(scene, futures), np.random.default_rng(0)
     drift = rng.normal(0.0, 1.0, (2, *history.now.shape, 1))
     turn = rng.normal(0.0, 0.05, (*history.now.shape, 1))
     states = replace(
@@ -303,31 +303,31 @@ def example() -> SeedScene:
     return scex.read_seed(scex.example_path("roundabout"))
 
 
-def test_a_child_has_the_same_graph_alone_and_in_a_batch(example: SeedScene) -> None:
+def test_a_future_has_the_same_graph_alone_and_in_a_batch(example: SeedScene) -> None:
     history = batch(example, 5)
     together = scene_graph(history, example.road)
-    for child in range(5):
-        one = slice(child, child + 1)
+    for future in range(5):
+        one = slice(future, future + 1)
         alone = scene_graph(
             replace(
                 history,
                 states=history.states[one],
-                children=history.children[one],
+                futures=history.futures[one],
                 route_draw=history.route_draw[one],
             ),
             example.road,
         )
-        mine = together.child[together.edge_index[1]] == child
-        assert np.array_equal(together.edge_index[:, mine] - child * example.vehicles, alone.edge_index)
+        mine = together.future[together.edge_index[1]] == future
+        assert np.array_equal(together.edge_index[:, mine] - future * example.vehicles, alone.edge_index)
         assert np.array_equal(together.edge[mine], alone.edge)
-        assert np.array_equal(together.node[together.child == child], alone.node)
-        assert np.array_equal(together.history[together.child == child], alone.history)
+        assert np.array_equal(together.node[together.future == future], alone.node)
+        assert np.array_equal(together.history[together.future == future], alone.history)
 
 
-def test_no_edge_joins_two_children(example: SeedScene) -> None:
+def test_no_edge_joins_two_futures(example: SeedScene) -> None:
     graph = scene_graph(batch(example, 5), example.road)
     assert len(graph.edge_kind) > 100
-    assert np.array_equal(graph.child[graph.edge_index[0]], graph.child[graph.edge_index[1]])
+    assert np.array_equal(graph.future[graph.edge_index[0]], graph.future[graph.edge_index[1]])
 
 
 def test_the_order_of_the_vehicles_does_not_matter(example: SeedScene) -> None:

@@ -51,8 +51,8 @@ def test_a_metric_defined_nowhere_sets_nothing_apart() -> None:
         assert comparison.total[0, 1] == 0.0
 
 
-def test_undefined_children_lie_at_the_middle_and_count_as_a_share() -> None:
-    # Unit 8, middle 5: a run undefined in half of its children and at 9 in the others.
+def test_undefined_futures_lie_at_the_middle_and_count_as_a_share() -> None:
+    # Unit 8, middle 5: a run undefined in half of its futures and at 9 in the others.
     base = [float(n) for n in range(1, 11)]
     half = [NAN] * 5 + [9.0] * 5
     scale = pooled_scale(arrays(base, base))
@@ -130,7 +130,7 @@ def test_chance_is_said_at_its_size() -> None:
     assert float(np.median(comparison.noise)) == pytest.approx(between, rel=0.35)
 
 
-def test_one_child_says_nothing_about_chance() -> None:
+def test_one_future_says_nothing_about_chance() -> None:
     comparison = compare_samples({"ttc": arrays([1.0], [2.0])}, names(2))
     assert np.isnan(comparison.noise).all()
     assert comparison.total[0, 1] > 0
@@ -157,12 +157,10 @@ def fake_run(**changed: object) -> SimpleNamespace:
         "seed_scene": {"name": "seed"},
     }
     columns = changed.pop("columns", ["wttc", "ttc"])
-    children = changed.pop("children", 40)
-    assert isinstance(columns, list) and isinstance(children, int)
-    metrics = pa.table(
-        {"child": range(children), **{c: [float(n) for n in range(children)] for c in columns}}
-    )
-    return SimpleNamespace(info={**info, **changed}, columns=columns, children=children, metrics=metrics)
+    futures = changed.pop("futures", 40)
+    assert isinstance(columns, list) and isinstance(futures, int)
+    metrics = pa.table({"future": range(futures), **{c: [float(n) for n in range(futures)] for c in columns}})
+    return SimpleNamespace(info={**info, **changed}, columns=columns, futures=futures, metrics=metrics)
 
 
 @pytest.mark.parametrize(
@@ -184,7 +182,7 @@ def test_runs_that_measure_something_else_are_refused(changed: dict[str, object]
         ({"models": [{"model": "risky_driver", "weight": 1.0}]}, "behaviour models of b"),
         ({"assign": {"3": "risky_driver"}}, "fixed models of b"),
         ({"replan": 10}, "replan of b"),
-        ({"children": 10}, "fewer than 30 futures in b"),
+        ({"futures": 10}, "fewer than 30 futures in b"),
     ],
 )
 def test_other_differences_are_said(changed: dict[str, object], words: str) -> None:

@@ -78,7 +78,7 @@ def test_a_sample_finds_the_same_shares_as_all_combinations(draw) -> None:  # ty
 
 
 def test_the_shares_of_many_vehicles_sum_to_the_whole() -> None:
-    # 60 vehicles and 385 children: the fits of all vehicles and pairs one by one would sum to far above 1.
+    # 60 vehicles and 385 futures: the fits of all vehicles and pairs one by one would sum to far above 1.
     rng = np.random.default_rng(6)
     levels = balanced([[0.25] * 4] * 60, 385, rng)
     collides = (levels[:, 3] == 1) | ((levels[:, 7] == 2) & (levels[:, 8] == 0))
@@ -121,12 +121,12 @@ def test_shares_depend_on_neither_unit_nor_names() -> None:
         assert second[who] == pytest.approx(share, abs=1e-9)
 
 
-def test_undefined_children_and_fixed_vehicles_are_left_out() -> None:
+def test_undefined_futures_and_fixed_vehicles_are_left_out() -> None:
     levels = np.concatenate([all_assignments([2, 1, 2])] * 10)
     values = levels[:, 0].astype(float)
     values[::7] = np.nan
     found = shares(effects(levels, values))
-    # Not quite 1: without some children the vehicles' models are slightly correlated.
+    # Not quite 1: without some futures the vehicles' models are slightly correlated.
     assert found[(0,)] == pytest.approx(1, abs=0.01)
     assert (1,) not in found
 
@@ -140,12 +140,12 @@ def test_nothing_is_said_of_values_that_do_not_vary(values: FloatArray) -> None:
     assert effects(TWO_CUBED, values) == []
 
 
-def test_nothing_is_said_of_too_few_children() -> None:
+def test_nothing_is_said_of_too_few_futures() -> None:
     levels = independent([[0.25] * 4] * 5, 19, np.random.default_rng(0))
     assert effects(levels, np.arange(19.0)) == []
 
 
-def test_pairs_are_left_out_where_children_suffice_for_single_vehicles_only() -> None:
+def test_pairs_are_left_out_where_futures_suffice_for_single_vehicles_only() -> None:
     levels = balanced([[0.25] * 4] * 3, 48, np.random.default_rng(0))
     kinds = {e.kind for e in effects(levels, levels[:, 0] + 1.0 * (levels[:, 0] == levels[:, 1]))}
     assert kinds == {"main", "rest"}
@@ -156,24 +156,24 @@ def two_causes() -> tuple[IntArray, np.ndarray]:
     return levels, (levels[:, 0] == 1) | ((levels[:, 1] == 2) & (levels[:, 2] == 0))
 
 
-def test_a_condition_counts_the_children_it_holds_for() -> None:
+def test_a_condition_counts_the_futures_it_holds_for() -> None:
     levels, critical = (np.concatenate([part] * 4) for part in two_causes())
     found = {(c.vehicles, c.models): c for c in conditions(levels, critical)}
     one = found[(0,), (1,)]
-    assert (one.children, one.critical, one.share) == (72, 72, 1.0)
-    assert one.covered == 18 / 22  # 18 children, and of the other 36 one in nine
+    assert (one.futures, one.critical, one.share) == (72, 72, 1.0)
+    assert one.covered == 18 / 22  # 18 futures, and of the other 36 one in nine
     pair = found[(1, 2), (2, 0)]
-    assert (pair.children, pair.critical) == (24, 24)
+    assert (pair.futures, pair.critical) == (24, 24)
     assert ((0,), (0,)) not in found  # 8 of 72: fewer than of all
     interval = wilson(72, 72)
     assert (one.low, one.high) == (interval.low, interval.high)
 
 
-def test_conditions_of_too_few_children_are_left_out() -> None:
+def test_conditions_of_too_few_futures_are_left_out() -> None:
     levels = all_assignments([2, 2, 2])
     assert conditions(levels, levels[:, 0] == 1) == []  # 4 of 4
     levels = np.concatenate([levels] * 10)
-    assert {c.children for c in conditions(levels, levels[:, 0] == 1)} == {20, 40}
+    assert {c.futures for c in conditions(levels, levels[:, 0] == 1)} == {20, 40}
 
 
 def test_the_rules_are_the_causes() -> None:

@@ -31,12 +31,12 @@ def folder(tmp_path: Path) -> Path:
     columns = {name: np.full(27, 5.0) for name in COLUMNS}
     columns["distance"] = distance
     columns["ttc"] = columns["ttc_mean"] = pa.nulls(27, pa.float64())
-    pq.write_table(pa.table({"child": np.arange(27), **columns}), tmp_path / "metrics.parquet")
+    pq.write_table(pa.table({"future": np.arange(27), **columns}), tmp_path / "metrics.parquet")
     models = [MODELS[m] for m in levels.reshape(-1)]
-    assignments = {"child": np.repeat(np.arange(27), 3), "track_id": [7, 8, 11] * 27, "model": models}
+    assignments = {"future": np.repeat(np.arange(27), 3), "track_id": [7, 8, 11] * 27, "model": models}
     pq.write_table(pa.table(assignments), tmp_path / "assignments.parquet")
     worst = {
-        "child": np.arange(27),
+        "future": np.arange(27),
         "metric": ["distance"] * 27,
         "timestamp_ms": np.full(27, 3200),
         "track_id": np.full(27, 11),
@@ -112,10 +112,10 @@ def test_the_command_prints_and_writes_it(folder: Path, capsys: pytest.CaptureFi
     assert page.count("<figure>") == 1  # nothing else varies
 
 
-def test_two_that_collide_are_explained_with_the_children_in_which_they_do(
+def test_two_that_collide_are_explained_with_the_futures_in_which_they_do(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    hits = {"child": [2, 2], "track_id": [11, 8], "other_id": [7, 7], "time_s": [2.2, 1.0]}
+    hits = {"future": [2, 2], "track_id": [11, 8], "other_id": [7, 7], "time_s": [2.2, 1.0]}
     pq.write_table(pa.table(hits), folder / "collisions.parquet")
     explain_command(folder, encounter="7,11", worst=5, plots=True)
     said = capsys.readouterr().out

@@ -17,12 +17,12 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.moments.workers import DaskWorkers
-from scex_sumo.studies.rank.children import run_moment
+from scex_sumo.studies.rank.futures import run_moment
 from tests.command import scex, started
 
 distributed = pytest.importorskip("distributed")
 
-OPTIONS = ("--every", "2", "--first", "4", "--children", "8", "--top", "2")
+OPTIONS = ("--every", "2", "--first", "4", "--futures", "8", "--top", "2")
 
 
 def free_port() -> int:
@@ -77,7 +77,7 @@ def dataset(tmp_path: Path) -> Path:
 def begun(folder: Path) -> None:
     """Wait until the first seed has come back."""
     deadline = time.monotonic() + 60
-    while not list(folder.glob("children/*/*/*.parquet")) and time.monotonic() < deadline:
+    while not list(folder.glob("futures/*/*/*.parquet")) and time.monotonic() < deadline:
         time.sleep(0.01)
 
 
@@ -87,7 +87,7 @@ def test_a_validation_over_the_cluster_is_that_of_this_machine(
     told = {}
     for name, option in (("cluster", ("--cluster", cluster.address)), ("alone", ())):
         folder = tmp_path / name
-        words = ("--every", "2", "--children", "4", "--seed", "3", *option, "-o", folder)
+        words = ("--every", "2", "--futures", "4", "--seed", "3", *option, "-o", folder)
         done = scex("validate", dataset, *words)
         assert done.returncode == 0, done.stderr
         told[name] = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.parquet")}

@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.studies.moments.folder import Failure, Listing
-from scex_sumo.studies.rank.children import RankFolder
+from scex_sumo.studies.rank.futures import RankFolder
 from scex_sumo.studies.rank.table import write_ranking
 from tests.studies.rank.parts import moment_part, moment_ref
 
@@ -27,7 +27,7 @@ def filled(tmp_path: Path) -> Path:
 
 
 def part_of(folder: Path) -> Path:
-    (file,) = folder.glob("children/*/*/*.parquet")
+    (file,) = folder.glob("futures/*/*/*.parquet")
     return file
 
 
@@ -49,7 +49,7 @@ def test_a_part_under_the_name_of_another_moment_runs_again(filled: Path) -> Non
     other = moment_ref("three_t1.0")
     with RankFolder(filled, PLAN) as folder:
         folder.append(other, moment_part(0, 4, models=("risky_driver",) * 3))
-    one, three = (next(filled.glob(f"children/*/seed={name}_t1.0/*")) for name in ("one", "three"))
+    one, three = (next(filled.glob(f"futures/*/seed={name}_t1.0/*")) for name in ("one", "three"))
     three.write_bytes(one.read_bytes())
     (filled / "parts/four_t1.0.json").write_bytes((filled / "parts/one_t1.0.json").read_bytes())
     with RankFolder(filled, PLAN) as folder:
@@ -59,7 +59,7 @@ def test_a_part_under_the_name_of_another_moment_runs_again(filled: Path) -> Non
 
 def test_a_part_that_changes_while_a_ranking_runs_is_named(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
-        pq.write_table(moment_part(0, 4).children.slice(1), part_of(filled))
+        pq.write_table(moment_part(0, 4).futures.slice(1), part_of(filled))
         with pytest.raises(ResultError, match="was changed meanwhile; run the same command again"):
             folder.read(REF, range(0, 4))
 
@@ -90,7 +90,7 @@ def test_a_damaged_mark_of_an_interruption_does_not_stop_it_from_going_on(filled
 def test_a_finished_ranking_whose_contents_are_damaged_runs_again(filled: Path, content: str) -> None:
     with RankFolder(filled, PLAN) as folder:
         folder.save_listing(Listing(recording="r", moments=(REF,)))
-        write_ranking(filled, pa.table({"child": [0, 1]}))
+        write_ranking(filled, pa.table({"future": [0, 1]}))
         folder.finish({})
     (filled / "rank.json").write_text(content)
     with RankFolder(filled, PLAN) as folder:

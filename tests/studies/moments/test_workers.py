@@ -19,11 +19,11 @@ from scex_sumo.scene import SceneHistory, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import pack_road
 from scex_sumo.studies.moments.workers import LocalWorkers
-from scex_sumo.studies.rank.children import MomentPart, RankTask, run_moment
+from scex_sumo.studies.rank.futures import MomentPart, RankTask, run_moment
 from scex_sumo.studies.rank.scores import RankSettings
 from tests.runs import extrapolate
 
-SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", children=96))
+SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", futures=96))
 
 
 class Deadly:
@@ -47,15 +47,15 @@ def scene() -> SeedScene:
     return scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
 
 
-def task(scene: SeedScene, name: str, *, children: int = 4, road: Any = None, **changed: Any) -> RankTask:
+def task(scene: SeedScene, name: str, *, futures: int = 4, road: Any = None, **changed: Any) -> RankTask:
     ref = MomentRef(moment=name, location="l", recording="r", case="", time_s=1.0, vehicles=scene.vehicles)
     assert scene.road is not None
     return RankTask(
         ref=ref,
         scene=dataclasses.replace(scene, road=None),
         road=pack_road(scene.road) if road is None else road,
-        children=range(children),
-        spare=children,
+        futures=range(futures),
+        spare=futures,
         settings=dataclasses.replace(SETTINGS, **changed),
     )
 
@@ -79,22 +79,22 @@ def failure_of(found: MomentPart | Failure) -> Failure:
 
 def test_a_seed_gives_what_extrapolate_gives(workers: LocalWorkers, scene: SeedScene, tmp_path: Path) -> None:
     part = part_of(workers, task(scene, "s", keep="all"))
-    run = extrapolate(scene, models=list(SETTINGS.models), children=4, out=tmp_path / "out")
+    run = extrapolate(scene, models=list(SETTINGS.models), futures=4, out=tmp_path / "out")
     for column in SETTINGS.run.columns:
         expected = run.metrics[column].to_numpy(zero_copy_only=False)
-        values = part.children[column].to_numpy(zero_copy_only=False)
+        values = part.futures[column].to_numpy(zero_copy_only=False)
         assert np.array_equal(values, expected, equal_nan=True), column
     assert part.tracks is not None
     assert part.tracks.equals(run.tracks)
-    assert part.children["model"].to_pylist() == [run.models_of(child) for child in range(4)]
+    assert part.futures["model"].to_pylist() == [run.models_of(future) for future in range(4)]
 
 
-def test_later_children_are_those_of_a_longer_run(workers: LocalWorkers, scene: SeedScene) -> None:
-    whole = task(scene, "s", children=6)
-    later = dataclasses.replace(whole, children=range(4, 6))
+def test_later_futures_are_those_of_a_longer_run(workers: LocalWorkers, scene: SeedScene) -> None:
+    whole = task(scene, "s", futures=6)
+    later = dataclasses.replace(whole, futures=range(4, 6))
     all_of_them, last = (part_of(workers, asked) for asked in (whole, later))
-    assert last.children["child"].to_pylist() == [4, 5]
-    assert last.children.equals(all_of_them.children.slice(4))
+    assert last.futures["future"].to_pylist() == [4, 5]
+    assert last.futures.equals(all_of_them.futures.slice(4))
 
 
 def test_what_is_wrong_with_a_seed_is_its_outcome_and_the_next_one_runs(
@@ -142,7 +142,7 @@ def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
     def tasks() -> Iterator[RankTask]:
         for number in range(3):
             taken.append(number)
-            yield task(scene, str(number), children=1)
+            yield task(scene, str(number), futures=1)
 
     found = workers.run(tasks())
     next(found)
@@ -165,14 +165,14 @@ def lazy(history):
 def test_plans_that_are_not_the_models_own_are_counted(
     scene: SeedScene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One vehicle without a plan, at each of the 6 replans of each of the 2 children."""
+    """One vehicle without a plan, at each of the 6 replans of each of the 2 futures."""
     (tmp_path / "lazy_drivers.py").write_text(LAZY)
     monkeypatch.syspath_prepend(tmp_path)
     with closing(LocalWorkers(1, run_moment)) as workers:
         part = part_of(
-            workers, task(scene, "s", children=2, run=RunSettings(models="lazy_drivers:lazy", children=96))
+            workers, task(scene, "s", futures=2, run=RunSettings(models="lazy_drivers:lazy", futures=96))
         )
-    assert part.children["fallbacks"].to_pylist() == [6, 6]
+    assert part.futures["fallbacks"].to_pylist() == [6, 6]
 
 
 def test_an_object_of_ones_own_script_drives_in_the_workers(scene: SeedScene) -> None:
@@ -180,14 +180,14 @@ def test_an_object_of_ones_own_script_drives_in_the_workers(scene: SeedScene) ->
 
     class Standing:
         def plan_one(
-            self, history: SceneHistory, road: Road, child: int, vehicle: int, rng: np.random.Generator
+            self, history: SceneHistory, road: Road, future: int, vehicle: int, rng: np.random.Generator
         ) -> States:
-            now = history.now[child, vehicle]
+            now = history.now[future, vehicle]
             x, y, heading = (np.full(30, float(value)) for value in (now.x, now.y, now.heading))
             return States(x=x, y=y, heading=heading, speed=np.zeros(30))
 
-    run = RunSettings(models=[Standing()], children=96)
+    run = RunSettings(models=[Standing()], futures=96)
     with closing(LocalWorkers(1, run_moment)) as workers:
-        part = part_of(workers, task(scene, "s", children=2, run=run))
-    assert part.children["model"].to_pylist() == [["Standing"] * scene.vehicles] * 2
-    assert part.children["fallbacks"].to_pylist() == [0, 0]
+        part = part_of(workers, task(scene, "s", futures=2, run=run))
+    assert part.futures["model"].to_pylist() == [["Standing"] * scene.vehicles] * 2
+    assert part.futures["fallbacks"].to_pylist() == [0, 0]

@@ -11,11 +11,11 @@ import pytest
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.studies.moments.folder import Failure, Listing
-from scex_sumo.studies.rank.children import RankFolder
+from scex_sumo.studies.rank.futures import RankFolder
 from scex_sumo.studies.rank.scores import pairs_of
 from tests.studies.rank.parts import DRIVERS, moment_part, moment_ref
 
-PLAN = {"children": 4, "seed": 0}
+PLAN = {"futures": 4, "seed": 0}
 ONE, TWO = moment_ref("one_t1.0"), moment_ref("two_t1.0", "there")
 
 
@@ -34,14 +34,14 @@ def test_parts_are_found_again(filled: Path) -> None:
         assert folder.has(ONE, range(0, 4))
         assert folder.has(ONE, range(4, 8))
         assert not folder.has(TWO, range(4, 8))
-        assert folder.read(ONE, range(4, 8))["child"].to_pylist() == [4, 5, 6, 7]
+        assert folder.read(ONE, range(4, 8))["future"].to_pylist() == [4, 5, 6, 7]
 
 
 def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
         table = folder.read(ONE, range(0, 4))
     assert table.column_names == [
-        "child",
+        "future",
         *COLUMNS,
         *("fallbacks", "kept", "track_id", "model", "critical_pairs"),
     ]
@@ -53,7 +53,7 @@ def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
 
 
 def test_a_part_that_is_there_is_never_written_again(filled: Path) -> None:
-    (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
+    (file,) = filled.glob("futures/location=there/seed=two_t1.0/*.parquet")
     before = file.stat().st_mtime_ns
     with RankFolder(filled, PLAN) as folder:
         folder.append(TWO, moment_part(0, 4))
@@ -61,7 +61,7 @@ def test_a_part_that_is_there_is_never_written_again(filled: Path) -> None:
 
 
 def test_a_part_cut_off_in_the_writing_does_not_count(filled: Path) -> None:
-    (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
+    (file,) = filled.glob("futures/location=there/seed=two_t1.0/*.parquet")
     file.rename(file.with_name(f".{file.name}.writing"))
     with RankFolder(filled, PLAN) as folder:
         assert not folder.has(TWO, range(0, 4))
@@ -71,12 +71,12 @@ def test_a_part_cut_off_in_the_writing_does_not_count(filled: Path) -> None:
 
 @pytest.mark.parametrize("content", [b"", b"PAR1"])
 def test_a_damaged_part_runs_again(filled: Path, content: bytes) -> None:
-    (file,) = filled.glob("children/location=there/seed=two_t1.0/*.parquet")
+    (file,) = filled.glob("futures/location=there/seed=two_t1.0/*.parquet")
     file.write_bytes(content)
     with RankFolder(filled, PLAN) as folder:
         assert not folder.has(TWO, range(0, 4))
         folder.append(TWO, moment_part(0, 4))
-        assert folder.read(TWO, range(0, 4))["child"].to_pylist() == [0, 1, 2, 3]
+        assert folder.read(TWO, range(0, 4))["future"].to_pylist() == [0, 1, 2, 3]
 
 
 def test_a_damaged_listing_or_failure_is_looked_at_again(filled: Path) -> None:
@@ -104,7 +104,7 @@ def test_another_ranking_is_kept_unless_told_otherwise(filled: Path) -> None:
         RankFolder(filled, {**PLAN, "seed": 1})
     with RankFolder(filled, {**PLAN, "seed": 1}, overwrite=True) as folder:
         assert not folder.has(ONE, range(0, 4))
-    assert not list(filled.glob("children/*"))
+    assert not list(filled.glob("futures/*"))
 
 
 def test_a_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
@@ -155,7 +155,7 @@ def test_the_record_of_a_part_comes_after_its_tables(tmp_path: Path, monkeypatch
     )
     with RankFolder(tmp_path / "out", PLAN) as folder:
         folder.append(ONE, moment_part(0, 4, tracks=tracks))
-    assert written[-3:] == ["tracks", "children", "parts"]
+    assert written[-3:] == ["tracks", "futures", "parts"]
 
 
 def _tracks(path: Path) -> Path:
@@ -165,27 +165,27 @@ def _tracks(path: Path) -> Path:
     return path
 
 
-def test_pyarrow_reads_all_children_in_one_line(filled: Path) -> None:
-    table = pds.dataset(filled / "children", partitioning="hive").to_table()
+def test_pyarrow_reads_all_futures_in_one_line(filled: Path) -> None:
+    table = pds.dataset(filled / "futures", partitioning="hive").to_table()
     assert table.num_rows == 12
     assert set(table["seed"].to_pylist()) == {"one_t1.0", "two_t1.0"}
 
 
-def test_pandas_reads_all_children_in_one_line(filled: Path) -> None:
+def test_pandas_reads_all_futures_in_one_line(filled: Path) -> None:
     pandas = pytest.importorskip("pandas")
-    frame = pandas.read_parquet(filled / "children")
+    frame = pandas.read_parquet(filled / "futures")
     assert len(frame) == 12
     assert frame.groupby("seed", observed=True).size().to_dict() == {"one_t1.0": 8, "two_t1.0": 4}
 
 
-def test_polars_reads_all_children_in_one_line(filled: Path) -> None:
+def test_polars_reads_all_futures_in_one_line(filled: Path) -> None:
     polars = pytest.importorskip("polars")
-    frame = polars.read_parquet(filled / "children" / "**" / "*.parquet", hive_partitioning=True)
+    frame = polars.read_parquet(filled / "futures" / "**" / "*.parquet", hive_partitioning=True)
     assert frame.height == 12
-    assert frame.filter(polars.col("location") == "there")["child"].to_list() == [0, 1, 2, 3]
+    assert frame.filter(polars.col("location") == "there")["future"].to_list() == [0, 1, 2, 3]
 
 
-def test_duckdb_reads_all_children_in_one_line(filled: Path) -> None:
+def test_duckdb_reads_all_futures_in_one_line(filled: Path) -> None:
     duckdb = pytest.importorskip("duckdb")
-    query = f"FROM '{filled}/children/**/*.parquet' SELECT seed, count(*) GROUP BY seed ORDER BY seed"
+    query = f"FROM '{filled}/futures/**/*.parquet' SELECT seed, count(*) GROUP BY seed ORDER BY seed"
     assert duckdb.sql(query).fetchall() == [("one_t1.0", 8), ("two_t1.0", 4)]

@@ -1,4 +1,4 @@
-"""The composite rank, by hand where that can be done, and who gets more children for it."""
+"""The composite rank, by hand where that can be done, and who gets more futures for it."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ def test_close_cases_have_ranks_that_could_be_each_others() -> None:
 def test_smaller_errors_make_a_rank_surer() -> None:
     score = np.linspace(0.1, 0.9, 20)
     widths = []
-    for children in (10, 100, 1000):
-        found = place(score, np.sqrt(score * (1 - score) / children), seed=0)
+    for futures in (10, 100, 1000):
+        found = place(score, np.sqrt(score * (1 - score) / futures), seed=0)
         widths.append(int((found.high - found.low).sum()))
     assert widths[0] > widths[1] > widths[2]
 
 
 def test_the_interval_of_ranks_holds_the_true_rank_as_often_as_it_says() -> None:
-    """The true shares are known here: 30 seeds, 20 repetitions, 48 independent children each."""
+    """The true shares are known here: 30 seeds, 20 repetitions, 48 independent futures each."""
     rng = np.random.default_rng(1)
     held = 0
     for repetition in range(20):
@@ -72,7 +72,7 @@ def test_the_interval_of_ranks_holds_the_true_rank_as_often_as_it_says() -> None
     assert held / 600 >= 0.93
 
 
-def test_children_that_are_all_alike_leave_some_doubt() -> None:
+def test_futures_that_are_all_alike_leave_some_doubt() -> None:
     intervals = DesignIntervals(np.zeros((32, 0), dtype=np.int64), design="random")
     assert mean_score(np.zeros(32), intervals) == (0.0, pytest.approx(0.5 / 33))
     assert mean_score(np.zeros(32), intervals, 0.1) == (0.0, pytest.approx(0.05 / 33))
@@ -108,18 +108,18 @@ def ref(time_s: float, *, recording: str = "r", case: str = "") -> MomentRef:
     return MomentRef(moment=name, location="l", recording=recording, case=case, time_s=time_s, vehicles=5)
 
 
-def tallies(refs: list[MomentRef], critical: list[int], children: int = 32) -> dict[str, list[Tally]]:
-    return {r.moment: [tally(k, children)] for r, k in zip(refs, critical, strict=True)}
+def tallies(refs: list[MomentRef], critical: list[int], futures: int = 32) -> dict[str, list[Tally]]:
+    return {r.moment: [tally(k, futures)] for r, k in zip(refs, critical, strict=True)}
 
 
-def tally(critical: int, children: int = 32) -> Tally:
-    """Of independent children, so many of which have one critical encounter."""
-    share = critical / children
-    return Tally(children=children, score=share, error=float(np.sqrt(share * (1 - share) / children)) + 0.01)
+def tally(critical: int, futures: int = 32) -> Tally:
+    """Of independent futures, so many of which have one critical encounter."""
+    share = critical / futures
+    return Tally(futures=futures, score=share, error=float(np.sqrt(share * (1 - share) / futures)) + 0.01)
 
 
 @pytest.mark.parametrize(
-    ("children", "first", "ends"),
+    ("futures", "first", "ends"),
     [
         (96, 32, [32, 64, 96]),
         (385, 32, [32, 64, 128, 256, 385]),
@@ -128,21 +128,19 @@ def tally(critical: int, children: int = 32) -> Tally:
         (64, 32, [32, 64]),
     ],
 )
-def test_rounds_double_up_to_the_most_children(children: int, first: int, ends: list[int]) -> None:
-    run = RunSettings(models="standard_driver,risky_driver", children=children)
+def test_rounds_double_up_to_the_most_futures(futures: int, first: int, ends: list[int]) -> None:
+    run = RunSettings(models="standard_driver,risky_driver", futures=futures)
     settings = RankSettings(run=run, first=first, exact=False)
     assert [span.stop for span in rounds(settings)] == ends
 
 
 @pytest.mark.parametrize(
-    ("models", "children", "stop"),
+    ("models", "futures", "stop"),
     [("rules", 385, 64), ("rules", 128, 64), ("rules", 96, None), ("likely", 385, None)],
     ids=["room for tables", "just", "fewer than their futures are left", "models that draw at random"],
 )
-def test_tables_are_searched_where_they_may_save_futures(
-    models: str, children: int, stop: int | None
-) -> None:
-    spans = rounds(RankSettings(run=RunSettings(models=models, children=children)))
+def test_tables_are_searched_where_they_may_save_futures(models: str, futures: int, stop: int | None) -> None:
+    spans = rounds(RankSettings(run=RunSettings(models=models, futures=futures)))
     assert [span.stop for span in spans if not span] == ([] if stop is None else [stop])
 
 
@@ -154,11 +152,11 @@ def test_seeds_that_may_trade_places_at_the_top_go_on() -> None:
     assert found == [REFS[1], REFS[2]]
 
 
-def test_what_is_certain_gets_no_more_children() -> None:
+def test_what_is_certain_gets_no_more_futures() -> None:
     assert undecided(REFS, tallies(REFS, [960, 600, 300, 10], 960), 1, top=2, seed=0) == []
 
 
-def test_what_cannot_reach_the_page_gets_no_more_children() -> None:
+def test_what_cannot_reach_the_page_gets_no_more_futures() -> None:
     """The last two trade places, but not with the first two, and only those are shown."""
     found = undecided(REFS, tallies(REFS, [950, 600, 16, 15], 960), 1, top=2, seed=0)
     assert found == []

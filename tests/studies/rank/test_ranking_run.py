@@ -21,21 +21,21 @@ from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.workers import Done
-from scex_sumo.studies.rank.children import MomentPart, RankFolder, RankTask, children_table, choose_kept
 from scex_sumo.studies.rank.exact import ExactScore
+from scex_sumo.studies.rank.futures import MomentPart, RankFolder, RankTask, choose_kept, futures_table
 from scex_sumo.studies.rank.places import distinct_moments
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import RankSettings, score_of
 from scex_sumo.studies.rank.table import ranking_table
 
-ONE_MODEL = RunSettings(models="standard_driver", children=96)
+ONE_MODEL = RunSettings(models="standard_driver", futures=96)
 
 
 class Instant:
-    """Workers that make up values from the moment's name and the child's number.
+    """Workers that make up values from the moment's name and the future's number.
 
     Attributes:
-        asked: moment and first child of every task.
+        asked: moment and first future of every task.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Instant:
             for task in reversed(group):
                 if len(self.asked) == self._stop:
                     raise KeyboardInterrupt
-                self.asked.append((task.ref.moment, task.children.start))
+                self.asked.append((task.ref.moment, task.futures.start))
                 if task.ref.moment == self._bad:
                     yield task, Failure.of(task.ref, "bad luck", died=self._died)
                 elif task.drawn is None:
@@ -66,40 +66,40 @@ class Instant:
 
 
 def made_up(task: RankTask) -> MomentPart:
-    children = np.array(task.children)
+    futures = np.array(task.futures)
     number = int.from_bytes(hashlib.sha256(task.ref.moment.encode()).digest()[:4], "big")
     columns = task.settings.run.columns
-    values = np.stack([np.random.default_rng([number, c]).random(len(columns)) for c in children])
+    values = np.stack([np.random.default_rng([number, c]).random(len(columns)) for c in futures])
     # The more often vehicles 1 and 2 collide, at 3 m/s, the greater the moment's number.
     hit = values[:, 0] * 7 < number % 7
     pairs = tuple(np.array([[1, 2, 1, 300, 5000]] if h else np.zeros((0, 5)), dtype=np.int64) for h in hit)
-    table = children_table(
-        children,
+    table = futures_table(
+        futures,
         columns=columns,
         values=values,
         defined=np.ones(values.shape, dtype=bool),
-        fallbacks=np.zeros(len(children), dtype=np.int64),
+        fallbacks=np.zeros(len(futures), dtype=np.int64),
         kept=choose_kept(score_of(pairs), task.settings.keep, task.spare),
         track_ids=task.scene.track_ids,
-        models=(("standard_driver",) * task.scene.vehicles,) * len(children),
+        models=(("standard_driver",) * task.scene.vehicles,) * len(futures),
         pairs=pairs,
     )
-    tracks = pa.table({"case_id": children[np.asarray(table["kept"])]})
-    return MomentPart(children=table, tracks=tracks if len(tracks) else None)
+    tracks = pa.table({"case_id": futures[np.asarray(table["kept"])]})
+    return MomentPart(futures=table, tracks=tracks if len(tracks) else None)
 
 
 def tables(task: RankTask) -> ExactScore:
     """Tables that settle every other moment."""
-    share = len([rows for rows in task.drawn or () if len(rows)]) / task.children.stop
+    share = len([rows for rows in task.drawn or () if len(rows)]) / task.futures.stop
     even = zlib.crc32(task.ref.moment.encode()) % 2 == 0
     return ExactScore(
         mean=share * even,
-        predicted=[share * even] * task.settings.children,
+        predicted=[share * even] * task.settings.futures,
         settled=even,
         p_collision=share if even else None,
         pairs=[(1, 2, "collision", share)] if even else [],
         extra=70,
-        checked=task.children.stop,
+        checked=task.futures.stop,
     )
 
 
@@ -121,7 +121,7 @@ def ranked(
 def ranked_exactly(
     recordings: tuple[Recording, ...], path: Path, workers: Instant
 ) -> tuple[RankingRun, pa.Table]:
-    run = RunSettings(models="standard_driver,risky_driver", children=128)
+    run = RunSettings(models="standard_driver,risky_driver", futures=128)
     settings = RankSettings(run=run, every=2.0, top=9)
     with RankFolder(path, {"plan": 1}) as folder:
         result = RankingRun(recordings, settings, folder, workers)
@@ -133,17 +133,17 @@ def contents(path: Path) -> dict[str, bytes]:
     return {str(f.relative_to(path)): f.read_bytes() for f in sorted(path.rglob("*")) if f.is_file()}
 
 
-def test_every_seed_has_its_first_children_and_some_have_more(
+def test_every_seed_has_its_first_futures_and_some_have_more(
     recordings: tuple[Recording, ...], tmp_path: Path
 ) -> None:
     workers = Instant()
     found = ranked(recordings, tmp_path / "out", workers)
     assert {ref.location for ref in found.refs} == {"roundabout", "motorway_merge"}
-    first = [seed for seed, child in workers.asked if child == 0]
+    first = [seed for seed, future in workers.asked if future == 0]
     assert first == [ref.moment for ref in found.listed]
-    more = [seed for seed, child in workers.asked if child == 32]
+    more = [seed for seed, future in workers.asked if future == 32]
     assert 0 < len(more) < len(first)
-    assert {seed for seed, child in workers.asked if child == 64} <= set(more)
+    assert {seed for seed, future in workers.asked if future == 64} <= set(more)
 
 
 def test_nothing_is_run_twice(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
@@ -221,8 +221,8 @@ def test_whichever_file_is_damaged_it_goes_on_to_the_same_bytes(
     of_kind: dict[str, list[str]] = {}
     for name in sorted(expected, key=lambda name: (name.count("/"), name)):
         of_kind.setdefault(name.split("/")[0], []).append(name)
-    later = next(name for name in of_kind["children"] if "-00064-" in name)
-    of_kind["first part"] = [str(next((whole / later).parent.glob("children-00000-*")).relative_to(whole))]
+    later = next(name for name in of_kind["futures"] if "-00064-" in name)
+    of_kind["first part"] = [str(next((whole / later).parent.glob("futures-00000-*")).relative_to(whole))]
     how = itertools.cycle(DAMAGE)
     for kind in ("exact", "first part") if exactly else of_kind:
         for name in {of_kind[kind][0], of_kind[kind][-1]}:
@@ -261,7 +261,7 @@ def test_a_seed_whose_workers_died_is_tried_again(recordings: tuple[Recording, .
 def test_after_a_death_it_goes_on_to_the_bytes_of_a_ranking_without_one(
     recordings: tuple[Recording, ...], tmp_path: Path, bad: str
 ) -> None:
-    """Moments that were undecided only because another one was missing lose their further children."""
+    """Moments that were undecided only because another one was missing lose their further futures."""
     whole = ranked(recordings, tmp_path / "whole", Instant())
     assert bad in {ref.moment for ref in whole.refs}
     ranked(recordings, tmp_path / "out", Instant(bad=bad, died=True))
@@ -269,7 +269,7 @@ def test_after_a_death_it_goes_on_to_the_bytes_of_a_ranking_without_one(
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
-def test_at_most_five_children_of_a_seed_are_kept(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
+def test_at_most_five_futures_of_a_seed_are_kept(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
     found = ranked(recordings, tmp_path / "out", Instant(), keep="critical")
     kept = [sum(tally.kept for tally in found.tallies[ref.moment]) for ref in found.refs]
     assert max(kept) == 5
@@ -319,7 +319,7 @@ def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:
     assert len(distinct_moments(found.refs, range(4), 4)) == 4
 
 
-def test_a_moment_with_an_exact_score_gets_no_more_children(
+def test_a_moment_with_an_exact_score_gets_no_more_futures(
     recordings: tuple[Recording, ...], tmp_path: Path
 ) -> None:
     workers = Instant()
@@ -329,10 +329,10 @@ def test_a_moment_with_an_exact_score_gets_no_more_children(
     settled = {name for name, one in exact.items() if one is not None and one.settled}
     open_ = {name for name, one in exact.items() if one is not None and not one.settled}
     assert settled
-    assert {rows[name]["children"] for name in settled} == {64}
+    assert {rows[name]["futures"] for name in settled} == {64}
     assert {rows[name]["remainder"] for name in settled} == {3 / 64}
     assert all(rows[name]["p_collision_low"] == rows[name]["p_collision_high"] for name in settled)
-    assert max(rows[name]["children"] for name in open_) > 64
+    assert max(rows[name]["futures"] for name in open_) > 64
     assert {rows[name]["remainder"] for name in open_} == {None}
     assert {rows[name]["extra"] for name in settled | open_} == {70}
 

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.studies.moments.folder import Failure
-from scex_sumo.studies.rank.children import MomentPart
+from scex_sumo.studies.rank.futures import MomentPart
 from scex_sumo.studies.rank.places import Tally
 from scex_sumo.studies.rank.scores import RankSettings
 from scex_sumo.studies.rank.table import failed_row, moment_row, placed, tabulate, write_ranking
@@ -26,8 +26,8 @@ SETTINGS = RankSettings(
 
 
 def row(seed: str, *parts: MomentPart, score: float = 0.5) -> dict[str, Any]:
-    tally = Tally(children=4, score=score, error=0.01)
-    return moment_row(moment_ref(seed), [part.children for part in parts], tally, SETTINGS)
+    tally = Tally(futures=4, score=score, error=0.01)
+    return moment_row(moment_ref(seed), [part.futures for part in parts], tally, SETTINGS)
 
 
 def table_of(rows: list[dict[str, Any]]) -> pa.Table:
@@ -35,9 +35,9 @@ def table_of(rows: list[dict[str, Any]]) -> pa.Table:
 
 
 def test_a_row_has_medians_and_shares_over_all_parts() -> None:
-    """Children 0 to 3: distance 0, 100, 200, 300; ttc_mean undefined, 111, undefined, 311."""
+    """Futures 0 to 3: distance 0, 100, 200, 300; ttc_mean undefined, 111, undefined, 311."""
     found = row("s", moment_part(0, 2), moment_part(2, 4))
-    assert found["children"] == 4
+    assert found["futures"] == 4
     assert found["fallbacks"] == 0 + 1 + 0 + 1  # each part counts from 0
     assert found["median_distance"] == 150.0
     assert (found["critical_distance"], found["defined_distance"], found["p_distance"]) == (2, 4, 0.5)
@@ -47,7 +47,7 @@ def test_a_row_has_medians_and_shares_over_all_parts() -> None:
 
 
 def test_a_row_says_who_collides_and_how_often() -> None:
-    """Vehicles 7 and 9 are critical in all four children and collide in two of them."""
+    """Vehicles 7 and 9 are critical in all four futures and collide in two of them."""
     found = row("s", moment_part(0, 4))
     assert (found["p_collision"], found["collisions"], found["encounters"]) == (0.5, 0.5, 1.0)
     assert (found["worst_track_id"], found["worst_other_id"]) == (7, 9)
@@ -80,8 +80,8 @@ def test_what_failed_is_in_the_table_with_its_reason(tmp_path: Path) -> None:
     assert text["seed"].to_pylist() == ["s", "bad"]
 
 
-def test_a_metric_defined_in_no_child_has_no_median_and_is_never_critical() -> None:
-    found = row("s", moment_part(0, 1))  # its only child has no ttc_mean
+def test_a_metric_defined_in_no_future_has_no_median_and_is_never_critical() -> None:
+    found = row("s", moment_part(0, 1))  # its only future has no ttc_mean
     assert (found["median_ttc_mean"], found["p_ttc_mean"], found["defined_ttc_mean"]) == (None, 0.0, 0)
     assert np.isfinite(found["median_distance"])
 

@@ -1,4 +1,4 @@
-"""How far samples are from all children."""
+"""How far samples are from all futures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.seeds import straight_seed
 ROUNDABOUT = scex_sumo.example_path("roundabout")
 
 
-def test_subsets_hold_no_child_twice_and_differ() -> None:
+def test_subsets_hold_no_future_twice_and_differ() -> None:
     drawn = subsets(50, 20, 9, seed=3)
     assert drawn.shape == (9, 20)
     assert all(len(set(d)) == 20 for d in drawn.tolist())

@@ -29,7 +29,7 @@ def test_values_that_differ_by_rounding_are_equal() -> None:
     assert signs(one, np.array([1.0 + 1e-13, np.inf, 2.0, 5.0])).tolist() == [0.0, 0.0, 1.0, 1.0]
 
 
-def test_mcnemar_is_the_binomial_test_of_the_children_that_changed() -> None:
+def test_mcnemar_is_the_binomial_test_of_the_futures_that_changed() -> None:
     assert mcnemar(1, 9) == pytest.approx(stats.binomtest(1, 10).pvalue)
     assert mcnemar(4, 4) == 1.0
     assert mcnemar(0, 0) == 1.0

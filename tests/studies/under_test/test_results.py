@@ -1,4 +1,4 @@
-"""Children with and without a driving function, compared one by one."""
+"""Futures with and without a driving function, compared one by one."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ def test_vehicles_under_test_are_read_with_and_without_a_model() -> None:
 
 
 def test_metrics_of_one_vehicle_are_the_extrema_of_its_own_pairs() -> None:
-    tracks, planned = random_run(np.random.default_rng(5), children=3)
+    tracks, planned = random_run(np.random.default_rng(5), futures=3)
     own = evaluate(tracks, planned, vehicles=[2])
     pairs = evaluate_pairs(tracks, planned)
     for name, worst in (("distance", np.min), ("wttc", np.min)):
         rows = pairs[name]
         involved = (rows.vehicle == 2) | (rows.other == 2)
         column, defined = own.column(name)
-        for child in range(len(column)):
-            mine = rows.value[involved & (rows.child == child)]
-            assert defined[child] == (len(mine) > 0)
+        for future in range(len(column)):
+            mine = rows.value[involved & (rows.future == future)]
+            assert defined[future] == (len(mine) > 0)
             if len(mine):
-                assert column[child] == worst(mine)
+                assert column[future] == worst(mine)
     alone, _ = own.column("tq")
     rows = pairs["tq"]
-    assert alone[0] == rows.value[(rows.vehicle == 2) & (rows.child == 0)].max()
+    assert alone[0] == rows.value[(rows.vehicle == 2) & (rows.future == 0)].max()
 
 
 def test_all_vehicles_together_give_the_scenes_own_values() -> None:
@@ -69,16 +69,16 @@ def folder_of(path: Path, tested: Columns, baseline: Columns) -> Run:
         folder.mkdir(parents=True)
         count = len(next(iter(values.values())))
         columns = {c: pa.array(values.get(c, [None] * count), pa.float64()) for c in COLUMNS}
-        pq.write_table(pa.table({"child": list(range(count)), **columns}), folder / "under_test.parquet")
-        pq.write_table(pa.table({"child": list(range(count))}), folder / "metrics.parquet")
-        hits = {"child": [0, 0, 3], "track_id": [17, 8, 9], "other_id": [9, 9, 8]}
+        pq.write_table(pa.table({"future": list(range(count)), **columns}), folder / "under_test.parquet")
+        pq.write_table(pa.table({"future": list(range(count))}), folder / "metrics.parquet")
+        hits = {"future": [0, 0, 3], "track_id": [17, 8, 9], "other_id": [9, 9, 8]}
         hits |= {"p_mais3": [0.1, 0.5, 0.5], "p_mais3_other": [0.02, None, 0.5]}
         pq.write_table(pa.table(hits).slice(0 if vehicles["17"] else 1), folder / "collisions.parquet")
         info = {
             "under_test": vehicles,
             "thresholds": {"distance": 5.0, "ttc": 0.5},
             "seed_scene": {"name": "drawn"},
-            "children": count,
+            "futures": count,
         }
         (folder / "run.json").write_text(json.dumps(info))
 
@@ -96,10 +96,10 @@ def run(tmp_path: Path) -> Run:
     )
 
 
-def test_children_are_compared_one_by_one(run: Run) -> None:
+def test_futures_are_compared_one_by_one(run: Run) -> None:
     found = UnderTest.of(run).difference("distance")
     assert (found.under_test, found.baseline) == (5.0, 6.0)
-    assert (found.children, found.worse, found.better) == (4, 2, 1)
+    assert (found.futures, found.worse, found.better) == (4, 2, 1)
     assert (found.newly_critical, found.no_longer_critical) == (2, 1)
     assert found.critical_p_value == 1.0
     assert found.p_critical is not None and found.baseline_p_critical is not None
@@ -107,9 +107,9 @@ def test_children_are_compared_one_by_one(run: Run) -> None:
 
 
 def test_collisions_of_the_vehicle_itself_are_compared(run: Run) -> None:
-    """It hits 9 in child 0, and never without its model; others collide in both."""
+    """It hits 9 in future 0, and never without its model; others collide in both."""
     found = UnderTest.of(run).difference("collision")
-    assert (found.children, found.worse, found.better, found.newly_critical) == (5, 1, 0, 1)
+    assert (found.futures, found.worse, found.better, found.newly_critical) == (5, 1, 0, 1)
     assert found.p_critical is not None and found.baseline_p_critical is not None
     assert (found.p_critical.value, found.baseline_p_critical.value) == (0.2, 0.0)
 
@@ -121,7 +121,7 @@ def test_for_metrics_that_are_critical_on_the_right_larger_is_worse(run: Run) ->
 
 def test_a_metric_without_values_or_threshold_is_left_open(run: Run) -> None:
     empty = UnderTest.of(run).difference("gap_time")
-    assert empty.children == 0 and np.isnan(empty.under_test) and np.isnan(empty.p_value)
+    assert empty.futures == 0 and np.isnan(empty.under_test) and np.isnan(empty.p_value)
     assert empty.p_critical is None and np.isnan(empty.critical_p_value)
     with pytest.raises(UsageError, match="unknown metric 'speed'"):
         UnderTest.of(run).samples("speed")
@@ -175,7 +175,7 @@ def test_the_verdict_says_whether_the_driver_is_better(tmp_path: Path) -> None:
 
 
 def test_the_vehicles_own_encounters_are_told_before_and_after(run: Run) -> None:
-    usual = {"time_s": 1.0, "child": 0, "gap": 2.0, "gap_p05": 2.0, "model": "m", "other_model": "o"}
+    usual = {"time_s": 1.0, "future": 0, "gap": 2.0, "gap_p05": 2.0, "model": "m", "other_model": "o"}
     for folder, share in ((run.folder, 0.5), (run.folder / "baseline", 0.0)):
         event = {q: 0.0 for question in QUESTIONS for q in (question, f"{question}_low", f"{question}_high")}
         event |= {"collision": share, "critical": share, "collision_low": share, "collision_high": share}
@@ -194,7 +194,7 @@ def test_a_run_without_vehicles_under_test_or_baseline_says_so(run: Run) -> None
         _ = UnderTest.of(Run(run.folder))
 
 
-def test_a_baseline_of_other_children_is_refused(tmp_path: Path) -> None:
+def test_a_baseline_of_other_futures_is_refused(tmp_path: Path) -> None:
     run = folder_of(tmp_path / "out", {"distance": [4.0, 6.0]}, {"distance": [4.0]})
     with pytest.raises(ResultError, match="its futures are not those of"):
         _ = UnderTest.of(run)

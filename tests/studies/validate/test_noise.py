@@ -1,4 +1,4 @@
-"""Errors of a recording's boxes: found in its tracks, put onto children."""
+"""Errors of a recording's boxes: found in its tracks, put onto futures."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ def test_rows_after_the_training_part_are_used_where_it_has_too_few() -> None:
     assert len(box_noise(rows, 8.0).moving) < len(box_noise(rows, 1.0).moving)
 
 
-def children(speeds: tuple[float, ...], count: int = 400) -> Rollout:
+def futures(speeds: tuple[float, ...], count: int = 400) -> Rollout:
     """Vehicles that go on as they do; a plan of each second step, of where they will be."""
     x = np.cumsum(np.full((count, 30, len(speeds)), 0.1) * speeds, axis=1)
     zero = np.zeros_like(x)
     ahead = 0.1 * np.array(speeds)[:, None] * (np.arange(30) + 1)
     plan = np.stack([ahead + 0.1 * np.array(speeds)[:, None] * start for start in range(0, 30, 5)])
     return Rollout(
-        children=np.arange(count),
+        futures=np.arange(count),
         states=States(x=x, y=zero, heading=zero, speed=zero + speeds),
         plan_x=np.repeat(plan[None], count, axis=0),
         plan_y=np.zeros((count, *plan.shape)),
@@ -78,11 +78,11 @@ def children(speeds: tuple[float, ...], count: int = 400) -> Rollout:
     )
 
 
-def test_children_get_the_errors_of_the_boxes_from_none_at_the_seed_scene_on() -> None:
+def test_futures_get_the_errors_of_the_boxes_from_none_at_the_seed_scene_on() -> None:
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0), (0.0, 50.0, 0.0, 0.0))
     found = box_noise(tracks(12, 400), np.inf)
     noise = found.moving - found.moving[:, :1]
-    driven = children((10.0, 0.0))
+    driven = futures((10.0, 0.0))
     seen = as_recorded(scene, driven, found, np.random.default_rng(1))
     off = seen.states.x - driven.states.x, seen.states.y - driven.states.y
     assert np.sqrt((noise[:, 30, :2] ** 2).mean(axis=0)) == pytest.approx(
@@ -95,7 +95,7 @@ def test_children_get_the_errors_of_the_boxes_from_none_at_the_seed_scene_on() -
 def test_a_plan_carries_the_errors_of_the_places_where_it_leads() -> None:
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0))
     noise = box_noise(tracks(12, 400), np.inf)
-    driven = children((10.0,), 20)
+    driven = futures((10.0,), 20)
     seen = as_recorded(scene, driven, noise, np.random.default_rng(2))
     off = seen.states.x - driven.states.x
     planned = seen.plan_x - driven.plan_x

@@ -1,4 +1,4 @@
-"""Scores of moments: what a forecast of known children is worth."""
+"""Scores of moments: what a forecast of known futures is worth."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ from scex_sumo.studies.validate.vehicles import ENCOUNTERS
 from tests.behaviors import roads
 
 
-def settings(children: int) -> ValidationSettings:
-    return ValidationSettings(run=RunSettings(models="standard_driver", children=children))
+def settings(futures: int) -> ValidationSettings:
+    return ValidationSettings(run=RunSettings(models="standard_driver", futures=futures))
 
 
 COLUMNS = asked_of(settings(1)).columns
@@ -56,12 +56,12 @@ def ref(number: int) -> MomentRef:
 
 
 def forecast(distance: list[float], recorded: float, error: float = 0.0, name: str = "distance") -> Forecast:
-    child = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY, SEED_MOMENT]
+    future = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY, SEED_MOMENT]
     values = [*distance, recorded, 20.0, 20.0]
-    table = {"child": pa.array(child, pa.int32())}
+    table = {"future": pa.array(future, pa.int32())}
     for column in COLUMNS:
-        table[column] = pa.array(values if column == name else [None] * len(child), pa.float64())
-    table["collision"] = pa.array([False] * len(child))
+        table[column] = pa.array(values if column == name else [None] * len(future), pa.float64())
+    table["collision"] = pa.array([False] * len(future))
     seen = {name: values[: len(distance)] for name, values in table.items()}
     vehicles = pa.Table.from_pylist(
         [
@@ -74,7 +74,7 @@ def forecast(distance: list[float], recorded: float, error: float = 0.0, name: s
         ]
     )  # fmt: skip
     return Forecast(
-        children=pa.table(table),
+        futures=pa.table(table),
         seen=pa.table({**seen, name: pa.array([d + error for d in distance])}),
         vehicles=vehicles,
         encounters=ENCOUNTERS.empty_table(),
@@ -85,7 +85,7 @@ def forecast(distance: list[float], recorded: float, error: float = 0.0, name: s
 FOUND = [(ref(0), forecast([4.0, 4.0, 6.0, 8.0], 4.5)), (ref(1), forecast([9.0, 9.5, 10.0, 12.0], 9.8))]
 
 
-def test_the_probability_of_an_event_is_its_share_of_the_children() -> None:
+def test_the_probability_of_an_event_is_its_share_of_the_futures() -> None:
     p, seen, o = probability(gathered(FOUND), EVENTS[0])
     assert p.tolist() == seen.tolist() == [0.5, 0.0]
     assert o.tolist() == [True, False]
@@ -105,7 +105,7 @@ def test_a_value_is_scored_by_crps_against_constant_velocity() -> None:
     assert 0.8 < row["crps_skill"] < 1.0
 
 
-def test_children_as_they_would_have_been_recorded_are_scored_beside_those_driven() -> None:
+def test_futures_as_they_would_have_been_recorded_are_scored_beside_those_driven() -> None:
     found = gathered([(ref(0), forecast([4.0, 4.0, 4.1, 4.2], 3.0, error=-1.0))])
     row = next(row for row in value_scores(found) if row["column"] == "distance")
     assert (row["coverage_driven"], row["coverage"]) == (0.0, 1.0)
@@ -158,7 +158,7 @@ def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore
     rows = {name: score(found) for name, score in scored.items()} | {"positions": position_scores(found)}
     info = {
         "models": ["likely"],
-        "children": 4,
+        "futures": 4,
         "part": "all",
         "failed": {"m9": "no <vehicle>"},
         "notes": ["warning: 2 seed scenes: too few"],
@@ -202,7 +202,7 @@ def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_pa
         folder.append(*FOUND[0])
         assert folder.has(ref(0)) and not folder.has(ref(1))
     with ForecastFolder(path, {"a": 1}) as folder:
-        assert folder.read(ref(0)).children.equals(FOUND[0][1].children)
+        assert folder.read(ref(0)).futures.equals(FOUND[0][1].futures)
     with ForecastFolder(path, {"a": 1}) as folder:
         folder.restart()
         assert not folder.has(ref(0))
@@ -210,9 +210,9 @@ def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_pa
         ForecastFolder(path, {"a": 2})
 
 
-def motion(speed: float, children: int) -> States:
+def motion(speed: float, futures: int) -> States:
     steps = 0.1 * speed * np.arange(1, 31)
-    x = np.broadcast_to(100 + steps[None, :, None], (children, 30, 1)).copy()
+    x = np.broadcast_to(100 + steps[None, :, None], (futures, 30, 1)).copy()
     return States(x=x, y=np.zeros_like(x), heading=np.zeros_like(x), speed=np.full_like(x, speed))
 
 
@@ -232,7 +232,7 @@ def test_realism_of_nobody_is_unknown() -> None:
     assert np.isnan(realism_score(found))
 
 
-@pytest.mark.parametrize("name", ["children", "vehicles"])
+@pytest.mark.parametrize("name", ["futures", "vehicles"])
 def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: str) -> None:
     with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
         for number in (0, 1):
@@ -247,10 +247,10 @@ def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: st
         assert folder.has(ref(0)) and not folder.has(ref(1))
         assert folder.failures() == {}
         folder.append(ref(1), forecast([1.0, 2.0], 3.0))
-        assert folder.read(ref(1)).children.num_rows == 5
+        assert folder.read(ref(1)).futures.num_rows == 5
 
 
-@pytest.mark.parametrize("name", ["vehicles", "encounters", "realism", "seen", "children"])
+@pytest.mark.parametrize("name", ["vehicles", "encounters", "realism", "seen", "futures"])
 @pytest.mark.parametrize("how", ["no column", "text", "rows", "gone"])
 def test_a_moment_of_which_a_table_was_edited_runs_again(tmp_path: Path, name: str, how: str) -> None:
     with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
@@ -261,7 +261,7 @@ def test_a_moment_of_which_a_table_was_edited_runs_again(tmp_path: Path, name: s
         pq.write_table(table.drop_columns(table.column_names[-1:]), file)
     elif how == "text":
         pq.write_table(table.set_column(0, table.column_names[0], pa.array(["x"] * len(table))), file)
-    elif how == "rows" and name in ("realism", "seen", "children"):
+    elif how == "rows" and name in ("realism", "seen", "futures"):
         pq.write_table(table.slice(1), file)
     else:
         file.unlink()

@@ -17,13 +17,13 @@ STEPS = 30
 def driven(scene: SeedScene, *speeds: float) -> States:
     """(1, T, 2) straight on: the first vehicle at one of the speeds, the second one as in the scene."""
     time = 0.1 * np.arange(1, STEPS + 1)[:, None]
-    children = []
+    futures = []
     for speed in speeds:
         v = np.array([speed, scene.now.speed[1]])
         x = scene.now.x + v * time
         level = np.zeros_like(x)
-        children.append(States(x=x[None], y=level[None], heading=level[None], speed=(level + v)[None]))
-    return States.concatenate(children, axis=0)
+        futures.append(States(x=x[None], y=level[None], heading=level[None], speed=(level + v)[None]))
+    return States.concatenate(futures, axis=0)
 
 
 @pytest.mark.parametrize(("recorded", "happened"), [(10.0, True), (2.0, False)])
@@ -35,9 +35,9 @@ def test_pair_events_are_shares_of_futures_beside_what_happened(recorded: float,
         future=driven(scene, recorded)[0].map(lambda values: values.T),
         future_valid=np.ones((2, STEPS), dtype=bool),
     )
-    children = driven(scene, 10.0, 10.0, 10.0, 4.0)
+    futures = driven(scene, 10.0, 10.0, 10.0, 4.0)
     (row,) = gap_forecasts(
-        scene, children, children, driven(scene, 10.0), driven(scene, recorded),
+        scene, futures, futures, driven(scene, 10.0), driven(scene, recorded),
         np.ones(2, dtype=bool), np.random.default_rng(0),
     ).to_pylist()  # fmt: skip
     assert row["ttc_forecast"] == row["drac_forecast"] == 0.75

@@ -56,7 +56,7 @@ def add_obstacles(
 def _places(
     scene: SeedScene, road: Road, paths: SeedPaths, vehicle: IntArray, row: IntArray, rng: np.random.Generator
 ) -> tuple[States, BoolArray]:
-    history, who = SceneHistory.of_scene(scene), VehicleIndex(child=np.zeros_like(vehicle), vehicle=vehicle)
+    history, who = SceneHistory.of_scene(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     own = scene.now[vehicle]
     s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
     least, most = BRAKING_MPS2
@@ -93,7 +93,7 @@ def _with_standing(scene: SeedScene, place: States) -> SeedScene:
 
 def standing_gap(history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> FloatArray:
     """Return (n,) m from vehicles to the next one on their paths; inf without one."""
-    own = history.now[who.child, who.vehicle]
+    own = history.now[who.future, who.vehicle]
     s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
     return find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0).gap
 

@@ -101,7 +101,7 @@ def scene_samples(
     site: int = 0,
     step: int = 0,
 ) -> TrainingSamples | None:
-    """Make samples of a scene, one graph for each of C children.
+    """Make samples of a scene, one graph for each of C futures.
 
     The target is the recorded motion from the same time on; a vehicle elsewhere comes back smoothly. All
     vehicles are nodes; `learnable` ones are learned from.
@@ -115,20 +115,20 @@ def scene_samples(
         C graphs, or None if no vehicle can be learned from.
     """
     usable = learnable(scene, step) if blocked is None else blocked
-    children = states.shape[0]
+    futures = states.shape[0]
     if not len(usable):
         return None
     paths = seed_paths(scene, road)
     recorded, later, valid = recorded_from(scene, step)
     row, owner, right = right_paths(paths, usable, recorded[usable], later[usable], valid[usable])
-    child = np.repeat(np.arange(children), len(row))
-    vehicle = np.tile(usable[owner], children)
-    who = VehicleIndex(child=child, vehicle=vehicle)
-    rows, takes = np.tile(row, children), np.tile(right, children)
-    drawn = np.zeros((children, scene.vehicles))
+    future = np.repeat(np.arange(futures), len(row))
+    vehicle = np.tile(usable[owner], futures)
+    who = VehicleIndex(future=future, vehicle=vehicle)
+    rows, takes = np.tile(row, futures), np.tile(right, futures)
+    drawn = np.zeros((futures, scene.vehicles))
     seen = states if seen is None else seen
-    history = history_at(scene, seen, np.arange(children), drawn, step=step)
-    actual = states[:, :, -1][child, vehicle]
+    history = history_at(scene, seen, np.arange(futures), drawn, step=step)
+    actual = states[:, :, -1][future, vehicle]
     gap = None if blocked is None else standing_gap(history, who, paths, rows)
     goal = _goals(paths, rows, who, history, actual, recorded[vehicle], later[vehicle][:, :PLAN_STEPS], gap)
     keep = goal.near
@@ -140,10 +140,10 @@ def scene_samples(
     graph_of_edge = graph.edge_index[1] // count
     order = np.argsort(graph_of_edge, kind="stable")
     return TrainingSamples(
-        site=np.full(children, site),
-        nodes=np.full(children, count),
-        edges=np.bincount(graph_of_edge, minlength=children),
-        pairs=np.bincount(who.child, minlength=children),
+        site=np.full(futures, site),
+        nodes=np.full(futures, count),
+        edges=np.bincount(graph_of_edge, minlength=futures),
+        pairs=np.bincount(who.future, minlength=futures),
         node=graph.node.astype(np.float32),
         history=graph.history.astype(np.float32),
         pose=np.stack([now.x, now.y, now.heading], -1).reshape(-1, 3),
@@ -194,7 +194,7 @@ def _goals(
     gap: FloatArray | None,
 ) -> _Goals:
     """Return targets of each vehicle along each of its paths."""
-    present = history.now[who.child, who.vehicle]
+    present = history.now[who.future, who.vehicle]
     way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
     s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)
     s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=way)

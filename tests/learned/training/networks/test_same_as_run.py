@@ -32,21 +32,21 @@ ROUNDING = 1e-12  # of float64 in a dozen layers
 ROUGH = 0.02  # m/s² and m: what float32 and inputs off their grid make of it
 
 
-def apart(children: int) -> SceneHistory:
-    rng, history = np.random.default_rng(1), roads.present(SCENE, children)
+def apart(futures: int) -> SceneHistory:
+    rng, history = np.random.default_rng(1), roads.present(SCENE, futures)
     for values, spread in ((history.states.x, 0.5), (history.states.y, 0.2), (history.states.heading, 0.02)):
-        values += rng.normal(0, spread, (children, SCENE.vehicles, 1))
+        values += rng.normal(0, spread, (futures, SCENE.vehicles, 1))
     return history
 
 
 def both(
     kind: str, net: Net, state: Any, sizes: Architecture, kept: torch.dtype
 ) -> tuple[Modes | Tokens, Modes | Tokens]:
-    """What torch and NumPy say of some children, every third vehicle asked for."""
+    """What torch and NumPy say of some futures, every third vehicle asked for."""
     history = apart(5)
     who, graph = roads.every(history)[np.arange(0, 15, 3)], scene_graph(history, ROAD)
     path = path_inputs(history, ROAD, who, *chosen_paths(history, ROAD, who, "straight"))
-    own, raster = history.now[who.child, who.vehicle], raster_of(ROAD)
+    own, raster = history.now[who.future, who.vehicle], raster_of(ROAD)
     pose, places = np.stack([own.x, own.y, own.heading], 1), np.arange(len(who))
 
     def tensor(values: np.ndarray) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""Children of a run as sumo-gui files: one child, an encounter, or several side by side."""
+"""Futures of a run as sumo-gui files: one future, an encounter, or several side by side."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION, metric_of, side_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
-from scex_sumo.views.drawings import ChildView
+from scex_sumo.views.drawings import FutureView
 from scex_sumo.views.replay import write_view
 
 
-def write_child(run: Run, number: int) -> Path:
-    """Write the view of one child, and return the file to open."""
-    return _write(run, [_child_view(run, number)])
+def write_future(run: Run, number: int) -> Path:
+    """Write the view of one future, and return the file to open."""
+    return _write(run, [_future_view(run, number)])
 
 
 def event_of(
     run: Run, number: int, *, critical: str | None = None, encounter: tuple[int, int] | None = None
 ) -> tuple[list[int], str]:
-    """Return the track ids of a child's event, none for all vehicles, and the event in words.
+    """Return the track ids of a future's event, none for all vehicles, and the event in words.
 
     Args:
         critical: metric whose extremum is the event.
@@ -44,7 +44,7 @@ def event_of(
 
 
 def _worst_row(run: Run, number: int, column: str) -> dict[str, Any]:
-    here = np.asarray(run.worst["child"]) == number
+    here = np.asarray(run.worst["future"]) == number
     rows: list[dict[str, Any]] = run.worst.filter(pa.array(here)).to_pylist()
     return next((row for row in rows if row["metric"] == column), {})
 
@@ -58,17 +58,17 @@ def _named(tracks: Sequence[int]) -> str:
 
 
 def write_worst(run: Run, column: str) -> Path:
-    """Write the most critical child by a metric at its worst step, and return the file to open."""
+    """Write the most critical future by a metric at its worst step, and return the file to open."""
     column = run.column(column)
     number = run.most_critical(column)
     row = _worst_row(run, number, column)
     if not row:
-        return _write(run, [_child_view(run, number, title=_value(run, number, column))])
+        return _write(run, [_future_view(run, number, title=_value(run, number, column))])
     return _write(run, [_event_view(run, number, _tracks(row), _step(row), _value(run, number, column))])
 
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
-    """Write a typical child in which two vehicles meet, and return the file to open."""
+    """Write a typical future in which two vehicles meet, and return the file to open."""
     rows: list[dict[str, Any]] = run.encounters.to_pylist()
     row = next((row for row in rows if {row["track_id"], row["other_id"]} == {first, second}), None)
     if row is None:
@@ -78,29 +78,29 @@ def write_encounter(run: Run, first: int, second: int) -> Path:
         )
     what, share = ("collides", row["collision"]) if row["collision"] > 0 else ("critical", row["critical"])
     step, title = round(row["time_s"] / STEP_S), f"{what} in {100 * share:.0f} %"
-    return _write(run, [_event_view(run, row["child"], [first, second], step, title)])
+    return _write(run, [_event_view(run, row["future"], [first, second], step, title)])
 
 
 def write_grid(run: Run, count: int, column: str | None = None) -> Path:
-    """Write children side by side, and return the file to open.
+    """Write futures side by side, and return the file to open.
 
     Args:
-        column: most critical children by this metric; None: most different children.
+        column: most critical futures by this metric; None: most different futures.
     """
-    if not 2 <= count <= run.children:
-        raise UsageError(f"--grid {count}: give 2 to {run.children}, the number of futures")
+    if not 2 <= count <= run.futures:
+        raise UsageError(f"--grid {count}: give 2 to {run.futures}, the number of futures")
     numbers = most_different(run, count) if column is None else most_critical(run, count, column)
-    views = [_child_view(run, int(n), title=_value(run, int(n), column)) for n in numbers]
+    views = [_future_view(run, int(n), title=_value(run, int(n), column)) for n in numbers]
     return _write(run, views)
 
 
 def most_different(run: Run, count: int) -> IntArray:
-    """Return (count,) children whose vehicles end in the most different places.
+    """Return (count,) futures whose vehicles end in the most different places.
 
     Each is the farthest from those before it; the first is the farthest from the mean.
     """
     ends = [np.stack([block.x[:, :, -1], block.y[:, :, -1]], axis=-1) for block in run.state_blocks()]
-    places = np.concatenate(ends).reshape(run.children, -1)
+    places = np.concatenate(ends).reshape(run.futures, -1)
     away = np.linalg.norm(places - places.mean(axis=0), axis=1)
     chosen: list[int] = []
     for number in range(count):
@@ -112,14 +112,14 @@ def most_different(run: Run, count: int) -> IntArray:
 
 
 def most_critical(run: Run, count: int, column: str) -> IntArray:
-    """Return (count,) children by a metric, the most critical first, undefined ones last."""
+    """Return (count,) futures by a metric, the most critical first, undefined ones last."""
     column = run.column(column)
     values = run.values(column) * (1 if side_of(column) == "left" else -1)
     return np.argsort(values, kind="stable")[:count].astype(np.int64)
 
 
 def _value(run: Run, number: int, column: str | None) -> str:
-    """Return the extremum of a child in words: ``collision`` where its vehicles overlap."""
+    """Return the extremum of a future in words: ``collision`` where its vehicles overlap."""
     if column is None:
         return ""
     row = _worst_row(run, number, column)
@@ -137,17 +137,17 @@ def _step(row: dict[str, Any]) -> int:
 def _overlap(run: Run, row: dict[str, Any]) -> bool:
     """Whether the two vehicles of an extremum have collided by then."""
     return any(
-        hit["child"] == row["child"]
+        hit["future"] == row["future"]
         and {hit["track_id"], hit["other_id"]} == {*_tracks(row)}
         and hit["step"] <= _step(row)
         for hit in run.collisions.to_pylist()
     )
 
 
-def _child_view(
+def _future_view(
     run: Run, number: int, *, title: str = "", states: States | None = None, **event: Any
-) -> ChildView:
-    return ChildView(
+) -> FutureView:
+    return FutureView(
         number=number,
         states=run.states(number) if states is None else states,
         models=run.models_of(number if states is None else 0),
@@ -159,11 +159,11 @@ def _child_view(
 
 def _event_view(
     run: Run, number: int, tracks: Sequence[int], step: int, what: str, states: States | None = None
-) -> ChildView:
+) -> FutureView:
     ids = list(run.info["seed_scene"]["track_ids"])
     title = f"{what} · {_named(tracks)} after {step * STEP_S:.1f} s"
     event = [ids.index(track) for track in tracks]
-    return _child_view(run, number, title=title, states=states, event=event, stop=LOGGED_HISTORY - 1 + step)
+    return _future_view(run, number, title=title, states=states, event=event, stop=LOGGED_HISTORY - 1 + step)
 
 
 def colors_of(run: Run) -> dict[str, Rgb]:
@@ -172,6 +172,6 @@ def colors_of(run: Run) -> dict[str, Rgb]:
     return dict(zip(names, model_colors(names), strict=True))
 
 
-def _write(run: Run, views: Sequence[ChildView]) -> Path:
+def _write(run: Run, views: Sequence[FutureView]) -> Path:
     with writing(run.folder):
         return write_view(run.net.path.parent, run.net, run.scene, views, colors_of(run))

@@ -1,4 +1,4 @@
-"""Children of the moments of a ranking: run and measured in a worker, as a table, and kept in its folder."""
+"""Futures of the moments of a ranking: run and measured in a worker, as a table, and kept in its folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from scex_sumo.studies.rank.exact import ExactScore, find_exact_score
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, score_of
 
 MAX_KEPT = 5
-"""Children of a moment whose tracks ``critical`` keeps at most."""
+"""Futures of a moment whose tracks ``critical`` keeps at most."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,8 +29,8 @@ class RankTask(MomentTask):
     """A moment to be ranked.
 
     Attributes:
-        spare: how many more children may have their tracks kept.
-        drawn: critical encounters of all drawn children, for the search of an exact score.
+        spare: how many more futures may have their tracks kept.
+        drawn: critical encounters of all drawn futures, for the search of an exact score.
     """
 
     settings: RankSettings
@@ -40,56 +40,56 @@ class RankTask(MomentTask):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MomentPart:
-    """Measured children of one moment.
+    """Measured futures of one moment.
 
     Attributes:
-        children: one row each, see `children_schema`.
-        tracks: INTERACTION columns of the kept children; None if none is kept.
+        futures: one row each, see `futures_schema`.
+        tracks: INTERACTION columns of the kept futures; None if none is kept.
     """
 
-    children: pa.Table
+    futures: pa.Table
     tracks: pa.Table | None
 
 
 def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | ExactScore | Failure:
-    """Run the children of a task on its road or the one given; or return the moment's failure."""
+    """Run the futures of a task on its road or the one given; or return the moment's failure."""
     return attempt(_run, task, road)
 
 
 def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart | ExactScore:
     models, run = built(task.settings.models), task.settings.run
-    if task.children.start == 0:
+    if task.futures.start == 0:
         models.try_on(scene, seed=run.seed)
-    count = task.children.stop if task.drawn is None else task.settings.children
-    drawn = models.draw(scene.track_ids, children=count, seed=run.seed, design=run.design)
+    count = task.futures.stop if task.drawn is None else task.settings.futures
+    drawn = models.draw(scene.track_ids, futures=count, seed=run.seed, design=run.design)
     same = compared(net, task.ref)
     job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
     if task.drawn is not None:
         return find_exact_score(job, task.drawn, task.settings.by)
-    part = run_in_memory(job, task.children)
+    part = run_in_memory(job, task.futures)
     pairs = critical_pairs(part, scene.track_ids)
     kept = choose_kept(score_of(pairs, task.settings.by), task.settings.keep, task.spare)
-    table = children_table(
-        part.children,
+    table = futures_table(
+        part.futures,
         columns=run.columns,
         values=part.values,
         defined=part.defined,
         fallbacks=_fallbacks(part),
         kept=kept,
         track_ids=np.asarray(scene.track_ids, dtype=np.int64),
-        models=np.asarray(models.names, dtype=object)[drawn[part.children]].tolist(),
+        models=np.asarray(models.names, dtype=object)[drawn[part.futures]].tolist(),
         pairs=pairs,
     )
-    chosen = dataclasses.replace(part, children=part.children[kept], states=part.states[kept])
-    return MomentPart(children=table, tracks=tracks_table(scene, chosen) if kept.any() else None)
+    chosen = dataclasses.replace(part, futures=part.futures[kept], states=part.states[kept])
+    return MomentPart(futures=table, tracks=tracks_table(scene, chosen) if kept.any() else None)
 
 
 def _fallbacks(part: Part) -> IntArray:
     if part.fallbacks is None:
-        return np.zeros(len(part.children), dtype=np.int64)
-    of_child = np.asarray(part.fallbacks["child"], dtype=np.int64)
-    row = np.searchsorted(part.children, of_child)
-    return np.bincount(row, minlength=len(part.children)).astype(np.int64)
+        return np.zeros(len(part.futures), dtype=np.int64)
+    of_future = np.asarray(part.fallbacks["future"], dtype=np.int64)
+    row = np.searchsorted(part.futures, of_future)
+    return np.bincount(row, minlength=len(part.futures)).astype(np.int64)
 
 
 def choose_kept(score: FloatArray, keep: str, spare: int) -> BoolArray:
@@ -101,15 +101,15 @@ def choose_kept(score: FloatArray, keep: str, spare: int) -> BoolArray:
     return np.asarray(kept & (score > 0), dtype=bool)
 
 
-def children_schema(columns: Sequence[str]) -> pa.Schema:
-    """Return the columns of a moment's children; undefined metrics are null.
+def futures_schema(columns: Sequence[str]) -> pa.Schema:
+    """Return the columns of a moment's futures; undefined metrics are null.
 
     ``fallbacks`` counts fallback plans. ``track_id`` and ``model`` have one entry for each vehicle,
     ``critical_pairs`` five for each critical encounter, see `pairs_of`.
     """
     return pa.schema(
         [
-            ("child", pa.int32()),
+            ("future", pa.int32()),
             *((name, pa.float64()) for name in columns),
             ("fallbacks", pa.int32()),
             ("kept", pa.bool_()),
@@ -120,8 +120,8 @@ def children_schema(columns: Sequence[str]) -> pa.Schema:
     )
 
 
-def children_table(
-    children: IntArray,
+def futures_table(
+    futures: IntArray,
     *,
     columns: Sequence[str],
     values: FloatArray,
@@ -132,7 +132,7 @@ def children_table(
     models: Sequence[Sequence[str]],
     pairs: Sequence[IntArray],
 ) -> pa.Table:
-    """Return rows of (C,) children, see `children_schema`.
+    """Return rows of (C,) futures, see `futures_schema`.
 
     Args:
         values: (C, M) of the metric columns; ``defined`` too.
@@ -140,26 +140,26 @@ def children_table(
         pairs: (C,) of (E, 5), see `pairs_of`.
     """
     metrics = [pa.array(values[:, m], mask=~defined[:, m]) for m in range(len(columns))]
-    tracks, drivers = [track_ids.tolist()] * len(children), [list(row) for row in models]
+    tracks, drivers = [track_ids.tolist()] * len(futures), [list(row) for row in models]
     critical = [rows.reshape(-1) for rows in pairs]
-    data = [children, *metrics, fallbacks, kept, tracks, drivers, critical]
-    schema = children_schema(columns)
+    data = [futures, *metrics, fallbacks, kept, tracks, drivers, critical]
+    schema = futures_schema(columns)
     each = zip(schema.names, data, schema.types, strict=True)
     return pa.table({name: pa.array(one, kind) for name, one, kind in each})
 
 
 REPORTS = "moments"
 """Folder of the reports of the moments that are shown."""
-_CHILDREN, _TRACKS, _SEEDS, _EXACT = "children", "tracks", "seeds", "exact"
+_FUTURES, _TRACKS, _SEEDS, _EXACT = "futures", "tracks", "seeds", "exact"
 
 
 class RankFolder(StudyFolder):
-    """Folder of a ranking under way: ``children/location=L/seed=S/children-FIRST-LAST.parquet``."""
+    """Folder of a ranking under way: ``futures/location=L/seed=S/futures-FIRST-LAST.parquet``."""
 
     info, what = "rank.json", "ranking"
     another = "another ranking, of other recordings or with other options"
     evidence = ("ranking.parquet", "ranking.csv", _SEEDS)
-    trees, records = (_CHILDREN, _TRACKS), (_SEEDS, _EXACT)
+    trees, records = (_FUTURES, _TRACKS), (_SEEDS, _EXACT)
     kept = ("ranking.parquet", "ranking.csv", "ranking.html", REPORTS)
 
     def listing(self, recording: str) -> Listing | None:
@@ -186,12 +186,12 @@ class RankFolder(StudyFolder):
         return self._has(ref.moment, _name(span))
 
     def append(self, ref: MomentRef, part: MomentPart) -> None:
-        """Add children of a moment, unless they are there."""
-        numbers = part.children["child"]
+        """Add futures of a moment, unless they are there."""
+        numbers = part.futures["future"]
         span = range(numbers[0].as_py(), numbers[-1].as_py() + 1)
         if self.has(ref, span):
             return
-        tables = {_TRACKS: part.tracks, _CHILDREN: part.children}
+        tables = {_TRACKS: part.tracks, _FUTURES: part.futures}
         files = {_file(kind, ref, span): table for kind, table in tables.items() if table is not None}
         # Of so few rows, statistics and schema would be the larger part.
         self._add(ref.moment, _name(span), files, write_statistics=False, store_schema=False)
@@ -204,12 +204,12 @@ class RankFolder(StudyFolder):
             self._record(_EXACT, ref.moment).unlink()
 
     def read(self, ref: MomentRef, span: range) -> pa.Table:
-        """Read the children of a part of a moment."""
-        return self._read(ref.moment, _name(span), _file(_CHILDREN, ref, span))
+        """Read the futures of a part of a moment."""
+        return self._read(ref.moment, _name(span), _file(_FUTURES, ref, span))
 
 
 def _name(span: range) -> str:
-    return f"children-{span.start:05d}-{span.stop - 1:05d}"
+    return f"futures-{span.start:05d}-{span.stop - 1:05d}"
 
 
 def _file(kind: str, ref: MomentRef, span: range) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.studies.rank.children import choose_kept
+from scex_sumo.studies.rank.futures import choose_kept
 from scex_sumo.studies.rank.scores import score_of
 
 PAIRS = [
