@@ -1,4 +1,4 @@
-"""One future in sumo-gui beside the same future drawn from the files that were exported, for docs/handover.md.
+"""One future in sumo-gui beside the same one drawn from exported files, for docs/handover.md.
 
 Run: ``python docs/handover_picture.py``; needs a screen or Xvfb, and the extra ``formats``.
 Right: nothing but the ``.xodr`` and ``.xosc``, read by the readers of the tests, which share no code with the

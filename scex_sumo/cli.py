@@ -17,6 +17,7 @@ import typer
 from scex_sumo.base.errors import ScexError, ScexWarning, UsageError
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
+from scex_sumo.commands.options import present_names
 from scex_sumo.commands.shared import COMMANDS, Command, with_shared
 
 
@@ -82,6 +83,7 @@ def main() -> None:
     print_safely()
     warnings.simplefilter("ignore", ScexWarning)  # commands print the notes
     try:
+        sys.argv[1:] = present_names(sys.argv[1:])
         status = command_line(sys.argv[1:])(sys.argv[1:] or ["--help"], standalone_mode=False)
     except ScexError as error:
         if console.level > 0:

@@ -10,6 +10,7 @@ from typing import Any, Final
 from typer.core import TyperArgument, TyperCommand
 
 from scex_sumo.base.errors import UsageError, nearest
+from scex_sumo.commands.options import present_names
 
 SHARED: Final = ("config", "quiet", "verbose", "json", "help")
 
@@ -32,7 +33,7 @@ def _of_run(ctx: Any, path: Path) -> dict[str, Any]:
     """Return the options of the command line in a ``run.json``."""
     try:
         words = json.loads(_read(path))["command"]
-        program, name, *words = words
+        program, name, *words = present_names(map(str, words))
     except (ValueError, KeyError, TypeError):
         raise UsageError(
             f"--config {path}: holds no command; only runs of the command line can be repeated"

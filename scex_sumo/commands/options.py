@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +10,13 @@ import typer
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list
+
+
+def present_names(arguments: Iterable[str]) -> list[str]:
+    """Return arguments with options under their present names, for scripts that use former ones."""
+    former = {"--children": "--futures", "--child": "--future"}
+    named = [(one, *one.partition("=")) for one in arguments]
+    return [former[name] + equals + value if name in former else one for one, name, equals, value in named]
 
 
 def complete_models(incomplete: str) -> list[str]:

@@ -1,1 +1,1 @@
-"""Extrapolation of a seed scene to future scenarios, in closed loop, over worker processes."""
+"""Extrapolation of a seed scene to futures, in closed loop, over worker processes."""

@@ -57,6 +57,8 @@ def extrapolate(
             f"extrapolate: got {type(scene).__name__}, needs a seed scene; make one with "
             "scex_sumo.read_seed(map, tracks=...) or synthetic_seed(map, vehicles=...)"
         )
+    if "children" in options:  # the former name
+        options["futures"] = options.pop("children")
     values, others, *own = split_options(options, run_options())
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)

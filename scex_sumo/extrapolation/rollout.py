@@ -1,4 +1,4 @@
-"""Rollout of future scenarios in closed loop: models plan, the world steps, models see the result.
+"""Rollout of futures in closed loop: models plan, the world steps, models see the result.
 
 A plan that cannot be used is replaced by the path-following driver's, and listed.
 """

@@ -128,7 +128,7 @@ def encounters_table(
 
 
 def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
-    """Tabulate the values of `MEASURED` events by pair and future, with the columns of ``OUTCOMES_SCHEMA``."""
+    """Tabulate the values of `MEASURED` events by pair and future, as ``OUTCOMES_SCHEMA`` says."""
     values = {event.column: event.defined(getattr(encounters, event.value)) for event in MEASURED}
     defined = np.any([~np.isnan(part) for part in values.values()], axis=0)
     a, b = np.sort(np.asarray(track_ids)[np.stack([encounters.first, encounters.second])], axis=0)

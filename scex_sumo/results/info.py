@@ -61,6 +61,8 @@ def read_info(folder: Path) -> Info:
         raise ResultError(f"{file}: cannot be read: {error.strerror or error}") from None
     if not isinstance(content, dict):
         raise ResultError(f"{file}: holds no object; run again")
+    if "children" in content:
+        raise ResultError(f"{file}: of a version whose results have other names; run the same command again")
     info = Info(content, file)
     for key, fits in _CHECKS.items():
         holder, _, name = key.rpartition(".")

@@ -24,7 +24,7 @@ def plans_table(scene: SeedScene, part: Part, replan: int) -> pa.Table:
     """Tabulate the plans of a part that has them, by future, vehicle, step.
 
     Returns:
-        future, track_id, step of the plan from the seed scene, x and y: lists of H centres in m, the first one
+        future, track_id, step of the plan from the seed scene; x and y: lists of H centres in m, the first
         a step later.
     """
     assert part.plan_x is not None and part.plan_y is not None

@@ -112,7 +112,7 @@ def test_in_words() -> None:
 
 
 def test_gap_time_and_drivers_are_those_of_one_future() -> None:
-    """Gaps of the four critical futures: 8, 2, 5, 9 m; the median is future 2, the nearest of all future 4."""
+    """Gaps of the four critical futures: 8, 2, 5, 9 m; the median is number 2, the nearest of all 4."""
     tracks = futures(LEVELS[:5])
     found = find_encounters(tracks, PlannedPaths.from_tracks(tracks)).take(np.zeros(5, dtype=np.int64))
     found = replace(

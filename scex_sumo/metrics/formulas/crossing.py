@@ -63,7 +63,7 @@ def _area_reach(scenes: Scenes, crossing: Crossings) -> tuple[FloatArray, FloatA
 def pet(scenes: Scenes) -> Entries:
     """Compute the time between the first vehicle's exit and the second one's arrival, of ordered pairs, s.
 
-    It uses driven tracks, in future scenarios too. Preset ``path`` leaves out tracks that cross below the
+    It uses driven tracks, in simulated futures too. Preset ``path`` leaves out tracks that cross below the
     following angle, because a follower weaves across its leader's track. Undefined where the recording ends
     before the first vehicle has left. Source: Allen et al. 1978.
     """
