@@ -18,6 +18,10 @@ EXAMPLES = ("motorway_merge", "roundabout", "urban_intersection")
 SHARED = (
     "interaction/maps/DR_DEU_Merging_MT.osm",
     "interaction/maps/DR_DEU_Roundabout_OF.osm",
+    "interaction/maps/DR_USA_Intersection_EP0.osm",
+    "interaction/maps/DR_USA_Intersection_GL.osm",
+    "interaction/maps/DR_USA_Roundabout_FT.osm",
+    "interaction/maps/DR_USA_Roundabout_SR.osm",
     "taf_bw/maps/k729_2022-03-16.osm",
     "taf_bw/maps/k733_2020-09-15.osm",
     "mona/MONA-East/C-DEU_MONAEast-2_1040_T-1119.xml.gz",
@@ -41,7 +45,7 @@ def off(road: Road, file: OpenDrive) -> FloatArray:
 def check(road: Road) -> None:
     file = OpenDrive(opendrive_text(road))
     error = off(road, file)
-    assert np.percentile(error, 95) < 0.05 and error.max() < 0.15
+    assert np.percentile(error, 95) < 0.05 and error.max() < 0.12  # as docs/handover.md promises
     assert file.successors() == {
         (i, j) for i, x in road.lanes.items() for j in x.successors if j in road.lanes
     }
@@ -83,6 +87,40 @@ def test_connecting_roads_lie_between_roads_of_no_junction() -> None:
             link = road.find(f"link/{tag}")
             assert link is not None and link.get("elementType") == "road"
             assert file.roads[link.get("elementId", "")].get("junction") == "-1"
+
+
+def arc(radius: float, begin: float, end: float) -> FloatArray:
+    angle = np.radians(np.linspace(begin, end, 30))
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def test_a_lane_with_slanting_ends_keeps_its_borders() -> None:
+    """A quarter of a roundabout, between entries at its outer border."""
+    left, right = arc(14.0, 18.0, 72.0), arc(19.0, 0.0, 90.0)
+    lane = Lane(
+        lane_id=1,
+        centreline=arc(16.5, 9.0, 81.0),
+        left_bound=left,
+        right_bound=right,
+        width_m=5.0,
+        speed_limit_mps=8.0,
+    )
+    road = Road(name="quarter", lanes={1: lane})
+    assert off(road, OpenDrive(opendrive_text(road))).max() < 0.05
+
+
+def test_a_border_that_ends_in_a_hook_ends_at_its_tip() -> None:
+    hook = [[0.0, 1.8], [28.8, 1.8], [29.5, 1.85], [29.9, 2.0], [30.0, 2.3], [30.0, 2.7]]
+    lane = Lane(
+        lane_id=1,
+        centreline=np.array([[0.0, 0.0], [30.0, 0.0]]),
+        left_bound=np.array(hook),
+        right_bound=np.array([[0.0, -1.8], [30.0, -1.8]]),
+        width_m=3.6,
+        speed_limit_mps=8.0,
+    )
+    road = Road(name="hook", lanes={1: lane})
+    assert off(road, OpenDrive(opendrive_text(road))).max() < 0.12
 
 
 def test_lanes_side_by_side_make_one_road_and_a_straight_one_is_straight() -> None:

@@ -28,8 +28,12 @@ _MAX_OFFSET_M = 0.004  # of straight lines between stations
 _EXTENSION_M = 5.0  # of borders at both ends
 _MIN_COSINE = math.cos(math.radians(15.0))
 _ZERO_M = 1e-6
+_TIP_M = 0.01  # of a border's end before or behind the end of the road
 _SAME_M = 0.06  # extended borders snap to a border's end
-_TRIALS = ((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False))
+_TRIALS = (
+    *((3.0, True), (1.5, True), (6.0, True), (12.0, True), (3.0, False), (8.0, False)),
+    *((20.0, True), (40.0, True), (2.0, True)),
+)
 """Spacing of the reference line in m, and whether it ends at right angles to the edges."""
 
 
@@ -217,7 +221,12 @@ def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatA
     best = np.abs(crossings).argmin(axis=1)
     rows = np.arange(len(place))
     nearest = aside[rows, np.abs(ahead).argmin(axis=1)]
-    return np.asarray(np.where(crossed.any(axis=1), crossings[rows, best], nearest))
+    offsets = np.where(crossed.any(axis=1), crossings[rows, best], nearest)
+    # A border may cross the end of the road several times; it ends at its own tip.
+    for at, tip in ((0, 1), (-1, -2)):
+        if abs(ahead[at, tip]) < _TIP_M:
+            offsets[at] = aside[at, tip]
+    return np.asarray(offsets)
 
 
 def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
