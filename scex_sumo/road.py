@@ -31,6 +31,7 @@ class Lane:
             is no id of the map.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> lane = scene.road.lanes[min(scene.road.vehicle_lanes)]
         >>> lane.kind, lane.centreline.shape[1]
         ('vehicle', 2)

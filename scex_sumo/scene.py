@@ -30,6 +30,7 @@ class States:
     """Poses and speeds, four arrays of one shape; the speed is along the heading.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scene.now.speed.shape
         (14,)
     """
@@ -176,6 +177,7 @@ class SeedScene:
         intentions: (V,) what SUMO knows of each vehicle of its simulation; () for recordings.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scene.name, scene.vehicles, scene.history.x.shape
         ('roundabout_t4.5', 14, (14, 11))
     """
@@ -203,6 +205,11 @@ class SeedScene:
 
     def _repr_html_(self) -> str:
         return str(DRAWINGS.load("scene")(self))
+
+    @property
+    def time(self) -> float:
+        """Another word for ``time_s``, as `scex_sumo.read_seed` has it."""
+        return self.time_s
 
     @property
     def vehicles(self) -> int:

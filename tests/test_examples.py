@@ -20,10 +20,10 @@ NEEDS = {"to_hetero_data": "torch_geometric", "to_networkx": "networkx"}
 
 @pytest.fixture(scope="module")
 def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What the examples use: the package, NumPy, a seed scene, a run of it."""
+    """What the examples use: the package, NumPy, `Path`, and a run of the example roundabout."""
     scene = scex.read_seed(scex.example_path("roundabout"))
     run = extrapolate(scene, futures=4, seed=1, out=tmp_path_factory.mktemp("run") / "out")
-    return {"scex": scex, "np": np, "Path": Path, "scene": scene, "run": run}
+    return {"scex": scex, "np": np, "Path": Path, "run": run}
 
 
 @pytest.mark.filterwarnings("ignore:Implicitly cleaning up:ResourceWarning")

@@ -43,6 +43,7 @@ def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
         UsageError: the batch has no such future.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scex.to_networkx(scex.scene_graph(scene)).number_of_nodes()
         14
     """
@@ -92,6 +93,7 @@ def to_hetero_data(graph: SceneGraph) -> HeteroData:
         MissingExtraError: torch or torch-geometric is not installed.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scex.to_hetero_data(scex.scene_graph(scene))["vehicle"].x.shape[0]
         14
     """
@@ -134,6 +136,7 @@ def plot_scene_graph(
         UsageError: there is no road.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scex.plot_scene_graph(scene, "graph.png").name
         'graph.png'
     """

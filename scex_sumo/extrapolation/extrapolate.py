@@ -48,6 +48,7 @@ def extrapolate(
         ScexError: any other fault of the input or the environment.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> run = scex.extrapolate(scene, futures=4, models="standard_driver,emergency_brake", seed=1)
         >>> run.metrics.num_rows
         4

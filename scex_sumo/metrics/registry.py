@@ -198,6 +198,7 @@ def metric(
         UsageError: the name is taken or cannot be written on a command line, or the side is unknown.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> @scex.metric("slowest", critical="min", unit="m/s")
         ... def slowest(scenes):
         ...     first, second = scenes.pairs

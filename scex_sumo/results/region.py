@@ -27,6 +27,7 @@ class Region:
         UsageError: both are given, or the circle is none.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> part = scex.extrapolate(scene, futures=4, region=scex.Region(around=16))
         >>> len(part.info["region"]["vehicles"]) < scene.vehicles
         True

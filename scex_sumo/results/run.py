@@ -21,6 +21,7 @@ from scex_sumo.results.probability import Encounter, Probability, probability_of
 from scex_sumo.results.tables import (
     StateBlocks,
     as_pandas,
+    as_xarray,
     read_assignments,
     read_metrics,
     read_scene,
@@ -94,6 +95,20 @@ class Run:
         if table not in TABLES:
             raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
         return as_pandas(getattr(self, table))
+
+    def to_xarray(self) -> Any:
+        """Return the tracks as an xarray data set: ``x``, ``y``, ``heading``, ``speed`` and ``model``.
+
+        Dimensions are ``future``, ``vehicle`` (by track id) and ``step``, 0 for the seed scene and negative
+        before it; ``model`` has no steps.
+
+        Raises:
+            UsageError: xarray is not installed.
+        """
+        tracks, moments = self.info["seed_scene"]["track_ids"], LOGGED_HISTORY + int(self.info["steps"])
+        models = np.array(self.assignments["model"].to_pylist()).reshape(self.futures, len(tracks))
+        states = States.concatenate(list(self.state_blocks()), axis=0)
+        return as_xarray(states, models, vehicle=tracks, step=np.arange(moments) - (LOGGED_HISTORY - 1))
 
     @cached_property
     def metrics(self) -> pa.Table:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError, one_line
@@ -159,6 +160,18 @@ def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
     if sorted(where) != sorted(known["track_ids"]):
         raise ResultError(f"{folder}: seed.csv is not that of run.json; run again")
     return scene.reordered([where[track] for track in known["track_ids"]], name=known["name"])
+
+
+def as_xarray(states: States, models: NDArray[np.str_], **vehicle_and_step: Any) -> Any:
+    """Return an xarray data set of states (C, V, T) and models (C, V); a `UsageError` without xarray."""
+    if importlib.util.find_spec("xarray") is None:
+        raise UsageError("to_xarray needs xarray: pip install xarray")
+    import xarray
+
+    axes = ("future", "vehicle", "step")
+    arrays = {name: (axes, values) for name, values in vars(states).items()}
+    arrays |= {"model": (axes[:2], models)}
+    return xarray.Dataset(arrays, coords={"future": np.arange(len(models)), **vehicle_and_step})
 
 
 def as_pandas(table: pa.Table) -> Any:

@@ -14,6 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.datasets.recordings import recorded_scene
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.scenarios import EXAMPLES, example_path
+from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 
 
@@ -81,3 +82,11 @@ def test_the_script_makes_the_shipped_roundabout(tmp_path: Path):
 def test_an_unknown_example_cannot_be_drawn():
     with pytest.raises(UsageError, match="unknown example seed 'ring'"):
         draw("ring")
+
+
+def test_the_moment_has_one_value_by_either_word() -> None:
+    path = example_path("roundabout")
+    scene = read_seed(path, time_s=4.0)
+    assert scene.time == scene.time_s == read_seed(path, time=4.0).time_s == 4.0
+    with pytest.raises(UsageError, match=r"time=4\.0, time_s=5\.0: two words for one moment"):
+        read_seed(path, time=4.0, time_s=5.0)

@@ -31,6 +31,7 @@ def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = No
         MapError: the road has no vehicle lanes, or some without length; the signals cannot be used.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> net = scex.convert(scene.road, Path("roundabout.net.xml"))
         >>> net.path.is_file()
         True

@@ -24,6 +24,7 @@ class SumoNet:
     is lost.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> net = scex.convert(scene.road, Path("roundabout.net.xml"))
         >>> net.path.name, len(net.losses)
         ('roundabout.net.xml', 0)

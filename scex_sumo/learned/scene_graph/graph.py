@@ -42,6 +42,7 @@ class SceneGraph:
         arc: (N,) arc length on that lane, m; 0 off the road.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> graph = scex.scene_graph(scene)
         >>> graph.node.shape[0], graph.edge_index.shape[0]
         (14, 2)
@@ -76,6 +77,7 @@ def scene_graph(
         UsageError: there is no road, or the radius is not positive.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scex.scene_graph(scene).node_columns[:3]
         ('length', 'width', 'is_car')
     """

@@ -45,6 +45,7 @@ def plot_attention(
         InputError: the weights cannot be used.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scex.plot_attention(scene, "attention.png", values=(0.0, 1.0)).name
         'attention.png'
     """

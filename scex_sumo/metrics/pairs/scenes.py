@@ -46,6 +46,7 @@ class Samples:
     """Nanoscopic values with a mask; values where ``defined`` is False mean nothing.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> @scex.metric("haste", critical="max", unit="m/s")  # of single vehicles
         ... def haste(scenes):
         ...     vehicle = np.arange(len(scenes.speed))

@@ -64,6 +64,7 @@ class UnderTest:
             results.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> run = scex.extrapolate(scene, futures=4, under_test={8: "emergency_brake"})
         >>> scex.UnderTest.of(run).vehicles
         {8: 'emergency_brake'}
