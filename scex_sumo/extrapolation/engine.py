@@ -57,8 +57,9 @@ def run_scene(
     watch, models = _Stopwatch(), models or checked_models(settings, options, extras)
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
+    tested = [*settings.assign, *settings.under_test]
+    scene = settings.counted.simulated(scene, settings.steps, tested)
     settings.check_size(settings.count or 1, scene.vehicles)
-    settings.counted.vehicles(scene)  # an error now
     assignment = _assignment(scene, settings, models, keep=options.cache)
     models.try_on(scene, seed=settings.seed)
     temporary = TemporaryFolder() if options.out is None else None

@@ -93,7 +93,7 @@ class RunSettings:
         metrics: names, import paths, metrics or presets in the place of the preset's.
         thresholds: by metric column, on top of the defaults.
         reflect: False gives the paper's plain kernel.
-        region: all vehicles are simulated.
+        region: in scenes of over 100 vehicles, those too far away to come near it are replayed.
         keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
 
     Raises:

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import STEP_S, SeedScene
+
+NEAR_M: Final = 50.0
+"""At constant speed, vehicles that come no nearer to those inside are replayed."""
+
+ALL_SIMULATED: Final = 100
+"""Vehicles of a scene that are simulated wherever the region is."""
 
 AROUND_M: Final = 30.0
 """Radius around a vehicle."""
@@ -65,6 +72,29 @@ class Region:
                 f"x {now.x.min():.0f} to {now.x.max():.0f}, y {now.y.min():.0f} to {now.y.max():.0f}"
             )
         return tuple(inside.tolist())
+
+    def simulated(self, scene: SeedScene, steps: int, always: Collection[int] = ()) -> SeedScene:
+        """Return the scene in which vehicles are replayed that cannot come near those inside.
+
+        A scene of up to `ALL_SIMULATED` vehicles is simulated as a whole.
+
+        Args:
+            steps: of 0.1 s.
+            always: track ids of vehicles that are simulated wherever they are.
+        """
+        inside = self.vehicles(scene)
+        if inside is None or scene.vehicles <= ALL_SIMULATED:
+            return scene
+        now, ways = scene.now, np.abs(scene.now.speed) * STEP_S * steps
+        there = [*inside]
+        apart = np.hypot(now.x[:, None] - now.x[there], now.y[:, None] - now.y[there])
+        near = (apart - ways[:, None] - ways[there] <= NEAR_M).any(axis=1)
+        near |= np.isin(scene.track_ids, list(always))
+        if near.all():
+            return scene
+        far = f"{int((~near).sum())} of {scene.vehicles} vehicles"
+        note = f"{far}, too far from the region to come near it, are replayed"
+        return replace(scene.replaying(np.flatnonzero(near).tolist()), notes=(*scene.notes, note))
 
     def words(self) -> str:
         """Return the circle in words."""

@@ -1,7 +1,8 @@
-"""Region of a scene: pairs of its vehicles count, and all vehicles are simulated."""
+"""Region of a scene: pairs of its vehicles count; in large scenes, those too far away are replayed."""
 
 from __future__ import annotations
 
+import dataclasses
 import io
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from scex_sumo.results.region import AROUND_M, Region, parse_region
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
+from tests.behaviors import roads
 from tests.runs import extrapolate
 
 
@@ -74,3 +76,36 @@ def test_a_region_is_checked() -> None:
         Region(around=999).vehicles(scene)
     with pytest.raises(UsageError, match="no vehicle there at the seed moment"):
         Region(circle=(1e6, 0.0, 5.0)).vehicles(scene)
+
+
+def test_vehicles_that_cannot_come_near_the_region_are_replayed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On one road: 10 m/s for 3 s and 50 m leave out what is over 30 + 50 m behind one that stands."""
+    places, speeds = (0.0, 60.0, 140.0, 400.0), (0.0, 10.0, 10.0, 10.0)
+    scene = roads.scene_of(*((x, 0.0, 0.0, v) for x, v in zip(places, speeds, strict=True)))
+    road = roads.straight()
+    scene = dataclasses.replace(scene, road=road, track_ids=np.array([7, 8, 9, 10]))
+    assert Region(circle=(0.0, 0.0, 10.0)).simulated(scene, 30) is scene  # few vehicles
+    monkeypatch.setattr("scex_sumo.results.region.ALL_SIMULATED", 3)
+    part = Region(circle=(0.0, 0.0, 10.0)).simulated(scene, 30)
+    assert part.track_ids.tolist() == [7, 8] and part.notes[-1].startswith("2 of 4 vehicles, too far")
+    others = part.obstacles
+    assert others is not None and others.ids == ("9", "10") and others.types == ("replayed", "replayed")
+    assert others.present.all() and others.states.x[0, 10] == 140.0
+    assert others.states.x[0, 10 + 30] == pytest.approx(170.0)  # nothing is recorded: straight on
+    assert Region(circle=(0.0, 0.0, 10.0)).simulated(part, 30) is part
+    assert Region(circle=(0.0, 0.0, 10.0)).simulated(scene, 30, [10]).track_ids.tolist() == [7, 8, 10]
+    assert Region().simulated(scene, 30) is scene
+
+
+def test_a_recorded_future_is_what_replayed_vehicles_do(tmp_path: Path) -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    assert scene.future is not None and scene.future_valid is not None
+    part = scene.replaying([0, 2])
+    others = part.obstacles
+    assert others is not None and part.vehicles == 2 and len(others.ids) == scene.vehicles - 2
+    np.testing.assert_array_equal(others.states.x[:, 11:], np.delete(scene.future.x, [0, 2], axis=0))
+    np.testing.assert_array_equal(others.present[:, 11:], np.delete(scene.future_valid, [0, 2], axis=0))
+    run = extrapolate(part, models="constant_velocity,sumo:IDM", futures=2, exact=False, out=tmp_path / "run")
+    assert run.scene.track_ids.tolist() == part.track_ids.tolist()
+    again = run.scene.obstacles
+    assert again is not None and again.types == others.types and again.ids == others.ids

@@ -18,7 +18,17 @@ drives; all others are obstacles."""
 OTHER_TYPES = frozenset(
     (
         *("animal", "bicycle", "bicyclist", "bike", "cyclist", "escooter", "human", "pedestrian"),
-        *("pedestrian/bicycle", "parked", "person", "rider", "scooter", "train", "tram", "wheelchair"),
+        *(
+            "pedestrian/bicycle",
+            "parked",
+            "person",
+            "replayed",
+            "rider",
+            "scooter",
+            "train",
+            "tram",
+            "wheelchair",
+        ),
     )
 )
 """Types that never become vehicles, however large and fast."""
