@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import conflicts
 
 MAX_RING_M = 400.0  # longer ways round are blocks of streets
+REACH_M = MAX_RING_M + 100.0  # lanes further away than a ring is long say nothing about a place
 MAX_STRAIGHT = 0.18  # share of a ring that is straight; sides of a square have nearly 0.25
 STRAIGHT_RAD = 0.17
 AROUND_M = 5.0
@@ -27,6 +29,7 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
     merge.
     """
     rank = np.full(len(points), len(PLACES))
+    road = _part(road, points)
     rings, meetings = _rings(road), _meetings(road)
     for lane in road.vehicle_lanes.values():
         low, high = lane.centreline.min(axis=0) - lane.width_m, lane.centreline.max(axis=0) + lane.width_m
@@ -40,6 +43,19 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
             here = on[(along >= start - AROUND_M) & (along <= end + AROUND_M)]
             rank[here] = np.minimum(rank[here], PLACES.index(kind))
     return [PLACES[k] if k < len(PLACES) else None for k in rank.tolist()]
+
+
+def _part(road: Road, points: FloatArray) -> Road:
+    """Return the part of a road that decides on the places of points, if the road is far larger."""
+    if not len(points):
+        return road
+    low, high = points.min(axis=0) - REACH_M, points.max(axis=0) + REACH_M
+    near = {
+        i: lane
+        for i, lane in road.lanes.items()
+        if (lane.centreline.min(axis=0) <= high).all() and (lane.centreline.max(axis=0) >= low).all()
+    }
+    return replace(road, lanes=near) if 2 * len(near) < len(road.lanes) else road
 
 
 @owner_cache

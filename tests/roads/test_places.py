@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import scex_sumo
 from scex_sumo.base.programs import program
@@ -55,3 +56,18 @@ def test_blocks_and_u_turns_are_no_rings(tmp_path: Path) -> None:
     points = np.array([middle(lane.centreline) for lane in road.vehicle_lanes.values()])
     found = places_of(road, points)
     assert {"crossing", "lane"} <= {*found} and "ring" not in found
+
+
+def test_a_corner_of_a_large_net_has_the_places_of_the_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    net = tmp_path / "g.net.xml"
+    grid = ("--grid", "--grid.number", "9", "--grid.length", "250", "-L", "2", "-j", "priority", "-o", net)
+    subprocess.run([program("netgenerate"), *grid], check=True, capture_output=True)
+    road = scex_sumo.read_map(net)
+    lanes = [lane.centreline for lane in road.vehicle_lanes.values()]
+    points = np.array([p for p in map(middle, lanes) if p.max() < 400.0])
+    part = places_of(road, points)
+    monkeypatch.setattr("scex_sumo.roads.places._part", lambda road, points: road)
+    assert part == places_of(road, points)
+    assert {"crossing", "lane"} <= set(part)
