@@ -169,8 +169,8 @@ def as_xarray(states: States, models: NDArray[np.str_], **vehicle_and_step: Any)
     import xarray
 
     axes = ("future", "vehicle", "step")
-    arrays = {name: (axes, values) for name, values in vars(states).items()}
-    arrays |= {"model": (axes[:2], models)}
+    arrays: dict[str, Any] = {name: (axes, values) for name, values in vars(states).items()}
+    arrays["model"] = axes[:2], models
     return xarray.Dataset(arrays, coords={"future": np.arange(len(models)), **vehicle_and_step})
 
 
