@@ -15,7 +15,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import Rgb, model_colors
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
+from scex_sumo.scene import HISTORY_STEPS, REPLAYED, STEP_S, SeedScene, States
 from scex_sumo.world.base import BatchStart, SumoDriven, World, WorldRequest
 from scex_sumo.world.batch import (
     ANY_LANE,
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
 # Distance of a vehicle to its lane. Faster than SUMO's 100 m; 5 m misses some forking lanes.
 _MATCH_M = 20.0
+_REACH_M = 250.0  # between vehicles that can meet within some seconds
 _NO_LANE = -1
 _AS_TOLD = 0b0001010101  # SUMO's lane change mode: its own decisions, and told ones without regard of gaps
 
@@ -77,6 +78,7 @@ class SumoWorld:
         self._speeds: list[tuple[str, float, float]] = []
         self._routes = 0
         self._changing: dict[str, int] = {}
+        self._obstacles = _obstacles_in_reach(scene)
 
     def __enter__(self) -> SumoWorld:
         return self
@@ -177,7 +179,8 @@ class SumoWorld:
         with self._session.refusals("move pedestrians and cyclists"):
             for future in np.flatnonzero(batch.mixed):
                 slot, (dx, dy) = batch.slots[future], batch.offset[:, future, 0]
-                for o, name in enumerate(others.ids):
+                for o in self._obstacles:
+                    name = others.ids[o]
                     key = tile_id(slot, f"other{name}")
                     if present[o]:
                         if key not in batch.obstacles:
@@ -292,6 +295,15 @@ class SumoWorld:
                 if batch.mixed[future]:
                     # Else others give way to lane changes that never happen.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
+
+
+def _obstacles_in_reach(scene: SeedScene) -> list[int]:
+    """Return the obstacles of SUMO's world: replayed vehicles far from all simulated ones are left out."""
+    if (others := scene.obstacles) is None:
+        return []
+    now, there = scene.now, others.states[:, HISTORY_STEPS]
+    apart = np.hypot(there.x[:, None] - now.x, there.y[:, None] - now.y).min(axis=1)
+    return [o for o, kind in enumerate(others.types) if kind != REPLAYED or apart[o] <= _REACH_M]
 
 
 class SumoSimulator:
