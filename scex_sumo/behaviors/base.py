@@ -87,6 +87,15 @@ class DrivenBySumo(Protocol):
     model: str
     parameters: Mapping[str, str]
 
+    @property
+    def path(self) -> object:
+        """Path of its vehicles; ``straight`` and ``random`` keep to the route of a SUMO simulation."""
+        ...
+
+    def driving(self, scene: SeedScene, vehicle: int) -> tuple[str, Mapping[str, str]]:
+        """Return SUMO's model and its parameters for a vehicle."""
+        ...
+
     def routes(
         self, scene: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
     ) -> list[tuple[int, ...]]:

@@ -47,6 +47,7 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
 
 def _part(road: Road, points: FloatArray) -> Road:
     """Return the part of a road that decides on the places of points, if the road is far larger."""
+    points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         return road
     low, high = points.min(axis=0) - REACH_M, points.max(axis=0) + REACH_M
