@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -40,7 +41,7 @@ class Registry:
     @property
     def paths(self) -> dict[str, str]:
         """Import path by name: the built-in ones first, then entry points; nobody takes a name of ours."""
-        points = importlib.metadata.entry_points(group=self.group)
+        points = _entry_points(tuple(sys.path)).select(group=self.group)
         found = dict(self.builtin)
         for name, _, path in sorted((p.name, not _of_package(p.value), p.value) for p in points):
             found.setdefault(name, path)
@@ -62,6 +63,12 @@ class Registry:
         if path is None:
             raise UsageError(f"unknown {self.kind} {name!r}; known: {', '.join(paths)}")
         return import_object(path)
+
+
+@lru_cache(maxsize=2)
+def _entry_points(path: tuple[str, ...]) -> importlib.metadata.EntryPoints:
+    """Return all entry points on a path; reading them takes milliseconds."""
+    return importlib.metadata.entry_points()
 
 
 def _of_package(path: str) -> bool:
