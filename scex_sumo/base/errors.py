@@ -1,9 +1,13 @@
 """Errors that reach the user as one line: what, where, got, remedy."""
 
 import difflib
+import inspect
 import re
 import warnings
 from collections.abc import Iterable
+from pathlib import Path
+
+_PACKAGE = str(Path(__file__).parents[1])
 
 
 class ScexError(Exception):
@@ -83,6 +87,9 @@ def one_line(message: object) -> str:
 
 
 def warn_notes(notes: Iterable[str]) -> None:
-    """Raise notes as warnings, in the line that called the caller."""
+    """Raise notes as warnings, in the user's line that called this package."""
+    frame, level = inspect.currentframe(), 1
+    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, level = frame.f_back, level + 1
     for note in notes:
-        warnings.warn(one_line(note.removeprefix("warning: ")), ScexWarning, stacklevel=3)
+        warnings.warn(one_line(note.removeprefix("warning: ")), ScexWarning, stacklevel=level)

@@ -10,7 +10,6 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.progress import progress_of
-from tests.runs import extrapolate
 
 
 class Terminal(io.StringIO):
@@ -41,5 +40,5 @@ def test_notes_are_warnings_of_one_class(tmp_path: Path) -> None:
     with pytest.warns(scex.ScexWarning, match="previous steps recorded"):
         scene = scex.read_seed(scex.example_path("roundabout"), time=0.5)
     with pytest.warns(scex.ScexWarning, match="leave within the time of a future") as caught:
-        extrapolate(scene, futures=2, steps=20, out=tmp_path / "out")
+        scex.extrapolate(scene, futures=2, steps=20, reference=None, report=False, out=tmp_path / "out")
     assert {warning.filename for warning in caught} == {__file__}  # the user's line

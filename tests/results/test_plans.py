@@ -89,8 +89,6 @@ def test_a_vehicle_without_plan_is_named(folder: Path, case: str, track: int) ->
 
 def test_a_folder_without_plans_has_none(tmp_path: Path) -> None:
     assert read_plans(tmp_path) is None
-    without = dataclasses.replace(plans_of([0]), plan_x=None, plan_y=None)
-    assert plans_table(SEED, without, replan=5) is None
 
 
 def test_a_damaged_file_is_said(folder: Path) -> None:
