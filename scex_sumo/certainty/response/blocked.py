@@ -82,17 +82,27 @@ class Blocked:
     enter: FloatArray
     leave: FloatArray
 
-    def touched(self, s: FloatArray) -> BoolArray:
-        """Return (m, ...) whether vehicles at arc lengths (m, ..., T) touch the other one at some time.
+    def touches(self, s: FloatArray) -> BoolArray:
+        """Return (m, ..., T) whether vehicles at arc lengths (m, ..., T) touch the other one at each time.
 
-        It includes a vehicle that passes through the whole stretch within a step.
+        It includes a vehicle that passes through the whole stretch in the step before. A stretch that is
+        blocked at one end of a step only is taken to be so in half of it.
         """
         middle = (slice(None),) + (None,) * (s.ndim - self.enter.ndim)
         enter, leave = self.enter[middle], self.leave[middle]
-        hit = (s > enter) & (s < leave)
-        through = (s[..., :-1] <= enter[..., :-1]) & (s[..., 1:] >= leave[..., 1:])
-        through &= np.isfinite(enter[..., :-1]) & np.isfinite(enter[..., 1:])
-        return np.asarray(hit.any(axis=-1) | through.any(axis=-1))
+        hit = np.asarray((s > enter) & (s < leave))
+        before, after = enter[..., :-1] < np.inf, enter[..., 1:] < np.inf
+        through = before & after & (s[..., :-1] <= enter[..., :-1]) & (s[..., 1:] >= leave[..., 1:])
+        half = (s[..., :-1] + s[..., 1:]) / 2
+        begins = ~before & (half > enter[..., 1:]) & (half < leave[..., 1:])
+        ends = ~after & (half > enter[..., :-1]) & (half < leave[..., :-1])
+        hit[..., 1:] |= through | begins
+        hit[..., :-1] |= ends
+        return hit
+
+    def touched(self, s: FloatArray) -> BoolArray:
+        """Return (m, ...) whether vehicles at arc lengths (m, ..., T) touch the other one at some time."""
+        return np.asarray(self.touches(s).any(axis=-1))
 
     def take(self, index: IntArray) -> Blocked:
         """Select rows by index."""

@@ -1,0 +1,243 @@
+"""People: how often they do what, how late they respond, and how hard they brake.
+
+The numbers are in ``response.json``, each with its unit and source. A file of one's own may give some.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import UsageError, nearest
+from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, LEVELS, TIME_S, Cases
+from scex_sumo.certainty.response.critical import DECELERATIONS, by_action
+
+SHIPPED: Final = Path(__file__).with_name("response.json")
+REFERENCE_GAP_S: Final = 2.0
+"""Time gap from which one responds, and looks away, as drivers do without a leader."""
+
+_DRAWS = 32  # of the response time of a driver that looks away
+_CLOSEST = 0.1  # share of `REFERENCE_GAP_S`, least that counts
+_LEAST_M = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class People:
+    """Distributions of actions and responses.
+
+    Attributes:
+        response_s: (4,) median response time to each action, s.
+        response_factor: of the medians either way, 95 %.
+        response_spread: standard deviation of the logarithm of response times.
+        decelerations: (3,) shares of `DECELERATIONS`.
+        away_share: share of the time of glances away.
+        glance_s: their median duration, s; ``glance_spread``: standard deviation of the logarithm.
+        close_response: exponent of the time gap, as a share of 2 s, on the median.
+        close_away: the same on ``away_share``.
+        growth: exponent of the gap that is left at the response, as a share of that at the onset.
+        survival: per action (K, 10): how often one does it with at least each value of the parameter.
+        speed_edges: (K / 2 - 1,) between the classes of speed of vehicles that brake, m/s; those that follow
+            a leader come first.
+        factors: (4,) uncertainty of the frequencies, a factor either way, 95 %.
+    """
+
+    response_s: FloatArray
+    response_factor: float
+    response_spread: float
+    decelerations: FloatArray
+    away_share: float
+    glance_s: float
+    glance_spread: float
+    close_response: float
+    close_away: float
+    growth: float
+    survival: tuple[FloatArray, ...]
+    speed_edges: FloatArray
+    factors: FloatArray
+
+    @cached_property
+    def _glances(self) -> FloatArray:
+        """(T,) share of glances away that last on for `TIME_S` from a random moment in them."""
+        time, spread = np.maximum(TIME_S, 1e-9), self.glance_spread
+        z = (np.log(time / self.glance_s)) / spread
+        mean = self.glance_s * np.exp(spread**2 / 2)
+        # E[max(G - t, 0)] / E[G] of a lognormal G
+        return np.asarray(ndtr(spread - z) - time / mean * ndtr(-z))
+
+    def later(
+        self, response_s: FloatArray, action: FloatArray, gap_s: FloatArray, left: FloatArray
+    ) -> FloatArray:
+        """Return the probability that one responds later than a time.
+
+        Args:
+            response_s: (...) s; -inf gives 1, inf gives 0.
+            action: (...) index into `ACTIONS`.
+            gap_s: (...) time gap to the initiator, s.
+            left: (...) gap at the response as a share of that at the onset.
+        """
+        near = np.clip(gap_s / REFERENCE_GAP_S, _CLOSEST, 1.0)
+        median = self.response_s[action] * near**self.close_response
+        time = np.clip(response_s, 1e-6, TIME_S[-1])
+        attentive = 1 - ndtr(np.log(time / median) / self.response_spread)
+        draws = ndtri((np.arange(_DRAWS) + 0.5) / _DRAWS)
+        begins = time[..., None] - median[..., None] * np.exp(self.response_spread * draws)
+        still = np.where(begins > 0, np.interp(begins, TIME_S, self._glances), 1.0).mean(axis=-1)
+        away = self.away_share * near**self.close_away
+        share = ((1 - away) * attentive + away * still) * np.clip(left, 0.0, 1.0) ** self.growth
+        return np.where(response_s == np.inf, 0.0, np.where(response_s == -np.inf, 1.0, share))
+
+    def often(self, cases: Cases, follows: BoolArray) -> FloatArray:
+        """Return (n, 10) how often the initiator of each pair's action does it with at least each value.
+
+        ``follows``: (V,) whether a vehicle follows a leader.
+        """
+        first = slice(None, None, LEVELS)
+        action = cases.action[first]
+        who = cases.pairs.initiator[cases.pair[first]]
+        speed = cases.pairs.expected.scene.now.speed[who]
+        row = np.searchsorted(self.speed_edges, speed) + np.where(follows[who], 0, len(self.speed_edges) + 1)
+        found = np.zeros((len(action), LEVELS))
+        for kind, table in enumerate(self.survival):
+            at = np.flatnonzero(action == kind)
+            found[at] = table[row[at]] if kind == BRAKES else table[0]
+        return found
+
+    def slower(self, factor: float) -> People:
+        """Return people with so many times the median response times."""
+        return replace(self, response_s=self.response_s * factor)
+
+
+def probabilities(often: FloatArray, later: FloatArray) -> FloatArray:
+    """Return (n,) probabilities Σ f(θ) P(r > R*(θ)): the integral over the parameter of an action.
+
+    Between two values, ``later`` is linear and ``often`` exponential.
+
+    Args:
+        often: (n, 10) frequency of at least each value.
+        later: (n, 10) probability of a response later than R*.
+    """
+    return np.asarray(shares(often, later).sum(axis=1))
+
+
+def shares(often: FloatArray, later: FloatArray) -> FloatArray:
+    """Return (n, 10) parts of `probabilities` from each value to the next one; the last one has no end."""
+    after = np.concatenate([often[:, 1:], np.zeros_like(often[:, :1])], axis=1)
+    following = np.concatenate([later[:, 1:], later[:, -1:]], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = (often - after) / np.log(often / after)
+    mean = np.where(np.isfinite(mean), mean, np.where(often == after, often, 0.0))
+    return np.asarray(often * later - after * following + (following - later) * mean)
+
+
+def people_of(file: Path | None = None) -> People:
+    """Return the shipped distributions, with those of a file in the place of some.
+
+    Raises:
+        UsageError: the file cannot be read, or a name in it is unknown.
+    """
+    return _shipped() if file is None else _read({**_content(SHIPPED), **_own(file)}, file)
+
+
+@cache
+def _shipped() -> People:
+    return _read(_content(SHIPPED), SHIPPED)
+
+
+def _content(file: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{file}: cannot be read ({str(error)[:80]}); give a JSON file") from None
+    if not isinstance(content, dict):
+        raise UsageError(f"{file}: holds no object; give names with values")
+    return content
+
+
+def _own(file: Path) -> dict[str, Any]:
+    given, known = _content(file), _content(SHIPPED)
+    for name in given:
+        if name not in known:
+            raise UsageError(f"{file}: unknown name {name!r}; nearest: {nearest(name, known)}")
+    if "actions" in given:
+        given["actions"] = {**known["actions"], **given["actions"]}
+    return given
+
+
+def _read(content: Mapping[str, Any], file: Path) -> People:
+    def value(name: str) -> Any:
+        entry = content[name]
+        return entry["value"] if isinstance(entry, Mapping) and "value" in entry else entry
+
+    try:
+        actions = [content["actions"][action.name] for action in ACTIONS]
+        medians = value("response_s")
+        brakes = np.array([*actions[BRAKES]["following"], *actions[BRAKES]["free"]], dtype=np.float64)
+        names = ("response_factor", "response_spread", "away_share", "glance_s", "glance_spread")
+        names += ("close_response", "close_away", "growth")
+        found = People(
+            response_s=np.array([medians[action.name] for action in ACTIONS], dtype=np.float64),
+            decelerations=np.array(value("decelerations"), dtype=np.float64),
+            survival=(brakes, *(np.array(one["survival"], dtype=np.float64) for one in actions[1:])),
+            speed_edges=np.array(actions[BRAKES]["speed_edges"], dtype=np.float64),
+            factors=np.array([one["factor"] for one in actions], dtype=np.float64),
+            **{name: float(value(name)) for name in names},
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise UsageError(f"{file}: {error!s:.80}: compare with {SHIPPED.name} of the package") from None
+    right = all(table.shape[-1] == LEVELS and (np.diff(table) <= 0).all() for table in found.survival)
+    right &= len(found.survival[BRAKES]) == 2 * (len(found.speed_edges) + 1)
+    if not right or found.decelerations.shape != (len(DECELERATIONS),):
+        raise UsageError(f"{file}: frequencies need {LEVELS} values that do not grow, and a row a class")
+    return found
+
+
+def left_at(cases: Cases, response_s: FloatArray) -> FloatArray:
+    """Return (m, A) share of the gap at the onset that is left at responses (m, A).
+
+    The gap is the distance of the centres less half of both lengths.
+    """
+    expected = cases.pairs.expected
+    j = cases.pairs.responder[cases.pair]
+    x, y, _ = expected.lines.at(j, expected.s[j])
+    apart = np.hypot(cases.outlines.x - x, cases.outlines.y - y)
+    size = cases.outlines.half_length[:, 0] + expected.scene.length[j] / 2
+    gap = np.maximum(apart - size[:, None], _LEAST_M)
+    onset = np.where(np.isfinite(cases.onset_s), cases.onset_s, 0.0)
+    rows = np.arange(len(gap))
+
+    def at(time_s: FloatArray) -> FloatArray:
+        index = np.clip(np.round(time_s / (TIME_S[1])), 0, len(TIME_S) - 1).astype(np.int64)
+        return np.asarray(gap[rows, index])
+
+    begin = at(onset)
+    later = [at(onset + np.clip(column, 0.0, TIME_S[-1])) for column in response_s.T]
+    return np.minimum(np.stack(later, axis=1) / begin[:, None], 1.0)
+
+
+def time_gaps(cases: Cases) -> FloatArray:
+    """Return (m,) time gap of responders to their initiators, s; inf where it is not ahead now."""
+    pairs = cases.pairs
+    speed = np.maximum(pairs.expected.scene.now.speed[pairs.responder], 0.5)
+    enter = pairs.blocked.enter[:, 0]
+    gap = np.where(enter >= 0, enter / speed, np.inf)
+    return np.asarray(gap[cases.pair])
+
+
+def later_than(people: People, cases: Cases, response_s: FloatArray) -> FloatArray:
+    """Return (n, 10) probability that the responder comes too late, by pair's action and value.
+
+    Args:
+        response_s: (m, A) R* for each of `DECELERATIONS`.
+    """
+    gap, left = time_gaps(cases)[:, None], left_at(cases, response_s)
+    kinds = np.repeat(cases.action[:, None], response_s.shape[1], axis=1)
+    late = people.later(response_s, kinds, np.broadcast_to(gap, response_s.shape), left)
+    return by_action(late @ people.decelerations)
