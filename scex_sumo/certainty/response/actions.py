@@ -125,6 +125,16 @@ class Cases:
     def __len__(self) -> int:
         return len(self.pair)
 
+    def take(self, index: IntArray) -> Cases:
+        """Select rows by index."""
+        names = ("pair", "action", "value", "velocity", "onset_s")
+        return Cases(
+            pairs=self.pairs,
+            outlines=self.outlines.part(index),
+            blocked=self.blocked.take(index),
+            **{name: getattr(self, name)[index] for name in names},
+        )
+
 
 def pairs_of(expected: Expected) -> Pairs:
     """Return the ordered pairs of vehicles whose lines come near within the time of `STEPS`."""
@@ -173,9 +183,10 @@ def cases_of(pairs: Pairs) -> Cases:
     kind = action[:, None]
     s = np.where(kind == BRAKES, np.minimum(v0 * braking - strength * braking**2 / 2, expected), expected)
     s = np.where(kind == GOES_ON, np.maximum(gone, expected), s)
-    off = _offset(pairs)[0][pair][:, None]
-    aside = np.where(kind >= CUTS_IN, -np.sign(off) * np.minimum(strength * TIME_S, np.abs(off)), 0.0)
-    outlines = _outlines(pairs.expected, who, s, aside * _along(pairs)[pair][:, None])
+    off, _, turn = (values[pair][:, None] for values in _offset(pairs))
+    left = -np.sign(off) * np.where(turn < np.pi / 2, 1.0, -1.0)  # of the initiator, towards the line
+    aside = np.where(kind >= CUTS_IN, left * np.minimum(strength * TIME_S, np.abs(off)), 0.0)
+    outlines = _outlines(pairs.expected, who, s, aside)
     blocked = _blocked(pairs.expected, pairs.responder[pair], outlines)
     return Cases(
         pairs=pairs,
@@ -194,8 +205,8 @@ def _possible(pairs: Pairs) -> list[BoolArray]:
     expected, i, j = pairs.expected, pairs.initiator, pairs.responder
     speed, soon = expected.scene.now.speed, slice(0, _HORIZON + 1)
     enter, own = pairs.blocked.enter, expected.s[j]
-    ahead = np.isfinite(enter) & (enter >= own)
-    leads, follows = _nearest_ahead(pairs)
+    ahead = np.isfinite(enter) & (enter + pairs.blocked.leave.clip(-1e9) > 2 * own)
+    leads, follows = leads_and_follows(pairs)
     brakes = (speed[i] > _MOVING_MPS) & ahead[:, soon].any(axis=1) & ~(ahead[:, 0] & ~leads)
     waits = expected.s[i, _HORIZON] < np.maximum(speed[i] * TIME_S[_HORIZON], 2 * _WAITS_M) - _WAITS_M
     goes_on = waits & ~follows[i] & ~ahead[:, 0]
@@ -205,10 +216,11 @@ def _possible(pairs: Pairs) -> list[BoolArray]:
     return [brakes, goes_on, aside & (turn < _PARALLEL_RAD), aside & (turn > _OPPOSED_RAD)]
 
 
-def _nearest_ahead(pairs: Pairs) -> tuple[BoolArray, BoolArray]:
+def leads_and_follows(pairs: Pairs) -> tuple[BoolArray, BoolArray]:
     """Return whether (n,) initiators lead their responders now, and whether (V,) vehicles follow one."""
     expected = pairs.expected
-    enter = np.where(pairs.blocked.enter[:, 0] >= 0, pairs.blocked.enter[:, 0], np.inf)
+    enter, leave = pairs.blocked.enter[:, 0], pairs.blocked.leave[:, 0]
+    enter = np.where(enter + leave.clip(-1e9) > 0, enter, np.inf)
     least = np.full(expected.scene.vehicles, np.inf)
     np.minimum.at(least, pairs.responder, enter)
     leads = np.isfinite(enter) & (enter <= least[pairs.responder])
@@ -224,11 +236,6 @@ def _offset(pairs: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
     dx, dy = now.x[i] - x[j, nearest], now.y[i] - y[j, nearest]
     off = np.cos(heading) * dy - np.sin(heading) * dx
     return off, lines.start[j] + nearest * lines.spacing_m, np.abs(wrap(now.heading[i] - heading))
-
-
-def _along(pairs: Pairs) -> FloatArray:
-    """Return (n,) 1 where both vehicles head in the same direction, else -1."""
-    return np.where(_offset(pairs)[2] < np.pi / 2, 1.0, -1.0)
 
 
 def _outlines(

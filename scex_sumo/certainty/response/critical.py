@@ -20,6 +20,8 @@ JERK_MPS3: Final = 12.65
 """Of a braking response (UN Regulation 157)."""
 DECELERATIONS: Final = (4.0, 6.0, 7.6)
 """A of a response, m/s²; the last one is that of the careful and competent driver, 0.774 g."""
+TYPICAL: Final = 1
+"""Index of the deceleration whose R* stands for all."""
 CAREFUL_S: Final = 1.15
 """Response time of the careful and competent driver: 0.4 s perception, 0.75 s delay (UN Regulation 157)."""
 LATEST_S: Final = 6.4
@@ -67,7 +69,7 @@ class Motion:
         own = self.speed[rows, np.maximum(first - 1, 0)]
         other = cases.velocity[rows, first]
         dx, dy = own * np.cos(heading) - other[:, 0], own * np.sin(heading) - other[:, 1]
-        return hit.any(axis=1), np.hypot(dx, dy)
+        return np.asarray(hit.any(axis=1)), np.hypot(dx, dy)
 
 
 Happens = Callable[[Motion], BoolArray]

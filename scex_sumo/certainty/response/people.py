@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, LEVELS, TIME_S, Cases
 from scex_sumo.certainty.response.critical import DECELERATIONS, by_action
@@ -24,6 +24,10 @@ SHIPPED: Final = Path(__file__).with_name("response.json")
 REFERENCE_GAP_S: Final = 2.0
 """Time gap from which one responds, and looks away, as drivers do without a leader."""
 
+_NUMBERS = (
+    *("response_factor", "response_spread", "away_share", "glance_s", "glance_spread"),
+    *("close_response", "close_away", "growth"),
+)
 _DRAWS = 32  # of the response time of a driver that looks away
 _CLOSEST = 0.1  # share of `REFERENCE_GAP_S`, least that counts
 _LEAST_M = 0.5
@@ -43,10 +47,12 @@ class People:
         close_response: exponent of the time gap, as a share of 2 s, on the median.
         close_away: the same on ``away_share``.
         growth: exponent of the gap that is left at the response, as a share of that at the onset.
-        survival: per action (K, 10): how often one does it with at least each value of the parameter.
-        speed_edges: (K / 2 - 1,) between the classes of speed of vehicles that brake, m/s; those that follow
-            a leader come first.
-        factors: (4,) uncertainty of the frequencies, a factor either way, 95 %.
+        braking: (K, 10) how often a vehicle begins to brake within 3 s, with at least each value.
+        speed_edges: (K / 2 - 1,) between its classes of speed, m/s; those that follow a leader come first.
+        shapes: (3, 10) share of the other actions with at least each value.
+        rates: (3, R) how often they happen, by the time that they leave to the responder.
+        rate_edges_s: (R - 1,) between the classes of R*, s.
+        factors: (4, 10) uncertainty of the frequencies, a factor either way, 95 %.
     """
 
     response_s: FloatArray
@@ -59,8 +65,11 @@ class People:
     close_response: float
     close_away: float
     growth: float
-    survival: tuple[FloatArray, ...]
+    braking: FloatArray
     speed_edges: FloatArray
+    shapes: FloatArray
+    rates: FloatArray
+    rate_edges_s: FloatArray
     factors: FloatArray
 
     @cached_property
@@ -73,7 +82,7 @@ class People:
         return np.asarray(ndtr(spread - z) - time / mean * ndtr(-z))
 
     def later(
-        self, response_s: FloatArray, action: FloatArray, gap_s: FloatArray, left: FloatArray
+        self, response_s: FloatArray, action: IntArray, gap_s: FloatArray, left: FloatArray
     ) -> FloatArray:
         """Return the probability that one responds later than a time.
 
@@ -84,7 +93,7 @@ class People:
             left: (...) gap at the response as a share of that at the onset.
         """
         near = np.clip(gap_s / REFERENCE_GAP_S, _CLOSEST, 1.0)
-        median = self.response_s[action] * near**self.close_response
+        median = np.broadcast_to(self.response_s[action] * near**self.close_response, response_s.shape)
         time = np.clip(response_s, 1e-6, TIME_S[-1])
         attentive = 1 - ndtr(np.log(time / median) / self.response_spread)
         draws = ndtri((np.arange(_DRAWS) + 0.5) / _DRAWS)
@@ -94,47 +103,54 @@ class People:
         share = ((1 - away) * attentive + away * still) * np.clip(left, 0.0, 1.0) ** self.growth
         return np.where(response_s == np.inf, 0.0, np.where(response_s == -np.inf, 1.0, share))
 
-    def often(self, cases: Cases, follows: BoolArray) -> FloatArray:
-        """Return (n, 10) how often the initiator of each pair's action does it with at least each value.
+    def often(
+        self,
+        *,
+        action: IntArray,
+        speed: FloatArray,
+        follows: BoolArray,
+        response_s: FloatArray,
+    ) -> FloatArray:
+        """Return (n, 10) how often an initiator does it with at least each value of the parameter.
 
-        ``follows``: (V,) whether a vehicle follows a leader.
+        An initiator sees how much time it leaves to the responder.
+
+        Args:
+            action: (n,) index into `ACTIONS`; ``speed`` (n,) of the initiator, m/s.
+            follows: (n,) whether it follows a leader.
+            response_s: (n, 10) R* at the typical deceleration, s.
         """
-        first = slice(None, None, LEVELS)
-        action = cases.action[first]
-        who = cases.pairs.initiator[cases.pair[first]]
-        speed = cases.pairs.expected.scene.now.speed[who]
-        row = np.searchsorted(self.speed_edges, speed) + np.where(follows[who], 0, len(self.speed_edges) + 1)
-        found = np.zeros((len(action), LEVELS))
-        for kind, table in enumerate(self.survival):
-            at = np.flatnonzero(action == kind)
-            found[at] = table[row[at]] if kind == BRAKES else table[0]
-        return found
+        row = np.searchsorted(self.speed_edges, speed) + np.where(follows, 0, len(self.speed_edges) + 1)
+        kind = np.maximum(action - 1, 0)
+        share = -np.diff(self.shapes, axis=1, append=0.0)[kind]
+        rate = self.rates[kind[:, None], np.searchsorted(self.rate_edges_s, response_s)]
+        others = np.cumsum((share * rate)[:, ::-1], axis=1)[:, ::-1]
+        return np.where((action == BRAKES)[:, None], self.braking[row], others)
 
     def slower(self, factor: float) -> People:
         """Return people with so many times the median response times."""
         return replace(self, response_s=self.response_s * factor)
 
 
-def probabilities(often: FloatArray, later: FloatArray) -> FloatArray:
-    """Return (n,) probabilities Σ f(θ) P(r > R*(θ)): the integral over the parameter of an action.
+def probabilities(often: FloatArray, later: FloatArray, action: IntArray) -> FloatArray:
+    """Return (n,) probabilities ∫ f(θ) P(r > R*(θ)) dθ: the integral over the parameter of an action.
 
-    Between two values, ``later`` is linear and ``often`` exponential.
+    Between two values of braking, ``later`` is linear and ``often`` exponential. Other actions have the lower
+    value, because their frequency jumps with the time that they leave.
 
     Args:
         often: (n, 10) frequency of at least each value.
         later: (n, 10) probability of a response later than R*.
+        action: (n,) index into `ACTIONS`.
     """
-    return np.asarray(shares(often, later).sum(axis=1))
-
-
-def shares(often: FloatArray, later: FloatArray) -> FloatArray:
-    """Return (n, 10) parts of `probabilities` from each value to the next one; the last one has no end."""
     after = np.concatenate([often[:, 1:], np.zeros_like(often[:, :1])], axis=1)
     following = np.concatenate([later[:, 1:], later[:, -1:]], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (often - after) / np.log(often / after)
     mean = np.where(np.isfinite(mean), mean, np.where(often == after, often, 0.0))
-    return np.asarray(often * later - after * following + (following - later) * mean)
+    smooth = often * later - after * following + (following - later) * mean
+    steps = (often - after) * later
+    return np.asarray(np.where((action == BRAKES)[:, None], smooth, steps).sum(axis=1))
 
 
 def people_of(file: Path | None = None) -> People:
@@ -177,23 +193,25 @@ def _read(content: Mapping[str, Any], file: Path) -> People:
         return entry["value"] if isinstance(entry, Mapping) and "value" in entry else entry
 
     try:
-        actions = [content["actions"][action.name] for action in ACTIONS]
+        braking, *others = (content["actions"][action.name] for action in ACTIONS)
         medians = value("response_s")
-        brakes = np.array([*actions[BRAKES]["following"], *actions[BRAKES]["free"]], dtype=np.float64)
-        names = ("response_factor", "response_spread", "away_share", "glance_s", "glance_spread")
-        names += ("close_response", "close_away", "growth")
         found = People(
             response_s=np.array([medians[action.name] for action in ACTIONS], dtype=np.float64),
             decelerations=np.array(value("decelerations"), dtype=np.float64),
-            survival=(brakes, *(np.array(one["survival"], dtype=np.float64) for one in actions[1:])),
-            speed_edges=np.array(actions[BRAKES]["speed_edges"], dtype=np.float64),
-            factors=np.array([one["factor"] for one in actions], dtype=np.float64),
-            **{name: float(value(name)) for name in names},
+            braking=np.array([*braking["following"], *braking["free"]], dtype=np.float64),
+            speed_edges=np.array(braking["speed_edges_mps"], dtype=np.float64),
+            shapes=np.array([one["shape"] for one in others], dtype=np.float64),
+            rates=np.array([one["rates"] for one in others], dtype=np.float64),
+            rate_edges_s=np.array(value("rate_edges_s"), dtype=np.float64),
+            factors=np.stack([np.broadcast_to(one["factor"], LEVELS) for one in (braking, *others)]),
+            **{name: float(value(name)) for name in _NUMBERS},
         )
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{file}: {error!s:.80}: compare with {SHIPPED.name} of the package") from None
-    right = all(table.shape[-1] == LEVELS and (np.diff(table) <= 0).all() for table in found.survival)
-    right &= len(found.survival[BRAKES]) == 2 * (len(found.speed_edges) + 1)
+    tables = (found.braking, found.shapes)
+    right = all(table.shape[-1] == LEVELS and (np.diff(table) <= 0).all() for table in tables)
+    right &= len(found.braking) == 2 * (len(found.speed_edges) + 1)
+    right &= found.rates.shape == (len(ACTIONS) - 1, len(found.rate_edges_s) + 1)
     if not right or found.decelerations.shape != (len(DECELERATIONS),):
         raise UsageError(f"{file}: frequencies need {LEVELS} values that do not grow, and a row a class")
     return found
@@ -238,6 +256,5 @@ def later_than(people: People, cases: Cases, response_s: FloatArray) -> FloatArr
         response_s: (m, A) R* for each of `DECELERATIONS`.
     """
     gap, left = time_gaps(cases)[:, None], left_at(cases, response_s)
-    kinds = np.repeat(cases.action[:, None], response_s.shape[1], axis=1)
-    late = people.later(response_s, kinds, np.broadcast_to(gap, response_s.shape), left)
+    late = people.later(response_s, cases.action[:, None], gap, left)
     return by_action(late @ people.decelerations)

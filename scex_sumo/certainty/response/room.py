@@ -26,7 +26,7 @@ FULL_SWERVE_MPS2: Final = 7.0
 BETWEEN: Final = 5
 
 _MAX_MPS2 = 100.0  # what this does not avoid, nothing does
-_BISECTIONS = 24
+_BISECTIONS = 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -48,13 +48,4 @@ def steady(*vehicles: tuple[float, float, float, float], waits: tuple[int, ...] 
 def cases(expected: Expected, action: int) -> Cases:
     """The cases of one action; their ten values are consecutive."""
     found = cases_of(pairs_of(expected))
-    keep = np.flatnonzero(found.action == action)
-    columns = {
-        name: getattr(found, name)[keep] for name in ("pair", "action", "value", "onset_s", "velocity")
-    }
-    return Cases(
-        pairs=found.pairs,
-        outlines=found.outlines.part(keep),
-        blocked=found.blocked.take(keep),
-        **columns,
-    )
+    return found.take(np.flatnonzero(found.action == action))

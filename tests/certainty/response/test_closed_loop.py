@@ -71,6 +71,7 @@ def test_vehicles_touch_if_and_only_if_the_response_is_later(gap_m: float, tmp_p
             reference="none",
             out=tmp_path / f"{response_s}",
             exact=False,
+            response="none",
             report=False,
         )
         assert bool(run.collisions.num_rows) is touches

@@ -128,7 +128,7 @@ def test_a_point_mass_and_a_lognormal_response_have_a_closed_form() -> None:
     response = np.full((1, 10), 2.0)
     late = people.later(response, np.zeros((1, 10), dtype=int), np.full((1, 10), 2.0), np.ones((1, 10)))
     expected = 1 - norm.cdf((math.log(2.0) - math.log(people.response_s[0])) / people.response_spread)
-    assert probabilities(often, late) == pytest.approx(expected, abs=1e-8)
+    assert probabilities(often, late, np.zeros(1, dtype=int)) == pytest.approx(expected, abs=1e-8)
 
 
 def test_probability_is_exact_for_a_line_and_an_exponential() -> None:
@@ -136,7 +136,12 @@ def test_probability_is_exact_for_a_line_and_an_exponential() -> None:
     often, late = np.exp(-values)[None], (values / 20)[None]
     # ∫ exp(-x) x / 20 dx from 0 to 9, and the rest of the mass at 9
     expected = (1 - 10 * math.exp(-9)) / 20 + math.exp(-9) * 9 / 20
-    assert probabilities(often, late) == pytest.approx(expected, rel=1e-9)
+    assert probabilities(often, late, np.zeros(1, dtype=int)) == pytest.approx(expected, rel=1e-9)
+
+
+def test_other_actions_have_the_lower_value_of_each_step() -> None:
+    often, late = np.linspace(0.1, 0.01, 10)[None], np.array([[0.0, 1.0] * 5])
+    assert probabilities(often, late, np.ones(1, dtype=int)) == pytest.approx(4 * 0.01 + 0.01)
 
 
 def test_no_response_is_certain_and_never_too_late() -> None:

@@ -1,0 +1,304 @@
+"""Fit ``response.json``: what people do, counted in recordings, and how responses depend on the gap.
+
+    python benchmarks/fit_responses.py collect --data ../shared/data
+    python benchmarks/fit_responses.py fit --data ../shared/data
+
+``collect`` keeps what it reads in a folder; ``fit`` writes the file and prints collisions an hour, and sums
+of P against counts on the test part: recordings with an odd number, NGSIM, and MONA-West.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from response_samples import HAPPENS, NEAR, Samples, collected
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, mean_ranks
+from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, LEVELS
+from scex_sumo.certainty.response.critical import TYPICAL
+from scex_sumo.certainty.response.people import SHIPPED, People, people_of, probabilities
+from scex_sumo.converters.datasets.recordings import LoadedRecording, find_recordings, load_recording
+
+app = typer.Typer(add_completion=False)
+Data = Annotated[Path, typer.Option(help="Folder of the data sets.")]
+Cache = Annotated[Path, typer.Option(help="Folder for samples.")]
+EVERY_S = {"interaction": 20.0, "mona": 8.0, "ngsim": 2.0, "taf_bw": 8.0}
+HORIZON_S, WINDOW_S = 3.0, 1.5
+SPEED_EDGES = (4.0, 8.0)
+LEADER = (8.0, 2.0, 1.5)  # a leader is within 8 m + 2 s, and 1.5 m to the side
+MOST_FACTOR = 30.0  # beyond it a frequency is not known at all
+TAIL = 10  # largest values beyond which the tail is fitted
+EXCEEDANCES = 60
+HALF = 0.5  # events where none was counted; three are the bound of 95 % (rule of three)
+BRAKING_AN_HOUR = 0.35  # collisions that may be expected of braking; half of 0.7, of which 4 h show none
+GRID = {
+    "close_response": (0.25, 0.5, 0.75),
+    "close_away": (0.5, 1.0),
+    "growth": (3.0, 4.0, 5.0, 6.0, 7.0),
+}
+
+
+def is_test(name: str) -> bool:
+    """Whether a recording is kept for the test."""
+    number = re.search(r"_(\d+)$", name)
+    return "Lanker" in name or "Peach" in name or "West" in name or bool(number and int(number[1]) % 2)
+
+
+@app.command()
+def collect(data: Data, cache: Cache = Path("out/responses"), part: int = 0, parts: int = 1) -> None:
+    """Collect samples of all recordings, and their braking."""
+    for name, every_s in EVERY_S.items():
+        for recording, found in collected(data / name, cache / name, every_s=every_s, part=part, parts=parts):
+            print(recording, len(found.seconds), "moments", len(found.action), "actions", flush=True)
+        for recording in find_recordings([data / name])[part::parts]:
+            file = cache / "braking" / f"{recording.name}.npy"
+            if not file.is_file():
+                file.parent.mkdir(parents=True, exist_ok=True)
+                np.save(file, braking_of(load_recording(recording)))
+
+
+def braking_of(loaded: LoadedRecording) -> FloatArray:
+    """Return (n, 3) speed, whether it follows, and the strongest braking begun within 3 s, every second."""
+    rows, step = loaded.table.vehicles, round(loaded.table.step_s * 1000)
+    order = np.lexsort((rows.timestamp_ms, rows.track, rows.case))
+    x, y, psi, speed = (values[order] for values in (rows.x, rows.y, rows.psi_rad, rows.speed))
+    time, track, segment = rows.timestamp_ms[order], rows.track[order], rows.segment[order]
+    steps, window = round(HORIZON_S / loaded.table.step_s), round(WINDOW_S / loaded.table.step_s)
+    last = steps + window
+    start = np.flatnonzero(np.arange(len(x)) + last < len(x))
+    whole = (track[start + last] == track[start]) & (segment[start + last] == segment[start])
+    start = start[whole & (time[start + last] - time[start] == last * step) & (time[start] % 1000 == 0)]
+    start = start[speed[start] > 0.5]
+    later = speed[start[:, None] + np.arange(last + 1)]
+    lost = later[:, : steps + 1] - later[:, window : window + steps + 1]
+    follows = _follows(x, y, psi, speed, time, start)
+    return np.column_stack([speed[start], follows, np.maximum(lost.max(axis=1) / WINDOW_S, 0.0)])
+
+
+def _follows(
+    x: FloatArray, y: FloatArray, psi: FloatArray, speed: FloatArray, time: IntArray, who: IntArray
+) -> BoolArray:
+    found = np.zeros(len(who), dtype=bool)
+    by_time = np.argsort(time, kind="stable")
+    first, end = (np.searchsorted(time[by_time], time[who], side=side) for side in ("left", "right"))
+    for k, row in enumerate(who):
+        others = by_time[first[k] : end[k]]
+        dx, dy = x[others] - x[row], y[others] - y[row]
+        ahead = np.cos(psi[row]) * dx + np.sin(psi[row]) * dy
+        aside = np.abs(np.cos(psi[row]) * dy - np.sin(psi[row]) * dx)
+        found[k] = (
+            (ahead > 2) & (ahead < 4.5 + LEADER[0] + LEADER[1] * speed[row]) & (aside < LEADER[2])
+        ).any()
+    return found
+
+
+def survival(values: FloatArray, at: FloatArray) -> FloatArray:
+    """Return the share of at least each value: counted, with a generalised Pareto tail beyond the tenth."""
+    ordered = np.sort(values)
+    counted = (len(values) - np.searchsorted(ordered, at)) / len(values)
+    begin = ordered[-TAIL]
+    exceed = ordered[-EXCEEDANCES:] - ordered[-EXCEEDANCES]
+    mean, weighted = exceed.mean(), (exceed * np.linspace(1, 0, len(exceed))).mean()
+    shape = float(np.clip(2 - mean / (mean - 2 * weighted), 0.0, 0.2))  # no bound below that of tyres
+    scale = mean * (1 - shape) + shape * (begin - ordered[-EXCEEDANCES])
+    rest = np.maximum(1 + shape * (at - begin) / scale, 1e-9) ** (-1 / shape if abs(shape) > 1e-6 else 0)
+    rest = rest if abs(shape) > 1e-6 else np.exp(-(at - begin) / scale)
+    tail = np.maximum(TAIL / len(values) * np.minimum(rest, 1.0), 1e-9)
+    return np.where(at > begin, tail, counted)
+
+
+def braking_tables(cache: Path) -> dict[str, Any]:
+    """Return the frequencies of braking, with their uncertainty by bootstrap over recordings."""
+    files = [file for file in sorted((cache / "braking").glob("*.npy")) if not is_test(file.stem)]
+    parts, at = [np.load(file) for file in files], np.array(ACTIONS[BRAKES].values)
+
+    def tables(chosen: list[FloatArray]) -> FloatArray:
+        rows = np.concatenate(chosen)
+        kind = np.searchsorted(SPEED_EDGES, rows[:, 0]) + np.where(rows[:, 1] > 0, 0, len(SPEED_EDGES) + 1)
+        every = [rows[kind == k, 2] for k in range(2 * len(SPEED_EDGES) + 2)]
+        return np.array([survival(v if len(v) > 2 * EXCEEDANCES else rows[:, 2], at) for v in every])
+
+    rng = np.random.default_rng(0)
+    draws = [tables([parts[k] for k in rng.integers(0, len(parts), len(parts))]) for _ in range(50)]
+    spread = np.median(np.log(np.stack(draws).clip(1e-9)).std(axis=0), axis=0)
+    found = np.minimum.accumulate(np.clip(tables(parts), 1e-9, 1.0), axis=1).round(9).tolist()
+    half = len(found) // 2
+    return {
+        "following": found[:half],
+        "free": found[half:],
+        "speed_edges_mps": list(SPEED_EDGES),
+        "factor": np.maximum.accumulate(np.exp(1.96 * spread)).clip(max=MOST_FACTOR).round(1).tolist(),
+        "counted": int(sum(map(len, parts))),
+        "source": "counted by benchmarks/fit_responses.py: strongest mean over 1.5 s that begins within 3 s",
+    }
+
+
+def rates(samples: Samples, people: People, kind: int, every: float) -> dict[str, Any]:
+    """Return shape and rates of an action by the time that it leaves; see `People.often`."""
+    use = (samples.action == kind) & samples.known & ~samples.doubtful
+    did, values = samples.did[use], np.array(ACTIONS[kind].values)
+    response = samples.response[use][:, :, 0, TYPICAL]
+    done = np.flatnonzero(~np.isnan(did))
+    shape = people.shapes[kind - 1]
+    if len(done) >= 10:
+        shape = np.maximum((did[done, None] >= values).mean(axis=0), HALF / len(done) * 0.5 ** np.arange(10))
+        shape = np.minimum.accumulate(shape / shape[0])
+    share = -np.diff(shape, append=0.0)
+    classes = np.searchsorted(people.rate_edges_s, response)
+    count = len(people.rate_edges_s) + 1
+    exposed = np.array([(share * (classes == k)).sum() for k in range(count)])
+    level = np.clip(np.searchsorted(values, did[done], side="right") - 1, 0, LEVELS - 1)
+    happened = np.bincount(classes[done, level], minlength=count).astype(float)
+    rate = np.maximum(happened, HALF) / np.maximum(exposed, HALF)
+    # No collision was recorded: at most half a one is expected of an action in the recorded time.
+    late = late_of(samples, people, "contact")[use]
+    for k in range(count):
+        expected = (share * (classes == k) * late).sum() * every / HORIZON_S
+        rate[k] = min(rate[k], HALF / count / max(expected, 1e-9), 1.0)
+    rate = np.minimum.accumulate(rate[::-1])[::-1]
+    return {
+        "shape": shape.round(6).tolist(),
+        "rates": [float(f"{value:.3g}") for value in rate],
+        "factor": 6.0 if happened[:2].sum() == 0 else 3.0,
+        "counted": happened.tolist(),
+        "exposed": exposed.round(1).tolist(),
+        "source": "counted by benchmarks/fit_responses.py; at most half a collision in the recorded time",
+    }
+
+
+def late_of(samples: Samples, people: People, event: str) -> FloatArray:
+    """Return (n, 10) probability that a response comes too late to avoid an event."""
+    k = list(HAPPENS).index(event)
+    late = people.later(
+        samples.response[:, :, k],
+        samples.action[:, None, None],
+        samples.gap_s[:, None, None],
+        samples.left[:, :, k],
+    )
+    return np.asarray(late @ people.decelerations)
+
+
+def chances(samples: Samples, people: People, event: str) -> FloatArray:
+    """Return (n,) probabilities of an event through each action."""
+    often = people.often(
+        action=samples.action,
+        speed=samples.speed,
+        follows=samples.follows,
+        response_s=samples.response[:, :, 0, TYPICAL],
+    )
+    return probabilities(often, late_of(samples, people, event), samples.action)
+
+
+def per_hour(samples: Samples, people: People, event: str = "contact") -> float:
+    """Return the expected number an hour."""
+    chance = chances(samples, people, event)[~samples.doubtful]
+    return float(chance.sum() / (len(samples.seconds) * HORIZON_S) * 3600)
+
+
+def predicted(samples: Samples, people: People, event: str) -> FloatArray:
+    """Return (p,) probability of a near miss of each pair, that of the expected motion included."""
+    none = np.zeros(len(samples.pair_moment))
+    np.add.at(none, samples.pair, np.log1p(-np.minimum(chances(samples, people, event), 0.999)))
+    usual = samples.usual[:, list(NEAR).index(event)]
+    return np.where(usual, 1.0, 1 - np.exp(none))
+
+
+def sums(samples: Samples, people: People) -> list[tuple[str, float, int, float, float]]:
+    """Return event, sum of P, count, ROC area of P and of the best surrogate measure."""
+    use = samples.pair_known
+    found = []
+    for number, event in enumerate(NEAR):
+        chance, recorded = predicted(samples, people, event)[use], samples.recorded[use, number]
+        areas = [roc_area(chance, recorded)]
+        areas.append(max(roc_area(column, recorded) for column in samples.surrogate[use].T))
+        found.append((event, float(chance.sum()), int(recorded.sum()), *areas))
+    return found
+
+
+def roc_area(score: FloatArray, happened: BoolArray) -> float:
+    """Return the area under the ROC curve; NaN where all or none happened."""
+    count = int(happened.sum())
+    if count in (0, len(score)):
+        return float("nan")
+    return float(
+        (mean_ranks(score)[happened].sum() - count * (count + 1) / 2) / (count * (len(score) - count))
+    )
+
+
+def _read(cache: Path, name: str, *, test: bool | None) -> Samples:
+    files = [file for file in sorted((cache / name).glob("*.npz")) if test in (None, is_test(file.stem))]
+    return Samples.joined([Samples.read(file) for file in files])
+
+
+@app.command()
+def fit(cache: Cache = Path("out/responses"), write: bool = True) -> None:
+    """Count and fit on the training parts, then report on the test parts."""
+    content = json.loads(SHIPPED.read_text())
+    content["actions"]["brakes"] = braking_tables(cache)
+    train, every = _read(cache, "interaction", test=False), EVERY_S["interaction"]
+    all_of = _read(cache, "interaction", test=None)
+    _write(content)
+    people = people_of(SHIPPED)
+    best, least = people, np.inf
+    for values in product(*GRID.values()):
+        tried = replace(people, **dict(zip(GRID, values, strict=True)))
+        error = sum(np.log(max(p, 0.1) / max(n, 0.5)) ** 2 for _, p, n, *_ in sums(train, tried))
+        hourly = per_hour(all_of, _without_others(tried))
+        error += 4 * max(np.log(hourly / BRAKING_AN_HOUR), 0.0) ** 2
+        if error < least - 1e-6:
+            best, least = tried, error
+            print(dict(zip(GRID, values, strict=True)), f"error {error:.3f}, braking {hourly:.3f} an hour")
+    for name in GRID:
+        content[name]["value"] = getattr(best, name)
+        content[name]["source"] = "fitted by benchmarks/fit_responses.py on near misses and on no collision"
+    for kind in range(1, len(ACTIONS)):
+        content["actions"][ACTIONS[kind].name] = rates(all_of, best, kind, every)
+    if write:
+        _write(content)
+    report(cache)
+
+
+def _write(content: dict[str, Any]) -> None:
+    """Write the file, each list of numbers on one line."""
+    text = json.dumps(content, indent=1, ensure_ascii=False)
+    flat = re.sub(r"\[[^\[\]{}]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text)
+    SHIPPED.write_text(flat.replace("[ ", "[").replace(" ]", "]") + "\n")
+
+
+def _without_others(people: People) -> People:
+    return replace(people, rates=np.zeros_like(people.rates))
+
+
+@app.command()
+def report(cache: Cache = Path("out/responses")) -> None:
+    """Print collisions an hour, and sums of P against counts."""
+    people = people_of(SHIPPED)
+    for name in EVERY_S:
+        for test in (False, True):
+            try:
+                samples = _read(cache, name, test=test)
+            except ValueError:
+                continue
+            hours = samples.seconds.sum() / 3600
+            hard = per_hour(samples, people, "hard")
+            head = f"{name} {'test' if test else 'train'}, {len(samples.seconds)} moments of {hours:.2f} h"
+            print(f"{head}: {per_hour(samples, people):.3f} contacts an hour, {hard:.3f} of them hard")
+            for kind, action in enumerate(ACTIONS):
+                part = chances(samples, people, "contact")[(samples.action == kind) & ~samples.doubtful]
+                hourly = part.sum() / (len(samples.seconds) * HORIZON_S) * 3600
+                print(f"  {action.name}: {len(part)} cases, {hourly:.4f} an hour")
+            for event, chance, count, area, other in sums(samples, people):
+                print(
+                    f"  {event}: P {chance:.1f}, counted {count}; ROC area {area:.3f}, surrogate {other:.3f}"
+                )
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,261 @@
+"""Critical responses of a seed scene: the table of all pairs, and its sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.certainty.response.actions import (
+    ACTIONS,
+    LEVELS,
+    Cases,
+    Pairs,
+    cases_of,
+    leads_and_follows,
+    pairs_of,
+)
+from scex_sumo.certainty.response.critical import (
+    CAREFUL_S,
+    TYPICAL,
+    by_action,
+    critical_response,
+    hard_contact,
+    responded,
+)
+from scex_sumo.certainty.response.expected import expected_motion
+from scex_sumo.certainty.response.people import People, later_than, people_of, probabilities
+from scex_sumo.certainty.response.room import Meeting, needed_braking, time_to_react
+from scex_sumo.results.outcomes import masses
+from scex_sumo.road import Road
+from scex_sumo.roads.matching import match
+from scex_sumo.scene import SeedScene
+
+SELDOM: Final = 1e-4
+"""Actions that occur at least this often count for what a careful and competent driver prevents."""
+
+_LEAST = 1e-9  # probability of a row
+
+
+def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> pa.Table:
+    """Return what it takes until two vehicles of a seed scene collide, and how often people let it happen.
+
+    One row for each ordered pair and action with a probability of at least 1e-9, the most probable first;
+    docs/response.md describes the columns.
+
+    Args:
+        scene: with its road.
+        file: distributions of one's own, a JSON file as ``response.json`` of the package.
+
+    Raises:
+        UsageError: the file cannot be read, or a name in it is unknown.
+
+    Example:
+        >>> scex.critical_responses(scene).column_names[:3]
+        ['track_id', 'other_id', 'action']
+    """
+    return _table(scene, None if file is None else Path(file))
+
+
+@owner_cache
+def _table(scene: SeedScene, file: Path | None) -> pa.Table:
+    people, pairs = people_of(file), pairs_of(expected_motion(scene))
+    cases = cases_of(pairs)
+    columns = _columns(cases, people) if len(cases) else {}
+    names = SCHEMA.names
+    return pa.table({name: columns.get(name, []) for name in names}, schema=SCHEMA)
+
+
+SCHEMA: Final = pa.schema(
+    [
+        ("track_id", pa.int64()),  # of the initiator
+        ("other_id", pa.int64()),  # of the responder
+        ("action", pa.string()),
+        ("value", pa.float64()),
+        ("frequency", pa.float64()),
+        ("response_s", pa.float64()),
+        ("later", pa.float64()),
+        ("probability", pa.float64()),
+        ("factor", pa.float64()),
+        ("probability_hard", pa.float64()),
+        ("delta_v", pa.float64()),
+        ("needed_braking", pa.float64()),
+        ("time_to_react", pa.float64()),
+        ("preventable", pa.bool_()),
+        ("doubt", pa.string()),
+    ]
+)
+
+
+def _columns(cases: Cases, people: People) -> dict[str, Any]:
+    pairs, scene = cases.pairs, cases.pairs.expected.scene
+    response = critical_response(cases)
+    first = slice(None, None, LEVELS)
+    kinds, who = cases.action[first], pairs.initiator[cases.pair[first]]
+    often = people.often(
+        action=kinds,
+        speed=scene.now.speed[who],
+        follows=leads_and_follows(pairs)[1][who],
+        response_s=by_action(response[:, TYPICAL]),
+    )
+    later = later_than(people, cases, response)
+    value = probabilities(often, later, kinds)
+    order = np.argsort(-value, kind="stable")
+    order = order[value[order] >= _LEAST]
+    level = np.argmax(often * later, axis=1)
+    row = (np.arange(len(level)) * LEVELS + level)[order]
+    late = later_than(people, cases, critical_response(cases, hard_contact))
+    hard = np.minimum(probabilities(often, late, kinds), value)[order]
+    worst = cases.take(row)
+    i, j = pairs.initiator[worst.pair], pairs.responder[worst.pair]
+    told = np.where(response[row, TYPICAL] < np.inf, response[row, TYPICAL], response[row].min(axis=1))
+    met = _meeting(worst)
+    careful = np.asarray(by_action(response[:, -1]) < CAREFUL_S)
+    others = [later_than(people.slower(factor), cases, response) for factor in _either(people)]
+    spread = [probabilities(often, one, kinds)[order] for one in others]
+    return {
+        "track_id": scene.track_ids[i],
+        "other_id": scene.track_ids[j],
+        "action": [ACTIONS[kind].name for kind in worst.action],
+        "value": worst.value,
+        "frequency": np.take_along_axis(often, level[:, None], 1)[order, 0],
+        "response_s": told,
+        "later": np.take_along_axis(later, level[:, None], 1)[order, 0],
+        "probability": value[order],
+        "factor": _factor(people.factors[worst.action, level[order]], *spread),
+        "probability_hard": hard,
+        "delta_v": _speed_change(worst, told, people, masses(scene.types, scene.length)),
+        "needed_braking": _defined(needed_braking(met)),
+        "time_to_react": _defined(time_to_react(met)),
+        "preventable": ~np.asarray((careful & (often >= SELDOM)).any(axis=1))[order],
+        "doubt": doubts_of(pairs)[worst.pair].tolist(),
+    }
+
+
+def _either(people: People) -> tuple[float, float]:
+    return 1 / people.response_factor, people.response_factor
+
+
+def _factor(often: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the factor either way of 95 % from those of the frequency and of the responses."""
+    responses = np.log(np.maximum(high, 1e-300) / np.maximum(low, 1e-300)) / 2
+    return np.exp(np.hypot(np.log(often), responses))
+
+
+def _defined(values: FloatArray) -> list[float | None]:
+    return [None if math.isnan(value) else value for value in values.tolist()]
+
+
+def _speed_change(cases: Cases, response_s: FloatArray, people: People, mass: FloatArray) -> FloatArray:
+    """Return (m,) the speed change of the vehicle that it changes more, at the median of too late responses.
+
+    The impact is plastic.
+    """
+    i, j = (side[cases.pair] for side in (cases.pairs.initiator, cases.pairs.responder))
+    median = np.maximum(response_s, people.response_s[cases.action])
+    begin = np.where(np.isfinite(response_s), np.maximum(response_s + 0.2, median), 0.0)
+    _, speed = responded(cases, begin, 6.0).impact()
+    own, other = mass[j], mass[i]
+    share = np.maximum(own, other) / (own + other)
+    return speed * np.where(np.isfinite(share), share, 0.5)
+
+
+def _meeting(cases: Cases) -> Meeting:
+    """Return the responders against the motion of their initiators, from the seed moment on."""
+    expected = cases.pairs.expected
+    j = cases.pairs.responder[cases.pair]
+    return Meeting(
+        lines=expected.lines.take(j),
+        speed=expected.scene.now.speed[j],
+        length=expected.scene.length[j],
+        width=expected.scene.width[j],
+        other=cases.outlines,
+        room=_room_beside(expected.scene)[j],
+    )
+
+
+def _room_beside(scene: SeedScene) -> FloatArray:
+    """Return (V, 2) free width to the left and right of each vehicle on its lane and those beside it, m."""
+    assert scene.road is not None
+    now, room = scene.now, np.zeros((scene.vehicles, 2))
+    found = match(scene.road, now.x, now.y, now.heading)
+    first = dict(zip(found.vehicle.tolist()[::-1], found.lane_id.tolist()[::-1], strict=True))
+    for v, lane_id in first.items():
+        room[v] = _sides(scene.road, lane_id, float(scene.width[v]))
+    return room
+
+
+def _sides(road: Road, lane_id: int, width: float) -> tuple[float, float]:
+    lane = road.lanes[lane_id]
+    beside = [road.lanes[k].width_m if k is not None and k in road.lanes else 0.0 for k in lane.beside]
+    free = max(lane.width_m - width, 0.0) / 2
+    return free + beside[0], free + beside[1]
+
+
+def doubts_of(pairs: Pairs) -> np.ndarray[Any, np.dtype[np.object_]]:
+    """Return (n,) why the data of a pair are doubtful; None where they are not."""
+    scene, blocked = pairs.expected.scene, pairs.blocked
+    sides = np.stack([pairs.initiator, pairs.responder])
+    touch = (blocked.enter[:, 0] <= 0) & (blocked.leave[:, 0] >= 0)
+    off = pairs.expected.off_lanes[sides].any(axis=0)
+    short = (scene.recorded_steps[sides] < 10).any(axis=0)
+    meet = blocked.touched(pairs.expected.s[pairs.responder])
+    reasons = (
+        (touch, "boxes touch at the seed moment"),
+        (off, "off the mapped lanes"),
+        (short, "recorded for less than a second"),
+        (meet, "the expected motions overlap"),
+    )
+    found = np.full(len(pairs), None, dtype=object)
+    for mask, words in reversed(reasons):
+        found[mask] = words
+    return found
+
+
+def said(row: Mapping[str, Any]) -> str:
+    """Return a row of the table in words."""
+    one, other, response = row["track_id"], row["other_id"], row["response_s"]
+    (action,) = (kind for kind in ACTIONS if kind.name == row["action"])
+    does = action.words.format(f"{row['value']:g}")
+    if math.isfinite(response):
+        then = f"{other} responds later than {response:.1f} s (one of {_round(1 / row['later'])})"
+    else:
+        then = f"{other} cannot avoid it"
+    often = f"about {once_in(row['probability'])} (a factor of {_round(row['factor'])} either way)"
+    careful = "avoids it" if row["preventable"] else "does not always avoid it"
+    return (
+        f"{one} {does} ({once_in(row['frequency'])}) and {then}: a collision {often}; "
+        f"a careful and competent driver (UN R157) {careful}"
+    )
+
+
+def once_in(probability: float) -> str:
+    """Return a probability as one of so many, one digit."""
+    return f"once in {_round(1 / probability)}" if probability < 0.5 else f"in {probability:.0%}"
+
+
+def _round(number: float) -> str:
+    """Return a number with one digit, thousands apart."""
+    size = 10 ** math.floor(math.log10(max(number, 1.0)))
+    return f"{round(number / size) * size:,}".replace(",", " ")
+
+
+def any_collision(rows: Iterable[Mapping[str, Any]]) -> float:
+    """Return 1 - Π(1 - P) over rows whose data are not doubtful: as if independent."""
+    sure = [row["probability"] for row in rows if row["doubt"] is None]
+    return float(-np.expm1(np.log1p(-np.minimum(sure, 1 - 1e-12)).sum())) if sure else 0.0
+
+
+def worst_rows(table: pa.Table, most: int) -> Sequence[Mapping[str, Any]]:
+    """Return the most probable row of each of the worst pairs, without doubtful ones."""
+    found: dict[frozenset[int], Mapping[str, Any]] = {}
+    for row in table.to_pylist():
+        if row["doubt"] is None:
+            found.setdefault(frozenset((row["track_id"], row["other_id"])), row)
+    return list(found.values())[:most]

@@ -1,0 +1,106 @@
+"""Critical responses as an extra of a run: ``response.parquet``, sentences, P of a collision of people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+from scex_sumo.base.options import option
+from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.extras import Row
+from scex_sumo.results.run import REFERENCE, Run
+
+RESPONSE: Final = "response.parquet"
+NONE: Final = "none"
+PEOPLE: Final = "people"
+_WORST = 3  # pairs in words
+
+
+@dataclass(frozen=True, kw_only=True)
+class CriticalResponse(Extra):
+    """What it takes until two vehicles collide, and how often people let it happen, see docs/response.md."""
+
+    order: ClassVar[int] = 15
+    files: ClassVar[tuple[str, ...]] = (RESPONSE,)
+
+    response: str | None = option(
+        "How people act and respond, or a file.",
+        PEOPLE,
+        metavar="people|FILE|none",
+        takes=str,
+    )
+
+    def check(self, settings: RunSettings, models: ModelSet) -> None:
+        """Raise a `UsageError` for a bad file."""
+        if self._wanted and self._file is not None:
+            from scex_sumo.certainty.response.people import people_of
+
+            people_of(self._file)
+
+    @property
+    def _wanted(self) -> bool:
+        return self.response not in (None, NONE)
+
+    @property
+    def _file(self) -> Path | None:
+        return None if self.response == PEOPLE else Path(str(self.response))
+
+    def after(self, work: Work) -> Sequence[Row]:
+        """Write the table; return P of any collision for the human-like futures."""
+        human = work.job.folder.name == REFERENCE
+        file = work.job.folder / RESPONSE
+        file.unlink(missing_ok=True)
+        if not self._wanted:
+            return ()
+        import pyarrow.parquet as pq
+
+        from scex_sumo.base.files import replacing
+        from scex_sumo.certainty.response.answer import any_collision, critical_responses
+
+        table = critical_responses(work.job.scene, file=self._file)
+        if not human:
+            with replacing(file) as temporary:
+                pq.write_table(table, temporary)
+        value = any_collision(table.to_pylist()) if human else None
+        return (Row(name="P(collision) of people", value=value),)
+
+    def lines(self, run: Run) -> Sequence[str]:
+        """Return what it takes, of the worst pairs."""
+        if not (run.folder / RESPONSE).is_file():
+            return ()
+        from scex_sumo.certainty.response.answer import any_collision, once_in, said, worst_rows
+
+        table = run.table(RESPONSE)
+        worst = worst_rows(table, _WORST)
+        if not worst:
+            return ("people: no action of a vehicle, and no late response, makes two collide",)
+        total = any_collision(table.to_pylist())
+        head = f"people: any collision about {once_in(total)} such moments; what it takes:"
+        return (head, *(f"  {said(row)}" for row in worst))
+
+    def page(self, run: Run) -> Any:
+        """Return the card with what it takes, of the worst pairs; None without any."""
+        lines = self.lines(run)
+        if len(lines) < 2:
+            return None
+        from scex_sumo.page.html import element
+        from scex_sumo.page.parts import PagePart
+
+        rows = [element("li", line.strip()) for line in lines[1:]]
+        about = "Counted actions, published response times, no steering; see docs/response.md."
+        head = element("h2", "What it takes until two collide")
+        soft = element("p.soft", f"{lines[0].partition(';')[0].capitalize()}. {about}")
+        return PagePart(cards=[element("section.card", head, soft, element("ul", *rows), id="response")])
+
+    def answer(self, run: Run) -> Mapping[str, Any]:
+        """Return ``people``: P of any collision, and the rows of ``response.parquet``."""
+        if not (run.folder / RESPONSE).is_file():
+            return {"people": None}
+        from scex_sumo.certainty.response.answer import any_collision
+
+        rows = run.table(RESPONSE).to_pylist()
+        return {"people": {"collision": any_collision(rows), "responses": rows}}

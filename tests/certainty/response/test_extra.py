@@ -1,0 +1,152 @@
+"""Critical responses as an extra of a run, in Python, and with a file of one's own."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import scex_sumo as scex
+from scex_sumo.certainty.response.answer import any_collision, once_in, said, worst_rows
+from scex_sumo.certainty.response.people import SHIPPED, people_of
+from scex_sumo.commands.answers import run_answer
+from scex_sumo.results.extras import extras_results
+from tests.certainty.queues import queues
+
+
+def rows(scene: Any, **options: Any) -> list[dict[str, Any]]:
+    return list(scex.critical_responses(scene, **options).to_pylist())
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> scex.Run:
+    out = tmp_path_factory.mktemp("response") / "out"
+    return scex.extrapolate(
+        queues(2, gap_m=5.0),
+        children=4,
+        models="standard_driver",
+        world="plain",
+        out=out,
+        exact=False,
+        report=False,
+    )
+
+
+def test_a_run_writes_the_table_of_its_scene(run: scex.Run) -> None:
+    table = run.table("response.parquet")
+    (row,) = [row for row in table.to_pylist() if row["action"] == "brakes"]
+    assert (row["track_id"], row["other_id"]) == (1, 2)
+    assert 0 < row["probability"] <= row["frequency"]
+    assert row["probability_hard"] <= row["probability"]
+    assert row["factor"] > 1 and row["doubt"] is None
+
+
+def test_the_summary_says_what_it_takes(run: scex.Run) -> None:
+    lines = [line for extra in extras_results() for line in extra.lines(run)]
+    assert any(line.startswith("people: any collision about once in") for line in lines)
+    assert any("1 brakes with" in line and "2 responds later than" in line for line in lines)
+    answer = run_answer(run)
+    assert 0 < answer["people"]["collision"] < 1
+    assert len(answer["people"]["responses"]) == run.table("response.parquet").num_rows
+
+
+def test_the_row_of_the_summary_is_human_like(run: scex.Run) -> None:
+    stress, human = run_answer(run)["rows"]["P(collision) of people"]
+    assert stress is None
+    assert human == pytest.approx(any_collision(run.table("response.parquet").to_pylist()))
+
+
+def test_none_leaves_it_out(tmp_path: Path) -> None:
+    run = scex.extrapolate(
+        queues(2),
+        children=2,
+        models="standard_driver",
+        world="plain",
+        out=tmp_path / "out",
+        exact=False,
+        report=False,
+        reference="none",
+        response="none",
+    )
+    assert not (run.folder / "response.parquet").exists()
+    assert run_answer(run)["people"] is None
+
+
+def test_a_closer_follower_collides_more_often() -> None:
+    chances = [any_collision(rows(queues(2, gap_m=gap))) for gap in (4.0, 8.0, 16.0)]
+    assert chances[0] > chances[1] > chances[2] >= 0
+
+
+def test_a_vehicle_between_takes_the_place_of_the_responder() -> None:
+    found = {(row["track_id"], row["other_id"]) for row in rows(queues(3, gap_m=5.0))}
+    assert (1, 2) in found and (2, 3) in found and (1, 3) not in found
+
+
+def test_people_who_respond_late_collide_more_often(tmp_path: Path) -> None:
+    file = tmp_path / "late.json"
+    shipped = json.loads(SHIPPED.read_text())["response_s"]["value"]
+    file.write_text(json.dumps({"response_s": {name: 2 * median for name, median in shipped.items()}}))
+    scene = queues(2, gap_m=5.0)
+    assert any_collision(rows(scene, file=file)) > any_collision(rows(scene))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("[", "cannot be read"),
+        ("[]", "holds no object"),
+        ('{"respons_s": 1}', "unknown name 'respons_s'; nearest: response_s"),
+        ('{"decelerations": [1.0]}', "frequencies need 10 values"),
+        ('{"growth": "much"}', "compare with response.json"),
+    ],
+)
+def test_a_bad_file_is_refused(tmp_path: Path, content: str, message: str) -> None:
+    file = tmp_path / "people.json"
+    file.write_text(content)
+    with pytest.raises(scex.ScexError, match=message):
+        people_of(file)
+
+
+def test_every_shipped_number_has_a_unit_or_says_how_it_was_counted_and_a_source() -> None:
+    content = json.loads(SHIPPED.read_text())
+    for name, entry in content.items():
+        if name != "actions":
+            assert entry["unit"] and entry["source"], name
+    assert all(entry["source"] and entry["counted"] for entry in content["actions"].values())
+
+
+def test_doubtful_encounters_are_marked_and_left_out_of_the_sentences() -> None:
+    whole = queues(2, gap_m=5.0)
+    short = dataclasses.replace(whole, recorded_steps=np.array([10, 4]))
+    touching = queues(2, gap_m=-0.5)
+    beside = queues(2, gap_m=5.0)
+    moved = dataclasses.replace(beside.history, y=beside.history.y + 30.0)
+    beside = dataclasses.replace(beside, history=moved)
+    for scene, doubt in (
+        (short, "recorded for less than a second"),
+        (touching, "boxes touch at the seed moment"),
+        (beside, "off the mapped lanes"),
+    ):
+        table = scex.critical_responses(scene)
+        assert {row["doubt"] for row in table.to_pylist()} == {doubt}
+        assert worst_rows(table, 3) == [] and any_collision(table.to_pylist()) == 0
+
+
+def test_words_have_one_digit() -> None:
+    assert once_in(1 / 41234) == "once in 40 000"
+    assert once_in(0.0149) == "once in 70"
+    row = {
+        "track_id": 15, "other_id": 16, "action": "brakes", "value": 5.0, "frequency": 1 / 700,
+        "response_s": 1.1, "later": 1 / 9, "probability": 1 / 6300, "factor": 4.2, "preventable": True,
+    }  # fmt: skip
+    assert said(row) == (
+        "15 brakes with 5 m/s² or more (once in 700) and 16 responds later than 1.1 s (one of 9): "
+        "a collision about once in 6 000 (a factor of 4 either way); "
+        "a careful and competent driver (UN R157) avoids it"
+    )
+    assert "16 cannot avoid it" in said({**row, "response_s": -math.inf})
