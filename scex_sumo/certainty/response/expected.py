@@ -90,14 +90,14 @@ def _middle_plan(scene: SeedScene) -> Plan:
     history = SceneHistory(
         scene=scene,
         states=scene.history.repeat(count),
-        children=np.arange(count),
+        futures=np.arange(count),
         step=0,
         route_draw=draws,
         obstacle_states=once.obstacle_states,
         obstacle_present=once.obstacle_present,
     )
-    child, vehicle = (index.ravel() for index in np.indices((count, vehicles)))
-    who = VehicleIndex(child=child, vehicle=vehicle)
+    future, vehicle = (index.ravel() for index in np.indices((count, vehicles)))
+    who = VehicleIndex(future=future, vehicle=vehicle)
     assert scene.road is not None
     plan = build(spec).plan(history, scene.road, who, [np.random.default_rng(k) for k in range(count)])
     ends = np.stack([plan.x[:, PLAN_STEPS - 1], plan.y[:, PLAN_STEPS - 1]], -1).reshape(count, vehicles, 2)

@@ -65,7 +65,7 @@ def test_vehicles_touch_if_and_only_if_the_response_is_later(gap_m: float, tmp_p
         run = scex.extrapolate(
             scene,
             models=[driver],
-            children=1,
+            futures=1,
             steps=STEPS,
             world="plain",
             reference="none",

@@ -28,7 +28,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> scex.Run:
     out = tmp_path_factory.mktemp("response") / "out"
     return scex.extrapolate(
         queues(2, gap_m=5.0),
-        children=4,
+        futures=4,
         models="standard_driver",
         world="plain",
         out=out,
@@ -64,7 +64,7 @@ def test_the_row_of_the_summary_is_human_like(run: scex.Run) -> None:
 def test_none_leaves_it_out(tmp_path: Path) -> None:
     run = scex.extrapolate(
         queues(2),
-        children=2,
+        futures=2,
         models="standard_driver",
         world="plain",
         out=tmp_path / "out",
