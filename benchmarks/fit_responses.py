@@ -20,16 +20,16 @@ import numpy as np
 import typer
 from response_samples import HAPPENS, NEAR, Samples, collected
 
+from scex_sumo import LoadedRecording, find_recordings, load_recording
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, mean_ranks
 from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, LEVELS
 from scex_sumo.certainty.response.critical import TYPICAL
 from scex_sumo.certainty.response.people import SHIPPED, People, people_of, probabilities
-from scex_sumo.converters.datasets.recordings import LoadedRecording, find_recordings, load_recording
 
 app = typer.Typer(add_completion=False)
 Data = Annotated[Path, typer.Option(help="Folder of the data sets.")]
 Cache = Annotated[Path, typer.Option(help="Folder for samples.")]
-EVERY_S = {"interaction": 20.0, "mona": 8.0, "ngsim": 2.0, "taf_bw": 8.0}
+EVERY_S = {"interaction": 20.0, "mona": 8.0, "ngsim": 2.0}
 HORIZON_S, WINDOW_S = 3.0, 1.5
 SPEED_EDGES = (4.0, 8.0)
 LEADER = (8.0, 2.0, 1.5)  # a leader is within 8 m + 2 s, and 1.5 m to the side
@@ -140,7 +140,7 @@ def braking_tables(cache: Path) -> dict[str, Any]:
     }
 
 
-def rates(samples: Samples, people: People, kind: int, every: float) -> dict[str, Any]:
+def rates(samples: Samples, people: People, kind: int) -> dict[str, Any]:
     """Return shape and rates of an action by the time that it leaves; see `People.often`."""
     use = (samples.action == kind) & samples.known & ~samples.doubtful
     did, values = samples.did[use], np.array(ACTIONS[kind].values)
@@ -159,8 +159,9 @@ def rates(samples: Samples, people: People, kind: int, every: float) -> dict[str
     rate = np.maximum(happened, HALF) / np.maximum(exposed, HALF)
     # No collision was recorded: at most half a one is expected of an action in the recorded time.
     late = late_of(samples, people, "contact")[use]
+    horizons = samples.seconds[samples.moment[use], None] / HORIZON_S
     for k in range(count):
-        expected = (share * (classes == k) * late).sum() * every / HORIZON_S
+        expected = (share * (classes == k) * late * horizons).sum()
         rate[k] = min(rate[k], HALF / count / max(expected, 1e-9), 1.0)
     rate = np.minimum.accumulate(rate[::-1])[::-1]
     return {
@@ -197,7 +198,7 @@ def chances(samples: Samples, people: People, event: str) -> FloatArray:
 
 
 def per_hour(samples: Samples, people: People, event: str = "contact") -> float:
-    """Return the expected number an hour."""
+    """Return the expected number an hour; a moment stands for the horizon of the frequencies."""
     chance = chances(samples, people, event)[~samples.doubtful]
     return float(chance.sum() / (len(samples.seconds) * HORIZON_S) * 3600)
 
@@ -242,8 +243,9 @@ def fit(cache: Cache = Path("out/responses"), write: bool = True) -> None:
     """Count and fit on the training parts, then report on the test parts."""
     content = json.loads(SHIPPED.read_text())
     content["actions"]["brakes"] = braking_tables(cache)
-    train, every = _read(cache, "interaction", test=False), EVERY_S["interaction"]
+    train = _read(cache, "interaction", test=False)
     all_of = _read(cache, "interaction", test=None)
+    everywhere = Samples.joined([_read(cache, name, test=None) for name in EVERY_S])
     _write(content)
     people = people_of(SHIPPED)
     best, least = people, np.inf
@@ -259,7 +261,7 @@ def fit(cache: Cache = Path("out/responses"), write: bool = True) -> None:
         content[name]["value"] = getattr(best, name)
         content[name]["source"] = "fitted by benchmarks/fit_responses.py on near misses and on no collision"
     for kind in range(1, len(ACTIONS)):
-        content["actions"][ACTIONS[kind].name] = rates(all_of, best, kind, every)
+        content["actions"][ACTIONS[kind].name] = rates(everywhere, best, kind)
     if write:
         _write(content)
     report(cache)

@@ -8,6 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from scex_sumo import (
+    LoadedRecording,
+    find_recordings,
+    load_recording,
+    recording_moments,
+    seed_at,
+)
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.certainty.response.actions import (
@@ -25,13 +32,6 @@ from scex_sumo.certainty.response.blocked import Blocked, Lines, blocked_stretch
 from scex_sumo.certainty.response.critical import Motion, contact, critical_response, hard_contact
 from scex_sumo.certainty.response.expected import expected_motion
 from scex_sumo.certainty.response.people import left_at, time_gaps
-from scex_sumo.converters.datasets.recordings import (
-    LoadedRecording,
-    find_recordings,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
 from scex_sumo.geometry.rectangles import Rectangles
 from scex_sumo.scene import STEP_S, SeedScene
 

@@ -222,7 +222,7 @@ def said(row: Mapping[str, Any]) -> str:
     """Return a row of the table in words."""
     one, other, response = row["track_id"], row["other_id"], row["response_s"]
     (action,) = (kind for kind in ACTIONS if kind.name == row["action"])
-    does = action.words.format(f"{row['value']:g}")
+    does = action.words.format(f"{row['value']:g}") if row["value"] else action.words.partition(",")[0]
     if math.isfinite(response):
         then = f"{other} responds later than {response:.1f} s (one of {_round(1 / row['later'])})"
     else:

@@ -121,18 +121,19 @@ def critical_response(cases: Cases, happens: Happens = contact) -> FloatArray:
 
     To 0.05 s; -inf where the event happens at once, inf where it never does.
     """
-    columns = []
+    found = np.full((len(cases), len(DECELERATIONS)), np.inf)
     never = np.full(len(cases), 2 * TIME_S[-1])
-    for deceleration in DECELERATIONS:
-        low, high = np.zeros(len(cases)), np.full(len(cases), LATEST_S)
-        hopeless = happens(responded(cases, low, deceleration))
-        harmless = ~happens(responded(cases, never, deceleration))
+    rows = np.flatnonzero(happens(responded(cases, never, DECELERATIONS[0])))
+    part = cases.take(rows)
+    for column, deceleration in enumerate(DECELERATIONS):
+        low, high = np.zeros(len(rows)), np.full(len(rows), LATEST_S)
+        hopeless = happens(responded(part, low, deceleration))
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2
-            hit = happens(responded(cases, middle, deceleration))
+            hit = happens(responded(part, middle, deceleration))
             low, high = np.where(hit, low, middle), np.where(hit, middle, high)
-        columns.append(np.where(harmless, np.inf, np.where(hopeless, -np.inf, low)))
-    return np.stack(columns, axis=1)
+        found[rows, column] = np.where(hopeless, -np.inf, low)
+    return found
 
 
 def by_action(values: FloatArray) -> FloatArray:

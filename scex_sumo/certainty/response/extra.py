@@ -17,6 +17,7 @@ from scex_sumo.results.run import REFERENCE, Run
 RESPONSE: Final = "response.parquet"
 NONE: Final = "none"
 PEOPLE: Final = "people"
+HEAD: Final = "human-like, by actions and response times"
 _WORST = 3  # pairs in words
 
 
@@ -66,7 +67,7 @@ class CriticalResponse(Extra):
             with replacing(file) as temporary:
                 pq.write_table(table, temporary)
         value = any_collision(table.to_pylist()) if human else None
-        return (Row(name="P(collision) of people", value=value),)
+        return (Row(name="collision, critical response", value=value),)
 
     def lines(self, run: Run) -> Sequence[str]:
         """Return what it takes, of the worst pairs."""
@@ -77,9 +78,9 @@ class CriticalResponse(Extra):
         table = run.table(RESPONSE)
         worst = worst_rows(table, _WORST)
         if not worst:
-            return ("people: no action of a vehicle, and no late response, makes two collide",)
+            return (f"{HEAD}: no action with a late response makes two vehicles collide",)
         total = any_collision(table.to_pylist())
-        head = f"people: any collision about {once_in(total)} such moments; what it takes:"
+        head = f"{HEAD}: a collision about {once_in(total)} such moments; what it takes:"
         return (head, *(f"  {said(row)}" for row in worst))
 
     def page(self, run: Run) -> Any:
@@ -97,10 +98,10 @@ class CriticalResponse(Extra):
         return PagePart(cards=[element("section.card", head, soft, element("ul", *rows), id="response")])
 
     def answer(self, run: Run) -> Mapping[str, Any]:
-        """Return ``people``: P of any collision, and the rows of ``response.parquet``."""
+        """Return ``response``: P of any collision, and the rows of ``response.parquet``."""
         if not (run.folder / RESPONSE).is_file():
-            return {"people": None}
+            return {"response": None}
         from scex_sumo.certainty.response.answer import any_collision
 
         rows = run.table(RESPONSE).to_pylist()
-        return {"people": {"collision": any_collision(rows), "responses": rows}}
+        return {"response": {"collision": any_collision(rows), "pairs": rows}}

@@ -48,15 +48,15 @@ def test_a_run_writes_the_table_of_its_scene(run: scex.Run) -> None:
 
 def test_the_summary_says_what_it_takes(run: scex.Run) -> None:
     lines = [line for extra in extras_results() for line in extra.lines(run)]
-    assert any(line.startswith("people: any collision about once in") for line in lines)
+    assert any("response times: a collision about once in" in line for line in lines)
     assert any("1 brakes with" in line and "2 responds later than" in line for line in lines)
     answer = run_answer(run)
-    assert 0 < answer["people"]["collision"] < 1
-    assert len(answer["people"]["responses"]) == run.table("response.parquet").num_rows
+    assert 0 < answer["response"]["collision"] < 1
+    assert len(answer["response"]["pairs"]) == run.table("response.parquet").num_rows
 
 
 def test_the_row_of_the_summary_is_human_like(run: scex.Run) -> None:
-    stress, human = run_answer(run)["rows"]["P(collision) of people"]
+    stress, human = run_answer(run)["rows"]["collision, critical response"]
     assert stress is None
     assert human == pytest.approx(any_collision(run.table("response.parquet").to_pylist()))
 
@@ -74,7 +74,7 @@ def test_none_leaves_it_out(tmp_path: Path) -> None:
         response="none",
     )
     assert not (run.folder / "response.parquet").exists()
-    assert run_answer(run)["people"] is None
+    assert run_answer(run)["response"] is None
 
 
 def test_a_closer_follower_collides_more_often() -> None:
