@@ -37,11 +37,11 @@ MOST_FACTOR = 30.0  # beyond it a frequency is not known at all
 TAIL = 10  # largest values beyond which the tail is fitted
 EXCEEDANCES = 60
 HALF = 0.5  # events where none was counted; three are the bound of 95 % (rule of three)
-BRAKING_AN_HOUR = 0.35  # collisions that may be expected of braking; half of 0.7, of which 4 h show none
+BRAKING_AN_HOUR = 0.12  # half a collision in the 4.3 h of INTERACTION, where none happened
 GRID = {
-    "close_response": (0.25, 0.5, 0.75),
+    "close_response": (0.5, 0.75, 1.0),
     "close_away": (0.5, 1.0),
-    "growth": (3.0, 4.0, 5.0, 6.0, 7.0),
+    "growth": (5.0, 7.0, 10.0, 14.0),
 }
 
 
@@ -253,7 +253,7 @@ def fit(cache: Cache = Path("out/responses"), write: bool = True) -> None:
         tried = replace(people, **dict(zip(GRID, values, strict=True)))
         error = sum(np.log(max(p, 0.1) / max(n, 0.5)) ** 2 for _, p, n, *_ in sums(train, tried))
         hourly = per_hour(all_of, _without_others(tried))
-        error += 4 * max(np.log(hourly / BRAKING_AN_HOUR), 0.0) ** 2
+        error += np.log(hourly / BRAKING_AN_HOUR) ** 2
         if error < least - 1e-6:
             best, least = tried, error
             print(dict(zip(GRID, values, strict=True)), f"error {error:.3f}, braking {hourly:.3f} an hour")

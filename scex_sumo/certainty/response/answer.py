@@ -37,6 +37,9 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 from scex_sumo.scene import SeedScene
 
+TOWED_S: Final = 0.15
+"""Headway at which nobody follows above `TOWED_MPS`: it is a trailer, or a box is too long."""
+TOWED_MPS: Final = 3.0
 SELDOM: Final = 1e-4
 """Actions that occur at least this often count for what a careful and competent driver prevents."""
 
@@ -202,12 +205,14 @@ def doubts_of(pairs: Pairs) -> np.ndarray[Any, np.dtype[np.object_]]:
     """Return (n,) why the data of a pair are doubtful; None where they are not."""
     scene, blocked = pairs.expected.scene, pairs.blocked
     sides = np.stack([pairs.initiator, pairs.responder])
-    touch = (blocked.enter[:, 0] <= 0) & (blocked.leave[:, 0] >= 0)
+    speed = scene.now.speed[pairs.responder]
+    least = np.where(speed > TOWED_MPS, TOWED_S * speed, 0.0)
+    touch = (blocked.enter[:, 0] <= least) & (blocked.leave[:, 0] >= 0)
     off = pairs.expected.off_lanes[sides].any(axis=0)
     short = (scene.recorded_steps[sides] < 10).any(axis=0)
     meet = blocked.touched(pairs.expected.s[pairs.responder])
     reasons = (
-        (touch, "boxes touch at the seed moment"),
+        (touch, "boxes touch, or nearly, at the seed moment"),
         (off, "off the mapped lanes"),
         (short, "recorded for less than a second"),
         (meet, "the expected motions overlap"),

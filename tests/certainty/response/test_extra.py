@@ -129,7 +129,8 @@ def test_doubtful_encounters_are_marked_and_left_out_of_the_sentences() -> None:
     beside = dataclasses.replace(beside, history=moved)
     for scene, doubt in (
         (short, "recorded for less than a second"),
-        (touching, "boxes touch at the seed moment"),
+        (touching, "boxes touch, or nearly, at the seed moment"),
+        (queues(2, gap_m=1.0, speed=12.0), "boxes touch, or nearly, at the seed moment"),
         (beside, "off the mapped lanes"),
     ):
         table = scex.critical_responses(scene)
