@@ -10,10 +10,11 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.certainty.response.actions import (
     ACTIONS,
+    BRAKES,
     LEVELS,
     Cases,
     Pairs,
@@ -44,6 +45,8 @@ SELDOM: Final = 1e-4
 """Actions that occur at least this often count for what a careful and competent driver prevents."""
 
 _LEAST = 1e-9  # probability of a row
+_TOLD = 1e-6  # probability of a row that is told
+_MOST, _NEARLY = 0.6, 0.9
 
 
 def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> pa.Table:
@@ -111,7 +114,7 @@ def _columns(cases: Cases, people: People) -> dict[str, Any]:
     value = probabilities(often, later, kinds)
     order = np.argsort(-value, kind="stable")
     order = order[value[order] >= _LEAST]
-    level = np.argmax(often * later, axis=1)
+    level, told_often = _worst_levels(often, later, kinds)
     row = (np.arange(len(level)) * LEVELS + level)[order]
     late = later_than(people, cases, critical_response(cases, hard_contact))
     hard = np.minimum(probabilities(often, late, kinds), value)[order]
@@ -127,7 +130,7 @@ def _columns(cases: Cases, people: People) -> dict[str, Any]:
         "other_id": scene.track_ids[j],
         "action": [ACTIONS[kind].name for kind in worst.action],
         "value": worst.value,
-        "frequency": np.take_along_axis(often, level[:, None], 1)[order, 0],
+        "frequency": told_often[order],
         "response_s": told,
         "later": np.take_along_axis(later, level[:, None], 1)[order, 0],
         "probability": value[order],
@@ -139,6 +142,22 @@ def _columns(cases: Cases, people: People) -> dict[str, Any]:
         "preventable": ~np.asarray((careful & (often >= SELDOM)).any(axis=1))[order],
         "doubt": doubts_of(pairs)[worst.pair].tolist(),
     }
+
+
+def _worst_levels(often: FloatArray, later: FloatArray, action: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return (n,) index of the value that is told, and how often it is at least so.
+
+    Of braking it is the value with the largest product of both; of another action the least value with at
+    least half of the worst probability of a late response, and only such values count.
+    """
+    share = often - np.concatenate([often[:, 1:], np.zeros_like(often[:, :1])], axis=1)
+    weight = np.where((action == BRAKES)[:, None], often, share)
+    level = np.argmax(weight * later, axis=1)
+    counts = later >= later[np.arange(len(level)), level][:, None] / 2
+    first = np.argmax(counts & (share > 0), axis=1)
+    braking = action == BRAKES
+    told = np.where(braking, often[np.arange(len(level)), level], (share * counts).sum(axis=1))
+    return np.where(braking, level, first), told
 
 
 def _either(people: People) -> tuple[float, float]:
@@ -229,9 +248,10 @@ def said(row: Mapping[str, Any]) -> str:
     (action,) = (kind for kind in ACTIONS if kind.name == row["action"])
     does = action.words.format(f"{row['value']:g}") if row["value"] else action.words.partition(",")[0]
     if math.isfinite(response):
-        then = f"{other} responds later than {response:.1f} s (one of {_round(1 / row['later'])})"
+        share = f"one of {_round(1 / row['later'])}" if row["later"] < _MOST else "as most do"
+        then = f"{other} responds later than {response:.1f} s ({share})"
     else:
-        then = f"{other} cannot avoid it"
+        then = f"{other} {'cannot' if row['later'] > _NEARLY else 'can hardly'} avoid it"
     often = f"about {once_in(row['probability'])} (a factor of {_round(row['factor'])} either way)"
     careful = "avoids it" if row["preventable"] else "does not always avoid it"
     return (
@@ -258,9 +278,9 @@ def any_collision(rows: Iterable[Mapping[str, Any]]) -> float:
 
 
 def worst_rows(table: pa.Table, most: int) -> Sequence[Mapping[str, Any]]:
-    """Return the most probable row of each of the worst pairs, without doubtful ones."""
+    """Return the most probable row of each of the worst pairs: none that is doubtful, or below 1e-6."""
     found: dict[frozenset[int], Mapping[str, Any]] = {}
     for row in table.to_pylist():
-        if row["doubt"] is None:
+        if row["doubt"] is None and row["probability"] >= _TOLD:
             found.setdefault(frozenset((row["track_id"], row["other_id"])), row)
     return list(found.values())[:most]

@@ -78,7 +78,7 @@ class CriticalResponse(Extra):
         table = run.table(RESPONSE)
         worst = worst_rows(table, _WORST)
         if not worst:
-            return (f"{HEAD}: no action with a late response makes two vehicles collide",)
+            return (f"{HEAD}: two vehicles collide less than once in a million such moments",)
         total = any_collision(table.to_pylist())
         head = f"{HEAD}: a collision about {once_in(total)} such moments; what it takes:"
         return (head, *(f"  {said(row)}" for row in worst))

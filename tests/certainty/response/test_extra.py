@@ -150,4 +150,6 @@ def test_words_have_one_digit() -> None:
         "a collision about once in 6 000 (a factor of 4 either way); "
         "a careful and competent driver (UN R157) avoids it"
     )
-    assert "16 cannot avoid it" in said({**row, "response_s": -math.inf})
+    assert "16 can hardly avoid it" in said({**row, "response_s": -math.inf, "later": 0.5})
+    assert "16 cannot avoid it" in said({**row, "response_s": -math.inf, "later": 1.0})
+    assert "later than 0.4 s (as most do)" in said({**row, "response_s": 0.4, "later": 0.8})
