@@ -109,7 +109,8 @@ def test_a_metric_by_import_path_goes_through_the_command(example: Path) -> None
 def test_an_entry_point_of_another_package_is_a_name(example: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     point = importlib.metadata.EntryPoint("speed_gap", "closeness:speed_gap", registry.PACKAGES.group)
     monkeypatch.syspath_prepend(str(example.parent))
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point])
+    points = importlib.metadata.EntryPoints([point])
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda: points)
     assert "speed_gap" in registry.known_metrics()
     assert metrics_named(["speed_gap"])[0].threshold == 10.0
 
