@@ -63,6 +63,7 @@ def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> p
         UsageError: the file cannot be read, or a name in it is unknown.
 
     Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scex.critical_responses(scene).column_names[:3]
         ['track_id', 'other_id', 'action']
     """

@@ -67,7 +67,7 @@ class CriticalResponse(Extra):
             with replacing(file) as temporary:
                 pq.write_table(table, temporary)
         value = any_collision(table.to_pylist()) if human else None
-        return (Row(name="collision, critical response", value=value),)
+        return (Row(name="critical response", value=value),)
 
     def lines(self, run: Run) -> Sequence[str]:
         """Return what it takes, of the worst pairs."""

@@ -56,7 +56,7 @@ def test_the_summary_says_what_it_takes(run: scex.Run) -> None:
 
 
 def test_the_row_of_the_summary_is_human_like(run: scex.Run) -> None:
-    stress, human = run_answer(run)["rows"]["collision, critical response"]
+    stress, human = run_answer(run)["rows"]["critical response"]
     assert stress is None
     assert human == pytest.approx(any_collision(run.table("response.parquet").to_pylist()))
 
