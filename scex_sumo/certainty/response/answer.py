@@ -42,7 +42,7 @@ TOWED_S: Final = 0.15
 """Headway at which nobody follows above `TOWED_MPS`: it is a trailer, or a box is too long."""
 TOWED_MPS: Final = 3.0
 SELDOM: Final = 1e-4
-"""Actions that occur at least this often count for what a careful and competent driver prevents."""
+"""Actions at least this often, and the one that is told, count for what a careful driver prevents."""
 
 _LEAST = 1e-9  # probability of a row
 _TOLD = 1e-6  # probability of a row that is told
@@ -101,48 +101,58 @@ SCHEMA: Final = pa.schema(
 
 
 def _columns(cases: Cases, people: People) -> dict[str, Any]:
-    pairs, scene = cases.pairs, cases.pairs.expected.scene
-    response = critical_response(cases)
-    first = slice(None, None, LEVELS)
-    kinds, who = cases.action[first], pairs.initiator[cases.pair[first]]
-    often = people.often(
-        action=kinds,
-        speed=scene.now.speed[who],
-        follows=leads_and_follows(pairs)[1][who],
-        response_s=by_action(response[:, TYPICAL]),
-    )
+    pairs, response = cases.pairs, critical_response(cases)
+    kinds, often = cases.action[::LEVELS], _often(cases, people, response)
     later = later_than(people, cases, response)
     value = probabilities(often, later, kinds)
     order = np.argsort(-value, kind="stable")
     order = order[value[order] >= _LEAST]
-    level, told_often = _worst_levels(often, later, kinds)
-    row = (np.arange(len(level)) * LEVELS + level)[order]
+    rows = (order[:, None] * LEVELS + np.arange(LEVELS)).ravel()
+    cases, response = cases.take(rows), response[rows]
+    kinds, often, later, value = kinds[order], often[order], later[order], value[order]
+    level, frequency = _worst_levels(often, later, kinds)
+    row, each = np.arange(len(level)) * LEVELS + level, np.arange(len(level))
+    worst, told = cases.take(row), response[row, TYPICAL]
+    told = np.where(told < np.inf, told, response[row].min(axis=1))
     late = later_than(people, cases, critical_response(cases, hard_contact))
-    hard = np.minimum(probabilities(often, late, kinds), value)[order]
-    worst = cases.take(row)
-    i, j = pairs.initiator[worst.pair], pairs.responder[worst.pair]
-    told = np.where(response[row, TYPICAL] < np.inf, response[row, TYPICAL], response[row].min(axis=1))
-    met = _meeting(worst)
-    careful = np.asarray(by_action(response[:, -1]) < CAREFUL_S)
     others = [later_than(people.slower(factor), cases, response) for factor in _either(people)]
-    spread = [probabilities(often, one, kinds)[order] for one in others]
+    spread = [probabilities(often, one, kinds) for one in others]
+    counts = often >= np.minimum(frequency, SELDOM)[:, None]
+    careful = by_action(response[:, -1]) >= CAREFUL_S
+    scene = pairs.expected.scene
     return {
-        "track_id": scene.track_ids[i],
-        "other_id": scene.track_ids[j],
-        "action": [ACTIONS[kind].name for kind in worst.action],
+        "track_id": scene.track_ids[pairs.initiator[worst.pair]],
+        "other_id": scene.track_ids[pairs.responder[worst.pair]],
+        "action": [ACTIONS[kind].name for kind in kinds],
         "value": worst.value,
-        "frequency": told_often[order],
+        "frequency": frequency,
         "response_s": told,
-        "later": np.take_along_axis(later, level[:, None], 1)[order, 0],
-        "probability": value[order],
-        "factor": _factor(people.factors[worst.action, level[order]], *spread),
-        "probability_hard": hard,
+        "later": later[each, level],
+        "probability": value,
+        "factor": _factor(people.factors[kinds, level], *spread),
+        "probability_hard": np.minimum(probabilities(often, late, kinds), value),
         "delta_v": _speed_change(worst, told, people, masses(scene.types, scene.length)),
-        "needed_braking": _defined(needed_braking(met)),
-        "time_to_react": _defined(time_to_react(met)),
-        "preventable": ~np.asarray((careful & (often >= SELDOM)).any(axis=1))[order],
+        **_room(worst),
+        "preventable": np.asarray((careful | ~counts).all(axis=1)),
         "doubt": doubts_of(pairs)[worst.pair].tolist(),
     }
+
+
+def _often(cases: Cases, people: People, response_s: FloatArray) -> FloatArray:
+    pairs = cases.pairs
+    who = pairs.initiator[cases.pair[::LEVELS]]
+    return people.often(
+        action=cases.action[::LEVELS],
+        speed=pairs.expected.scene.now.speed[who],
+        follows=leads_and_follows(pairs)[1][who],
+        response_s=by_action(response_s[:, TYPICAL]),
+    )
+
+
+def _room(cases: Cases) -> dict[str, list[float | None]]:
+    met = _meeting(cases)
+    found = {"needed_braking": needed_braking(met), "time_to_react": time_to_react(met)}
+    return {name: [None if math.isnan(v) else v for v in values] for name, values in found.items()}
 
 
 def _worst_levels(often: FloatArray, later: FloatArray, action: IntArray) -> tuple[IntArray, FloatArray]:
@@ -169,10 +179,6 @@ def _factor(often: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Return the factor either way of 95 % from those of the frequency and of the responses."""
     responses = np.log(np.maximum(high, 1e-300) / np.maximum(low, 1e-300)) / 2
     return np.exp(np.hypot(np.log(often), responses))
-
-
-def _defined(values: FloatArray) -> list[float | None]:
-    return [None if math.isnan(value) else value for value in values.tolist()]
 
 
 def _speed_change(cases: Cases, response_s: FloatArray, people: People, mass: FloatArray) -> FloatArray:

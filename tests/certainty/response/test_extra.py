@@ -138,6 +138,13 @@ def test_doubtful_encounters_are_marked_and_left_out_of_the_sentences() -> None:
         assert worst_rows(table, 3) == [] and any_collision(table.to_pylist()) == 0
 
 
+def test_what_cannot_be_avoided_is_not_preventable() -> None:
+    found = rows(scex.read_seed(scex.example_path("roundabout")))
+    hopeless = [row for row in found if row["response_s"] == -math.inf]
+    assert hopeless and not any(row["preventable"] for row in hopeless)
+    assert any(row["preventable"] for row in found)
+
+
 def test_words_have_one_digit() -> None:
     assert once_in(1 / 41234) == "once in 40 000"
     assert once_in(0.0149) == "once in 70"
