@@ -233,6 +233,13 @@ def roc_area(score: FloatArray, happened: BoolArray) -> float:
     )
 
 
+def _km(cache: Path, name: str, *, test: bool) -> float:
+    """Return what the vehicles of a part drove while their braking was counted, every second, km."""
+    names = [file.stem for file in (cache / name).glob("*.npz") if is_test(file.stem) == test]
+    files = [file for one in names if (file := cache / "braking" / f"{one}.npy").is_file()]
+    return float(sum(np.load(file)[:, 0].sum() for file in files)) / 1000
+
+
 def _read(cache: Path, name: str, *, test: bool | None) -> Samples:
     files = [file for file in sorted((cache / name).glob("*.npz")) if test in (None, is_test(file.stem))]
     return Samples.joined([Samples.read(file) for file in files])
@@ -292,6 +299,10 @@ def report(cache: Cache = Path("out/responses")) -> None:
             hard = per_hour(samples, people, "hard")
             head = f"{name} {'test' if test else 'train'}, {len(samples.seconds)} moments of {hours:.2f} h"
             print(f"{head}: {per_hour(samples, people):.3f} contacts an hour, {hard:.3f} of them hard")
+            driven = _km(cache, name, test=test)
+            if driven:
+                each = (per_hour(samples, people) * hours / driven, hard * hours / driven)
+                print(f"  a vehicle-kilometre: {each[0]:.1e}, hard {each[1]:.1e}")
             for kind, action in enumerate(ACTIONS):
                 part = chances(samples, people, "contact")[(samples.action == kind) & ~samples.doubtful]
                 hourly = part.sum() / (len(samples.seconds) * HORIZON_S) * 3600
