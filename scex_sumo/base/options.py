@@ -42,7 +42,12 @@ class Option:
 
 
 def option(help: str, default: Any = MISSING, *, factory: Any = MISSING, **how: Any) -> Any:
-    """Return a dataclass field with its `Option`; ``how`` are fields of it."""
+    """Return a dataclass field with its `Option`; ``how`` are fields of it.
+
+    Example:
+        >>> scex.option("Speed above which a vehicle is fast, m/s.", 8.0, metavar="V").default
+        8.0
+    """
     about = {"option": Option(help=help, **how)}
     if factory is not MISSING:
         return field(default_factory=factory, metadata=about)

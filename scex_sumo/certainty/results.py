@@ -42,6 +42,10 @@ class Exact:
         sampled: events whose sampled value stays, with the reason.
         checked: number of drawn futures that checked the tables.
         extra: number of futures that were run for the tables.
+
+    Example:
+        >>> isinstance(scex.exact_of(run), scex.Exact)  # too few futures to check tables
+        False
     """
 
     models: tuple[str, ...]
@@ -118,8 +122,11 @@ def weighted_probability(
         TooFewFuturesError: hardly any drawn future is driven like this.
 
     Example:
-        >>> scex.weighted_probability(run, {"standard_driver": 1.0, "emergency_brake": 0.0})
-        0.0
+        >>> try:
+        ...     scex.weighted_probability(run, {"standard_driver": 1.0})
+        ... except scex.ScexError as error:
+        ...     print("4 futures are too few" if "hardly any" in str(error) else error)
+        4 futures are too few
     """
     found = exact_of(run)
     exact = None if found is None else found.probability(event, pair, weights)

@@ -28,6 +28,10 @@ class Work:
         part: all futures, with their first step only, without plans; with ``until_band`` those so far.
         settled: what `Extra.settle` returned for these futures; None if it was not asked.
         progress: counts the steps of a further run of this size, see `Extra.repeats`.
+
+    Example:
+        >>> scex.Work.__dataclass_fields__["part"].type  # its states: (futures, steps, vehicles)
+        'Part'
     """
 
     job: Job
@@ -49,6 +53,15 @@ class Extra(ExtraResults):
 
     Each method may be left out. Registered by an entry point in ``scex_sumo.extras``, its options belong to
     ``scex-sumo run`` and `extrapolate`; else it is given as ``--extra package.module:Class:option=value``.
+
+    Example:
+        >>> class Vehicles(scex.Extra):
+        ...     def after(self, work):
+        ...         return [scex.Row(name="vehicles", value=work.job.scene.vehicles)]
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
+        >>> counted = scex.extrapolate(scene, futures=2, reference=None, report=False, extra=[Vehicles()])
+        >>> counted.info["rows"][0]["value"]
+        14
     """
 
     nested: ClassVar[bool] = True

@@ -98,6 +98,10 @@ class RunSettings:
 
     Raises:
         UsageError: a setting makes no sense.
+
+    Example:
+        >>> scex.RunSettings(futures=8, models="rules").count
+        8
     """
 
     futures: int | str | None = option(

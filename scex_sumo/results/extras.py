@@ -28,6 +28,10 @@ class ExactProbability:
     Attributes:
         checked: how it was checked, in words.
         ways: when the event happens, in words; empty for several pairs.
+
+    Example:
+        >>> scex.ExactProbability(value=0.25, checked="exact", ways=("3 brakes", "4 brakes")).told(1)
+        '3 brakes; or in 1 more ways'
     """
 
     value: float
@@ -47,6 +51,10 @@ class Row:
     Attributes:
         value: NaN or None where undefined.
         unit: printed in brackets behind the name.
+
+    Example:
+        >>> scex.Row(name="fast vehicles", value=12.5, unit="%").value
+        12.5
     """
 
     name: str
