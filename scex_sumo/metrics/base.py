@@ -98,8 +98,8 @@ class SceneTracks:
             if bad.any():
                 future, step, vehicle = (int(i) for i in np.argwhere(bad)[0])
                 raise InputError(
-                    f"tracks to evaluate: {name} of vehicle {vehicle}, future {future}, step {step} is not "
-                    f"a finite number up to {MAX_MAGNITUDE:g} ({int(bad.sum())} such values); "
+                    f"tracks to evaluate: {name} of vehicle {vehicle} in future {future} at step {step} is "
+                    f"not a finite number up to {MAX_MAGNITUDE:g} ({int(bad.sum())} such values); "
                     "mark it as not present"
                 )
 

@@ -11,7 +11,8 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.metrics.events import MEASURED
+from scex_sumo.base.errors import UsageError
+from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.results.extras import ExactProbability, extras_results
 from scex_sumo.statistics.density import Interval
 
@@ -111,6 +112,8 @@ class Encounter:
 
     def probability(self, event: str) -> Probability:
         """Return the probability of an event, a column of ``encounters.parquet`` such as ``critical``."""
+        if event not in (*EVENTS, "critical"):
+            raise UsageError(f"unknown event {event!r}; known: {', '.join(EVENTS)}, critical")
         ends = {end: float(self.row[event + name]) for end, name in _ENDS.items()}
         count = round(ends["value"] * self.run.futures)
         return probability_of(self.run, Interval(**ends, count=count), event, self.pair)

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo import example_path, extrapolate, read_seed
+from scex_sumo import example_path, read_seed
 from tests.extensions.package import install, scex
+from tests.runs import extrapolate
 
 CODE = '''
 def write_places(request):

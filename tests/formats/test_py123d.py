@@ -13,11 +13,12 @@ import pyarrow as pa
 import pytest
 import shapely
 
-from scex_sumo import extrapolate, find_recordings, load_recording, read_map, read_seed
+from scex_sumo import find_recordings, load_recording, read_map, read_seed
 from scex_sumo.base.errors import MapError, ScexError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.net.convert import convert
 from tests.formats import streets
+from tests.runs import extrapolate
 
 msgpack = pytest.importorskip("msgpack")
 

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo import extrapolate, find_recordings, load_recording, read_map, read_seed
+from scex_sumo import find_recordings, load_recording, read_map, read_seed
 from scex_sumo.base.errors import MapError, ScexError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.formats.scenarionet import unpickle
 from tests.formats import streets
+from tests.runs import extrapolate
 
 
 @cache

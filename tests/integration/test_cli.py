@@ -166,7 +166,7 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
         "    if done >= 6 * 30 + 5: raise KeyboardInterrupt\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
         f"options = dict(keep_plans=True, batch=4, out={str(out)!r}, progress=stop)\n"
-        "extrapolate(seed, futures=12, **options)\n"
+        "scex_sumo.extrapolate(seed, futures=12, reference=None, report=False, **options)\n"
     )
     stopped = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert "KeyboardInterrupt" in stopped.stderr
@@ -383,7 +383,7 @@ def test_a_run_does_not_import_torch_nor_networks_that_it_does_not_use(
     code = (
         "import sys, scex_sumo\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
-        f"run = extrapolate(seed, futures=2, models={models!r})\n"
+        f"run = scex_sumo.extrapolate(seed, futures=2, models={models!r}, reference=None, report=False)\n"
         "assert run.futures == 2 and run.p_critical('wttc').low >= 0\n"
         "assert 'torch' not in sys.modules\n"
         f"assert ('scex_sumo.learned.driver' in sys.modules) == {learned}\n"

@@ -33,13 +33,13 @@ def roundabout(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def test_the_example_has_the_probabilities_worked_out_by_hand(roundabout: Run) -> None:
-    rear = roundabout.encounter(16, 15)
-    assert rear.probability() == 1 / 16
-    assert rear.table is not None and rear.table.in_words() == [
-        "15 brakes hard (emergency_brake) and 16 keeps its speed (constant_velocity)"
-    ]
-    assert roundabout.encounter(7, 11).probability() == 9 / 64
-    assert roundabout.encounter(4, 6).probability() == 1 / 16
+    rear = roundabout.encounter(16, 15).collision
+    assert rear.exact == rear.estimate.value == 1 / 16
+    assert rear.known is not None and rear.known.ways == (
+        "15 brakes hard (emergency_brake) and 16 keeps its speed (constant_velocity)",
+    )
+    assert roundabout.encounter(7, 11).collision.exact == 9 / 64
+    assert roundabout.encounter(4, 6).collision.exact == 1 / 16
     # No pair shares a vehicle with another one.
     assert roundabout.collision.estimate.value == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2, abs=1e-15)
     assert exact_of(roundabout) is not None and exact_of(roundabout).extra <= 385
@@ -50,7 +50,7 @@ def test_other_weights_follow_from_the_tables(roundabout: Run) -> None:
     assert weighted_probability(roundabout, {"standard_driver": 1.0}) == 0.0
     quarter = weighted_probability(roundabout, dict.fromkeys(RULES.split(","), 1.0))
     assert quarter == roundabout.collision.estimate.value
-    alone = roundabout.encounter(16, 15).probability(weights={15: {"emergency_brake": 1.0}})
+    alone = weighted_probability(roundabout, {15: {"emergency_brake": 1.0}}, pair=(16, 15))
     assert alone == 1 / 4
     with pytest.raises(UsageError, match="unknown event"):
         roundabout.encounter(16, 15).probability("hit")
@@ -109,13 +109,17 @@ def test_the_terminal_says_the_same(roundabout: Run) -> None:
 def test_a_whole_queue_counts(tmp_path: Path) -> None:
     """Whether the last car's time to collision with the first is critical hangs on both between them."""
     run = run_of(queues(4), tmp_path / "out", 200)
-    table = run.encounter(1, 4).table_of("ttc")
+    exact = exact_of(run)
+    assert exact is not None
+    table = exact.table(1, 4, "ttc")
     assert table is not None and table.track_ids == (1, 2, 3, 4)
 
 
 def test_two_pairs_apart_do_not_count_for_each_other(tmp_path: Path) -> None:
     run = run_of(queues(2, 2), tmp_path / "out", 100)
-    tables = [run.encounter(a, b).table for a, b in ((1, 2), (3, 4))]
+    exact = exact_of(run)
+    assert exact is not None
+    tables = [exact.table(a, b) for a, b in ((1, 2), (3, 4))]
     assert [t.track_ids for t in tables if t is not None] == [(1, 2), (3, 4)]
     assert run.collision.estimate.value == 1 - (15 / 16) ** 2
 

@@ -14,10 +14,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from scex_sumo import example_path, extrapolate, read_seed
+from scex_sumo import example_path, read_seed
 from scex_sumo.cli import main
 from scex_sumo.metrics import registry
 from scex_sumo.results.run import Run
+from tests.runs import extrapolate
 
 EVIL = "from pathlib import Path\nPath(__file__).with_name('executed').touch()\ndef risk(scenes): ...\n"
 READERS: dict[str, Callable[[Path], list[object]]] = {

@@ -63,7 +63,7 @@ def test_a_plain_world_that_holds_something_else_than_sumo_ends_the_run(
 ) -> None:
     monkeypatch.setattr("scex_sumo.world.plain.angle_read_back", lambda angle: angle + 1e-9)
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    with pytest.raises(SimulationError, match=r"^the plain world and SUMO differ in x by .*use --world sumo"):
+    with pytest.raises(SimulationError, match=r"^the plain world and SUMO differ in x by .*use world sumo"):
         extrapolate(scene, out=tmp_path / "out", world="checked", futures=9)
 
 
@@ -75,7 +75,7 @@ def test_a_checked_run_is_sumos_where_sumo_drives(tmp_path: Path) -> None:
 
 def test_sumo_drives_nobody_in_the_plain_world() -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    with pytest.raises(UsageError, match=r"^--world plain: sumo:EIDM is driven by SUMO"):
+    with pytest.raises(UsageError, match=r"^world plain: sumo:EIDM is driven by SUMO"):
         extrapolate(scene, models="sumo:EIDM", world="plain", futures=2)
-    with pytest.raises(UsageError, match=r"^--world: got 'moon', needs sumo, plain, checked$"):
+    with pytest.raises(UsageError, match=r"^world: got 'moon', needs sumo, plain, checked$"):
         extrapolate(scene, world="moon", futures=2)

@@ -8,12 +8,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from scex_sumo import example_path, extrapolate, read_seed
+from scex_sumo import example_path, read_seed
 from scex_sumo.base.errors import MapError, ResultError, UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.views.fcd import LaneFinder
 from scex_sumo.views.futures import most_critical, most_different, write_encounter, write_grid, write_worst
 from scex_sumo.views.replay import crop_extras
+from tests.runs import extrapolate
 
 
 @pytest.fixture(scope="module")

@@ -52,7 +52,7 @@ class Straight:
 if __name__ == "__main__":
     seed = scex_sumo.read_seed({seed!r})
     out = Path(sys.argv[1]) / sys.argv[2]
-    extrapolate(
+    scex_sumo.extrapolate(
         seed,
         models=["straight"],
         futures=6,
@@ -60,6 +60,8 @@ if __name__ == "__main__":
         workers=int(sys.argv[2]),
         replan=15,
         keep_plans=True,
+        reference=None,
+        report=False,
         out=out,
     )
 """

@@ -11,11 +11,11 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.results.info import digest
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 from tests.formats.sumo.simulations import write_grid
+from tests.runs import extrapolate
 from tests.seeds import straight_seed
 
 SMOOTH = '<lanechange.duration value="3"/>'  # as in futures
