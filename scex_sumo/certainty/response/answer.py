@@ -75,8 +75,8 @@ def _table(scene: SeedScene, file: Path | None) -> pa.Table:
     people, pairs = people_of(file), pairs_of(expected_motion(scene))
     cases = cases_of(pairs)
     columns = _columns(cases, people) if len(cases) else {}
-    names = SCHEMA.names
-    return pa.table({name: columns.get(name, []) for name in names}, schema=SCHEMA)
+    arrays = [pa.array(list(columns.get(field.name, ())), field.type) for field in SCHEMA]
+    return pa.table(arrays, schema=SCHEMA)
 
 
 SCHEMA: Final = pa.schema(

@@ -141,10 +141,11 @@ def blocked_stretches(
 def _nearest(lines: Lines, row: IntArray, other: Rectangles) -> FloatArray:
     """Return the arc length (m, T) of the sample of each line nearest to the other vehicle."""
     every = max(1, round(COARSE_M / lines.spacing_m))
-    x, y = lines.x[:, ::every][row], lines.y[:, ::every][row]
-    square = x[:, None] ** 2 + y[:, None] ** 2  # (m, 1, N)
-    points = np.stack([other.x, other.y], axis=-1)
-    cost = square - 2 * points @ np.stack([x, y], axis=1)
+    points = np.stack([lines.x[:, ::every][row], lines.y[:, ::every][row]], axis=1)  # (m, 2, N)
+    centre = points.mean(axis=2, keepdims=True)
+    points = points - centre
+    place = np.stack([other.x, other.y], axis=-1) - centre.swapaxes(1, 2)
+    cost = (points**2).sum(axis=1)[:, None] - 2 * place @ points
     return np.asarray(lines.start[row][:, None] + np.argmin(cost, axis=2) * every * lines.spacing_m)
 
 
