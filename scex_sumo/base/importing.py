@@ -7,7 +7,7 @@ import importlib.metadata
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -41,7 +41,7 @@ class Registry:
     @property
     def paths(self) -> dict[str, str]:
         """Import path by name: the built-in ones first, then entry points; nobody takes a name of ours."""
-        points = _entry_points(tuple(sys.path)).select(group=self.group)
+        points = _entry_points(importlib.metadata.entry_points, self.group, tuple(sys.path))
         found = dict(self.builtin)
         for name, _, path in sorted((p.name, not _of_package(p.value), p.value) for p in points):
             found.setdefault(name, path)
@@ -65,10 +65,12 @@ class Registry:
         return import_object(path)
 
 
-@lru_cache(maxsize=2)
-def _entry_points(path: tuple[str, ...]) -> importlib.metadata.EntryPoints:
-    """Return all entry points on a path; reading them takes milliseconds."""
-    return importlib.metadata.entry_points()
+@lru_cache(maxsize=64)
+def _entry_points(
+    read: Callable[..., Iterable[importlib.metadata.EntryPoint]], group: str, path: tuple[str, ...]
+) -> tuple[importlib.metadata.EntryPoint, ...]:
+    """Return the entry points of a group on a path; reading them takes milliseconds."""
+    return tuple(read(group=group))
 
 
 def _of_package(path: str) -> bool:

@@ -86,7 +86,7 @@ def split_options(given: Mapping[str, Any], kinds: Sequence[type]) -> list[dict[
 def _flags(name: str, one: Option, *, is_flag: bool) -> dict[str, str]:
     """Return the words for an option in Python by its names on the command line."""
     pairs = one.names or (f"--{name.replace('_', '-')}",)
-    words = {}
+    words: dict[str, str] = {}
     for pair in pairs:
         on, _, off = pair.partition("/")
         words |= {on: f"{name}=True" if is_flag else name}
