@@ -60,7 +60,7 @@ class Extra(ExtraResults):
         ...         return [scex.Row(name="vehicles", value=work.job.scene.vehicles)]
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> counted = scex.extrapolate(scene, futures=2, reference=None, report=False, extra=[Vehicles()])
-        >>> counted.info["rows"][0]["value"]
+        >>> counted.info["rows"][-1]["value"]
         14
     """
 

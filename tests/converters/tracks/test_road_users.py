@@ -16,7 +16,7 @@ def test_recorded_types_are_taken_for_road_users_that_other_programs_know(kind: 
 
 def test_no_motor_vehicle_is_taken_for_somebody_without_a_motor() -> None:
     assert not {road_user(kind) for kind in MOTOR_TYPES} & {"bicycle", "pedestrian"}
-    assert {road_user(kind) for kind in OTHER_TYPES - {"animal", "parked"}} == {
+    assert {road_user(kind) for kind in OTHER_TYPES - {"animal", "parked", "replayed"}} == {
         "bicycle",
         "pedestrian",
         "tram",
