@@ -34,7 +34,7 @@ def main() -> None:
             f"{folder}/out",
         ]
         seconds, wall, _ = spent([*run, "--futures", "all", "--reference", "none"])
-        memory = resource.getrusage(resource.RUSAGE_FUTURES).ru_maxrss / 1024
+        memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         size = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()) / 1e6
     print(f"{seconds:.1f} s of processor time, {wall:.1f} s, at most {memory:.0f} MB, folder {size:.0f} MB")
 

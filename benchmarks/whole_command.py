@@ -43,10 +43,10 @@ def spent(command: list[str], tree: Path = HERE.parent) -> tuple[float, float, s
     ``tree`` as well, since Python looks for packages there before anywhere else.
     """
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    before, begin = resource.getrusage(resource.RUSAGE_FUTURES), time.perf_counter()
+    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     environment = {**kept, "PYTHONPATH": str(tree)}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tree)
-    wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_FUTURES)
+    wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
         raise SystemExit(f"{' '.join(command)}\n{done.stderr}")
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall, done.stdout
