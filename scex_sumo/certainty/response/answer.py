@@ -16,6 +16,7 @@ from scex_sumo.certainty.response.actions import (
     ACTIONS,
     BRAKES,
     LEVELS,
+    TIME_S,
     Cases,
     Pairs,
     cases_of,
@@ -33,9 +34,10 @@ from scex_sumo.certainty.response.critical import (
 from scex_sumo.certainty.response.expected import expected_motion
 from scex_sumo.certainty.response.people import People, later_than, people_of, probabilities
 from scex_sumo.certainty.response.room import Meeting, needed_braking, time_to_react
-from scex_sumo.results.outcomes import masses
+from scex_sumo.results.outcomes import injury_probability, masses
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
+from scex_sumo.roads.places import places_of
 from scex_sumo.scene import SeedScene
 
 TOWED_S: Final = 0.15
@@ -43,6 +45,8 @@ TOWED_S: Final = 0.15
 TOWED_MPS: Final = 3.0
 SELDOM: Final = 1e-4
 """Actions at least this often, and the one that is told, count for what a careful driver prevents."""
+UNPROTECTED_KG: Final = 80.0
+"""Mass of people without a mass in `MASSES_KG`: pedestrians, cyclists."""
 
 _LEAST = 1e-9  # probability of a row
 _TOLD = 1e-6  # probability of a row that is told
@@ -92,6 +96,9 @@ SCHEMA: Final = pa.schema(
         ("factor", pa.float64()),
         ("probability_hard", pa.float64()),
         ("delta_v", pa.float64()),
+        ("expected_mais3", pa.float64()),
+        ("time_s", pa.float64()),
+        ("kind", pa.string()),
         ("needed_braking", pa.float64()),
         ("time_to_react", pa.float64()),
         ("preventable", pa.bool_()),
@@ -131,7 +138,7 @@ def _columns(cases: Cases, people: People) -> dict[str, Any]:
         "probability": value,
         "factor": _factor(people.factors[kinds, level], *spread),
         "probability_hard": np.minimum(probabilities(often, late, kinds), value),
-        "delta_v": _speed_change(worst, told, people, masses(scene.types, scene.length)),
+        **_impact(worst, told, people, value),
         **_room(worst),
         "preventable": np.asarray((careful | ~counts).all(axis=1)),
         "doubt": doubts_of(pairs)[worst.pair].tolist(),
@@ -181,18 +188,32 @@ def _factor(often: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     return np.exp(np.hypot(np.log(often), responses))
 
 
-def _speed_change(cases: Cases, response_s: FloatArray, people: People, mass: FloatArray) -> FloatArray:
-    """Return (m,) the speed change of the vehicle that it changes more, at the median of too late responses.
+def _impact(
+    cases: Cases, response_s: FloatArray, people: People, probability: FloatArray
+) -> Mapping[str, Any]:
+    """Return the impact at the median of too late responses: columns of `SCHEMA`.
 
-    The impact is plastic.
+    It is plastic. ``delta_v`` is that of the vehicle whose speed it changes more; ``expected_mais3`` counts
+    one occupant in each, and unprotected people by the curve of occupants.
     """
+    scene = cases.pairs.expected.scene
+    assert scene.road is not None
     i, j = (side[cases.pair] for side in (cases.pairs.initiator, cases.pairs.responder))
     median = np.maximum(response_s, people.response_s[cases.action])
     begin = np.where(np.isfinite(response_s), np.maximum(response_s + 0.2, median), 0.0)
-    _, speed = responded(cases, begin, 6.0).impact()
-    own, other = mass[j], mass[i]
-    share = np.maximum(own, other) / (own + other)
-    return speed * np.where(np.isfinite(share), share, 0.5)
+    motion = responded(cases, begin, 6.0)
+    _, speed = motion.impact()
+    mass = np.nan_to_num(masses(scene.types, scene.length), nan=UNPROTECTED_KG)
+    changes = np.stack([mass[j], mass[i]]) / (mass[i] + mass[j]) * speed
+    row, first = np.arange(len(cases)), np.argmax(motion.cases.blocked.touches(motion.s), axis=1)
+    x, y, _ = cases.pairs.expected.lines.at(j, motion.s[row, first])
+    middle = np.stack([x + cases.outlines.x[row, first], y + cases.outlines.y[row, first]], axis=1) / 2
+    return {
+        "delta_v": changes.max(axis=0),
+        "expected_mais3": probability * injury_probability(changes).sum(axis=0),
+        "time_s": TIME_S[first],
+        "kind": places_of(scene.road, middle),
+    }
 
 
 def _meeting(cases: Cases) -> Meeting:

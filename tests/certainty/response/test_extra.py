@@ -16,6 +16,7 @@ from scex_sumo.certainty.response.answer import any_collision, once_in, said, wo
 from scex_sumo.certainty.response.people import SHIPPED, people_of
 from scex_sumo.commands.answers import run_answer
 from scex_sumo.results.extras import extras_results
+from scex_sumo.results.outcomes import injury_probability
 from tests.certainty.queues import queues
 
 
@@ -44,6 +45,9 @@ def test_a_run_writes_the_table_of_its_scene(run: scex.Run) -> None:
     assert 0 < row["probability"] <= row["frequency"]
     assert row["probability_hard"] <= row["probability"]
     assert row["factor"] > 1 and row["doubt"] is None
+    assert row["kind"] == "lane" and row["response_s"] < row["time_s"] <= 8.0
+    equal_cars = 2 * injury_probability(np.array(row["delta_v"]))
+    assert row["expected_mais3"] == pytest.approx(row["probability"] * equal_cars)
 
 
 def test_the_summary_says_what_it_takes(run: scex.Run) -> None:
