@@ -40,17 +40,18 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
 def _relaxed(points: FloatArray, limit: float) -> FloatArray:
     tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
     first, last = max(0, tight[0] - 80), min(points.shape[1], tight[-1] + 81)
-    moved = points.copy()
-    inner = moved[:, first:last]
+    x, y = (points[:, first:last, axis].copy() for axis in (0, 1))
     for _ in range(SWEEPS):
-        away = 0.5 * (inner[:, :-2] + inner[:, 2:]) - inner[:, 1:-1]
-        chord = inner[:, 2:] - inner[:, :-2]
-        square = (chord**2).sum(axis=-1) / 4
-        bend = 2 * np.sqrt((away**2).sum(axis=-1)) / np.maximum(square, 1e-6)
+        away_x, away_y = (0.5 * (v[:, :-2] + v[:, 2:]) - v[:, 1:-1] for v in (x, y))
+        square = ((x[:, 2:] - x[:, :-2]) ** 2 + (y[:, 2:] - y[:, :-2]) ** 2) / 4
+        bend = 2 * np.sqrt(away_x**2 + away_y**2) / np.maximum(square, 1e-6)
         excess = np.maximum(0.0, 1 - limit / np.maximum(bend, 1e-9))
         if excess.max() < 0.02:
             break
-        inner[:, 1:-1] += 0.9 * excess[..., None] * away
+        x[:, 1:-1] += 0.9 * excess * away_x
+        y[:, 1:-1] += 0.9 * excess * away_y
+    moved = points.copy()
+    moved[:, first:last] = np.stack([x, y], axis=-1)
     return moved
 
 
