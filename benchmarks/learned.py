@@ -23,8 +23,8 @@ from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.extrapolation.rollout import Batch, history_at, roll_out
 from scex_sumo.learned import driver
-from scex_sumo.learned.architecture import Architecture, shapes
-from scex_sumo.learned.weights import save_weights
+from scex_sumo.learned.network.architecture import Architecture, shapes
+from scex_sumo.learned.network.weights import save_weights
 from scex_sumo.scene import SeedScene, States, VehicleIndex
 from scex_sumo.world.plain import PlainWorld
 

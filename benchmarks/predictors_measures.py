@@ -21,7 +21,7 @@ from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.learned.decoding import plan_along, way_of
 from scex_sumo.learned.driver import LearnedDriver
-from scex_sumo.learned.surface import Surface, path_room, surface_of
+from scex_sumo.learned.inputs.surface import Surface, path_room, surface_of
 from scex_sumo.learned.training.closed_loop import REPLAN, drive_all
 from scex_sumo.learned.training.data.dataset import part_scenes
 from scex_sumo.learned.training.data.perturb import Perturbation, perturbed

@@ -19,16 +19,16 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.models.idm import follow_path
-from scex_sumo.learned.architecture import FEATURES, STRIDE
 from scex_sumo.learned.decoding import plan_along, plan_freely, way_of
-from scex_sumo.learned.image_encoder import MapImage
-from scex_sumo.learned.layers import exact
-from scex_sumo.learned.networks import KINDS, GraphImageNet, Modes, Net
-from scex_sumo.learned.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
+from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
+from scex_sumo.learned.inputs.raster import raster_of
+from scex_sumo.learned.network.architecture import FEATURES, STRIDE
+from scex_sumo.learned.network.image_encoder import MapImage
+from scex_sumo.learned.network.layers import exact
+from scex_sumo.learned.network.networks import KINDS, GraphImageNet, Modes, Net
+from scex_sumo.learned.network.weights import load_weights
 from scex_sumo.learned.profiles import Profile
-from scex_sumo.learned.raster import raster_of
 from scex_sumo.learned.scene_graph.graph import scene_graph
-from scex_sumo.learned.weights import load_weights
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 

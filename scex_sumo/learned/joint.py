@@ -19,11 +19,11 @@ from scex_sumo.humans.observations import path_weights
 from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.humans.population import uniforms
 from scex_sumo.humans.seed_state import estimated_history
-from scex_sumo.learned.architecture import TOKEN_STEPS
 from scex_sumo.learned.decoding import plan_along
 from scex_sumo.learned.driver import LearnedDriver, drawn, rounded
-from scex_sumo.learned.networks import Tokens
-from scex_sumo.learned.path_inputs import PATH_COLUMNS, PathInputs
+from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, PathInputs
+from scex_sumo.learned.network.architecture import TOKEN_STEPS
+from scex_sumo.learned.network.networks import Tokens
 from scex_sumo.learned.profiles import JointPredictorProfile, Profile
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex

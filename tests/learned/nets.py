@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.learned.architecture import Architecture, shapes
-from scex_sumo.learned.layers import exact
-from scex_sumo.learned.networks import KINDS, Net
-from scex_sumo.learned.path_inputs import path_inputs
+from scex_sumo.learned.inputs.path_inputs import path_inputs
+from scex_sumo.learned.network.architecture import Architecture, shapes
+from scex_sumo.learned.network.layers import exact
+from scex_sumo.learned.network.networks import KINDS, Net
+from scex_sumo.learned.network.weights import save_weights
 from scex_sumo.learned.scene_graph.graph import scene_graph
-from scex_sumo.learned.weights import save_weights
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from tests.behaviors import roads

@@ -14,7 +14,7 @@ from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.guard.guarded import Guarded
 from scex_sumo.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely, way_of
-from scex_sumo.learned.surface import CELL_M
+from scex_sumo.learned.inputs.surface import CELL_M
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene
 from tests.behaviors import roads

@@ -16,10 +16,10 @@ from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.learned.driver import _algebra, choice_of, loaded
-from scex_sumo.learned.image_encoder import ImageEncoder
+from scex_sumo.learned.inputs.surface import surface_of
 from scex_sumo.learned.models import GraphImagePredictor, GraphPredictor
-from scex_sumo.learned.networks import GraphNet, Modes
-from scex_sumo.learned.surface import surface_of
+from scex_sumo.learned.network.image_encoder import ImageEncoder
+from scex_sumo.learned.network.networks import GraphNet, Modes
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 from tests.learned import nets

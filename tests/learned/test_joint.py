@@ -17,8 +17,8 @@ from scex_sumo.humans.observations import path_edges
 from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.learned import joint
 from scex_sumo.learned.driver import choice_of
+from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, path_inputs
 from scex_sumo.learned.joint import _ahead, _conflicts, _crossing, _near, _yielding
-from scex_sumo.learned.path_inputs import PATH_COLUMNS, path_inputs
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads

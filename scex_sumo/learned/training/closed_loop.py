@@ -14,11 +14,11 @@ from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.extrapolation.rollout import Batch, roll_out
+from scex_sumo.learned.network.weights import MODELS
 from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, map_shift, part_scenes
 from scex_sumo.learned.training.data.obstacles import add_obstacles
 from scex_sumo.learned.training.data.perturb import Perturbation, perturbed
 from scex_sumo.learned.training.data.samples import TrainingSamples, learnable, scene_samples
-from scex_sumo.learned.weights import MODELS
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.world.plain import PlainWorld

@@ -19,7 +19,7 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import sha256_of, write_atomic
-from scex_sumo.learned.architecture import Architecture
+from scex_sumo.learned.network.architecture import Architecture
 from scex_sumo.learned.training.data.augment import Images, mirrored
 from scex_sumo.learned.training.data.batches import Batch, Batches
 from scex_sumo.learned.training.data.dataset import Dataset

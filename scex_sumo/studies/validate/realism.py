@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.learned.surface import surface_of
+from scex_sumo.learned.inputs.surface import surface_of
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, States
 from scex_sumo.studies.validate.scores import histogram_log_likelihood

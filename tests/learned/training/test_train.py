@@ -19,6 +19,7 @@ from scex_sumo.converters.registries import Recording  # noqa: E402
 from scex_sumo.evaluation.recordings import load_recording  # noqa: E402
 from scex_sumo.evaluation.split import Split  # noqa: E402
 from scex_sumo.generators.scene_model import load_scenes  # noqa: E402
+from scex_sumo.learned.network.weights import load_weights  # noqa: E402
 from scex_sumo.learned.training.command import train_command  # noqa: E402
 from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402
 from scex_sumo.learned.training.data.augment import Images, turned  # noqa: E402
@@ -32,7 +33,6 @@ from scex_sumo.learned.training.data.dataset import (  # noqa: E402
 from scex_sumo.learned.training.data.samples import load_samples  # noqa: E402
 from scex_sumo.learned.training.options import TrainOptions  # noqa: E402
 from scex_sumo.learned.training.train import Progress, Trainer  # noqa: E402
-from scex_sumo.learned.weights import load_weights  # noqa: E402
 from scex_sumo.road import Road  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
 from tests.behaviors import roads  # noqa: E402

@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scex_sumo.learned.architecture import COS, SIN
-from scex_sumo.learned.path_inputs import PATH_COLUMNS
-from scex_sumo.learned.raster import PIXEL_M, raster_of
+from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS
+from scex_sumo.learned.inputs.raster import PIXEL_M, raster_of
+from scex_sumo.learned.network.architecture import COS, SIN
 from scex_sumo.learned.scene_graph.graph import EDGE_COLUMNS, HISTORY_COLUMNS, NODE_COLUMNS
 from scex_sumo.learned.training.data.batches import Batch
 from scex_sumo.learned.training.networks.graph_image import ImageBatch, MapTensors

@@ -10,7 +10,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.paths import SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
-from scex_sumo.learned.surface import path_room
+from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.learned.training.data.targets import right_paths
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex

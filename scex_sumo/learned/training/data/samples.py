@@ -18,7 +18,7 @@ from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import sample_paths
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.learned.path_inputs import path_inputs
+from scex_sumo.learned.inputs.path_inputs import path_inputs
 from scex_sumo.learned.scene_graph.graph import scene_graph
 from scex_sumo.learned.training.data.obstacles import standing_gap, stopping_way
 from scex_sumo.learned.training.data.targets import along_paths, fading, right_paths, smooth_return

@@ -1,1 +1,1 @@
-"""Networks of the learned drivers in torch; `behaviors.learned.networks` runs them."""
+"""Networks of the learned drivers in torch; `behaviors.learned.network.networks` runs them."""

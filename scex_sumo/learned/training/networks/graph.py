@@ -10,7 +10,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from scex_sumo.learned.architecture import (
+from scex_sumo.learned.network.architecture import (
     HISTORY_NUMBERS,
     KNOTS,
     OFFSET,
@@ -23,7 +23,7 @@ from scex_sumo.learned.architecture import (
     WIDEST_OFFSET_M,
     Architecture,
 )
-from scex_sumo.learned.networks import interpolation
+from scex_sumo.learned.network.networks import interpolation
 from scex_sumo.scene import STEP_S
 
 
@@ -44,7 +44,7 @@ class PathBatch(NamedTuple):
 
 
 class ModeTensors(NamedTuple):
-    """Modes of n pairs as tensors, see `scex_sumo.learned.networks.Modes`."""
+    """Modes of n pairs as tensors, see `scex_sumo.learned.network.networks.Modes`."""
 
     logits: Tensor
     acceleration: Tensor

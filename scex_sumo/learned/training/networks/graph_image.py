@@ -10,7 +10,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import grid_sample
 
-from scex_sumo.learned.architecture import (
+from scex_sumo.learned.inputs.path_inputs import LEADER_COLUMNS
+from scex_sumo.learned.inputs.raster import CHANNELS, PIXEL_M
+from scex_sumo.learned.network.architecture import (
     AHEAD_M,
     ASIDE_M,
     CONVOLUTIONS,
@@ -20,8 +22,7 @@ from scex_sumo.learned.architecture import (
     STRIDE,
     Architecture,
 )
-from scex_sumo.learned.path_inputs import LEADER_COLUMNS
-from scex_sumo.learned.raster import CHANNELS, PIXEL_M
+from scex_sumo.learned.network.weights import save_weights
 from scex_sumo.learned.training.networks.graph import (
     GraphPredictorNet,
     ModeTensors,
@@ -33,7 +34,6 @@ from scex_sumo.learned.training.networks.graph import (
     mlp,
 )
 from scex_sumo.learned.training.networks.joint import JointPredictorNet
-from scex_sumo.learned.weights import save_weights
 
 
 class MapTensors(NamedTuple):

@@ -1,4 +1,4 @@
-"""Network of the joint predictor, as `scex_sumo.learned.networks.JointNet`, with its loss."""
+"""Network of the joint predictor, as `scex_sumo.learned.network.networks.JointNet`, with its loss."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from torch.nn.functional import log_softmax
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.learned.architecture import Architecture
+from scex_sumo.learned.network.architecture import Architecture
 from scex_sumo.learned.training.networks.graph import (
     ModeTensors,
     PathBatch,
@@ -29,7 +29,7 @@ ROUNDS = 30  # of k-means
 
 
 class TokenTensors(NamedTuple):
-    """Tokens of n pairs as tensors, see `scex_sumo.learned.networks.Tokens`."""
+    """Tokens of n pairs as tensors, see `scex_sumo.learned.network.networks.Tokens`."""
 
     logits: Tensor
     path_logit: Tensor

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.learned.raster import (
+from scex_sumo.learned.inputs.raster import (
     CHANNELS,
     LIMIT_SCALE_MPS,
     MARGIN_M,

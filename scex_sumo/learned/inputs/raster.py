@@ -9,7 +9,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.polylines import along, length_of
-from scex_sumo.learned.surface import cells_of, fill, lane_outline
+from scex_sumo.learned.inputs.surface import cells_of, fill, lane_outline
 from scex_sumo.road import Lane, Road
 
 PIXEL_M = 1.0

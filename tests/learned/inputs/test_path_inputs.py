@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.learned.path_inputs import (
+from scex_sumo.learned.inputs.path_inputs import (
     AHEAD_M,
     LEADER_COLUMNS,
     PATH_COLUMNS,
     PathInputs,
     path_inputs,
 )
-from scex_sumo.learned.surface import CELL_M
+from scex_sumo.learned.inputs.surface import CELL_M
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene
 from tests.behaviors import roads

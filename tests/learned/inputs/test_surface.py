@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
-from scex_sumo.learned.surface import CELL_M, MAX_ROOM_M, path_room, surface_of
+from scex_sumo.learned.inputs.surface import CELL_M, MAX_ROOM_M, path_room, surface_of
 from tests.behaviors import roads
 
 TWO = roads.road(

@@ -9,7 +9,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.learned.architecture import (
+from scex_sumo.learned.inputs.path_inputs import LEADER_COLUMNS, PathInputs
+from scex_sumo.learned.network.architecture import (
     KNOT_S,
     KNOTS,
     OFFSET,
@@ -20,10 +21,9 @@ from scex_sumo.learned.architecture import (
     WIDEST_OFFSET_M,
     Architecture,
 )
-from scex_sumo.learned.image_encoder import ImageEncoder, MapImage
-from scex_sumo.learned.layers import Linear, Mlp, Scaler, State, relu
-from scex_sumo.learned.path_inputs import LEADER_COLUMNS, PathInputs
-from scex_sumo.learned.scene_encoder import SceneEncoder
+from scex_sumo.learned.network.image_encoder import ImageEncoder, MapImage
+from scex_sumo.learned.network.layers import Linear, Mlp, Scaler, State, relu
+from scex_sumo.learned.network.scene_encoder import SceneEncoder
 from scex_sumo.learned.scene_graph.graph import SceneGraph
 from scex_sumo.scene import STEP_S
 

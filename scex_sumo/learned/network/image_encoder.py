@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.learned.architecture import (
+from scex_sumo.learned.inputs.raster import CHANNELS, PIXEL_M, Raster
+from scex_sumo.learned.network.architecture import (
     AHEAD_M,
     ASIDE_M,
     CONVOLUTIONS,
@@ -17,8 +18,7 @@ from scex_sumo.learned.architecture import (
     STRIDE,
     Convolution,
 )
-from scex_sumo.learned.layers import Mlp, State, relu, snapped
-from scex_sumo.learned.raster import CHANNELS, PIXEL_M, Raster
+from scex_sumo.learned.network.layers import Mlp, State, relu, snapped
 
 PLACES = 64  # at a time, which fit the processor's cache
 STRIP, HALO = 128, 16  # rows of a map at a time, and rows around them that convolutions reach

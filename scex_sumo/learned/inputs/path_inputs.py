@@ -11,7 +11,7 @@ from scex_sumo.behaviors.driving.leaders import Ahead, find_ahead
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.learned.surface import path_room
+from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, States, VehicleIndex
 

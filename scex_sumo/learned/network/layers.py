@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.learned.architecture import SCALED_LIMIT
+from scex_sumo.learned.network.architecture import SCALED_LIMIT
 
 INPUT_GRID = 2.0**-14
 WEIGHT_GRID = 2.0**-20

@@ -1,0 +1,1 @@
+"""Inputs of the learned drivers: paths, room beside them, top-down image."""

@@ -1,0 +1,1 @@
+"""Networks of the learned drivers in NumPy, their architecture and weights."""
