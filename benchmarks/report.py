@@ -22,10 +22,10 @@ import numpy as np
 from playwright.sync_api import sync_playwright
 
 from scex_sumo import example_path, open_run
-from scex_sumo.page import scene
 from scex_sumo.page.html import asset
-from scex_sumo.page.report import REPORT, SCRIPTS, write_report
-from scex_sumo.page.scene import Future, poses_of
+from scex_sumo.page.report import scene
+from scex_sumo.page.report.report import REPORT, SCRIPTS, write_report
+from scex_sumo.page.report.scene import Future, poses_of
 from scex_sumo.reports.run_table import summary_table
 
 REPEATS = 5

@@ -22,7 +22,7 @@ PRELOADED = (
     "scex_sumo.converters.lanelet.reader",
     "scex_sumo.extrapolation.engine",
     "scex_sumo.formats.lane_map",
-    "scex_sumo.page.contents",
+    "scex_sumo.page.report.contents",
     "scex_sumo.reports.run_table",
     "scex_sumo.scenarios.options",
     "scex_sumo.studies.rank.rank",

@@ -32,7 +32,7 @@ def encounters_command(
     from scex_sumo.certainty.weights import print_weights, weighted_rows
     from scex_sumo.commands.answers import meeting_rows
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.encounter_table import print_encounters, print_pair
+    from scex_sumo.page.report.encounter_table import print_encounters, print_pair
     from scex_sumo.reports.encounter_rows import meetings
     from scex_sumo.results.info import as_written
     from scex_sumo.results.region import parse_region

@@ -13,7 +13,7 @@ from matplotlib.patches import FancyArrowPatch
 
 from scex_sumo.base.errors import MissingExtraError, UsageError
 from scex_sumo.learned.scene_graph.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
-from scex_sumo.page.drawing import draw_road, draw_vehicles, look_at, sheet, vehicle_outlines
+from scex_sumo.page.figures.drawing import draw_road, draw_vehicles, look_at, sheet, vehicle_outlines
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 

@@ -25,7 +25,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import replacing
 from scex_sumo.exporters.request import Request
 from scex_sumo.lanelet2sumo.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
-from scex_sumo.page.drawing import STYLE, vehicle_outlines
+from scex_sumo.page.figures.drawing import STYLE, vehicle_outlines
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.drawings import readable
 from scex_sumo.views.futures import colors_of, event_of

@@ -19,7 +19,7 @@ def report_command(
     evidence: Annotated[bool, Option("--evidence", help="Write evidence.html instead: one A4 page.")] = False,
 ) -> None:
     """Write report.html of a result folder again, or its evidence sheet."""
-    from scex_sumo.page.report import write_report
+    from scex_sumo.page.report.report import write_report
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
 

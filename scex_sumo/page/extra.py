@@ -26,6 +26,6 @@ class ReportPage(Extra):
         """Write the page."""
         if not self.report:
             return {}
-        from scex_sumo.page.report import write_report
+        from scex_sumo.page.report.report import write_report
 
         return {"report": write_report(run, work.job.scene)}

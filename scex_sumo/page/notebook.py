@@ -14,7 +14,7 @@ _HEIGHT_PX = 900
 def run_html(run: Run) -> str:
     """Return the report of a run in a frame."""
     from scex_sumo.page.html import element
-    from scex_sumo.page.report import report_html
+    from scex_sumo.page.report.report import report_html
 
     # The sandbox keeps the report's script from the notebook.
     return element(

@@ -30,7 +30,7 @@ def plot_command(
     path = out if out is not None else folder / f"{curve}.svg"
     if path.suffix not in ENDINGS:
         raise UsageError(f"-o {path}: unknown ending; known: {', '.join(ENDINGS)}")
-    from scex_sumo.page.figure import draw_figure
+    from scex_sumo.page.figures.figure import draw_figure
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
 

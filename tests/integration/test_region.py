@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.page.encounter_table import print_encounters
+from scex_sumo.page.report.encounter_table import print_encounters
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.region import AROUND_M, Region, parse_region
 from scex_sumo.results.run import Run

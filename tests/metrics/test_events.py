@@ -22,8 +22,8 @@ events.MEASURED = (*events.MEASURED, near)
 
 import numpy as np
 from scex_sumo.certainty.exact import EVENTS
-from scex_sumo.page.tables import BITS
-from scex_sumo.page.encounter_table import HEADS
+from scex_sumo.page.report.tables import BITS
+from scex_sumo.page.report.encounter_table import HEADS
 from scex_sumo.results.encounters import QUESTIONS, encounters_table, event_of, outcomes_table
 from scex_sumo.results.probability import critical_outcomes
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS

@@ -38,7 +38,7 @@ from scex_sumo.metrics.registry import (
     side_of,
     thresholds_of,
 )
-from scex_sumo.page.figure import draw_figure
+from scex_sumo.page.figures.figure import draw_figure
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.run import open_run
 from tests import command

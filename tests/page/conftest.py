@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from scex_sumo import example_path
-from scex_sumo.page.report import write_report
+from scex_sumo.page.report.report import write_report
 from scex_sumo.results.run import Run, open_run
 from tests.command import scex
 

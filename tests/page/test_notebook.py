@@ -11,7 +11,7 @@ import pytest
 
 from scex_sumo import example_path, read_seed
 from scex_sumo.base.errors import UsageError
-from scex_sumo.page.report import report_html
+from scex_sumo.page.report.report import report_html
 from scex_sumo.results.run import Run
 from tests.runs import extrapolate
 

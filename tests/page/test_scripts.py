@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.page.report import SCRIPTS as REPORT
+from scex_sumo.page.report.report import SCRIPTS as REPORT
 
 ASSETS = Path(str(files("scex_sumo.page").joinpath("assets")))
 SCRIPTS = sorted(ASSETS.glob("*.js"))

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.page.charts import Plane, density_plot, ticks, value_range
-from scex_sumo.page.contents import report_contents
+from scex_sumo.page.figures.charts import Plane, density_plot, ticks, value_range
 from scex_sumo.page.html import element
-from scex_sumo.page.scene import scene_svg
+from scex_sumo.page.report.contents import report_contents
+from scex_sumo.page.report.scene import scene_svg
 from scex_sumo.page.study import card, plots, table, table_place, write_study
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import density

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from scex_sumo.metrics.registry import METRICS
-from scex_sumo.page.tables import encounter_table
+from scex_sumo.page.report.tables import encounter_table
 from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
 from scex_sumo.reports.run_table import (
     MAIN,

@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.page.charts import Plane, metric_title
+from scex_sumo.page.figures.charts import Plane, metric_title
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column, Table, card, page_table, plots, table_place, write_study
 from scex_sumo.results.run import Run

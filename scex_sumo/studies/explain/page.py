@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import COLLISION
-from scex_sumo.page.charts import metric_title
+from scex_sumo.page.figures.charts import metric_title
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column, Table, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted

@@ -20,7 +20,7 @@ from scex_sumo.evaluation.recordings import LoadedRecording
 from scex_sumo.lanelet2sumo.road_lines import AREA, MARKING, RoadLine
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.page.packing import UNITS, quantized
-from scex_sumo.page.scene import road_paths
+from scex_sumo.page.report.scene import road_paths
 from scex_sumo.road import Road
 
 SCRIPTS = (*BASE, "state.js", "pairs.js", "map.js", "inspect.js")

@@ -20,11 +20,11 @@ from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.settings import RunOptions
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.registry import COLLISION
-from scex_sumo.page.charts import Plane
-from scex_sumo.page.contents import report_contents
+from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import Html, element
-from scex_sumo.page.report import filled_report
-from scex_sumo.page.scene import scene_svg
+from scex_sumo.page.report.contents import report_contents
+from scex_sumo.page.report.report import filled_report
+from scex_sumo.page.report.scene import scene_svg
 from scex_sumo.page.study import card, failure_card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.statistics.density import Interval

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.page.charts import Plane, density_plot, line_legend, metric_title, value_range
+from scex_sumo.page.figures.charts import Plane, density_plot, line_legend, metric_title, value_range
 from scex_sumo.page.html import Html
 from scex_sumo.page.study import Column, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
-from scex_sumo.page.charts import line_legend, metric_title, ticks, value_range
+from scex_sumo.page.figures.charts import line_legend, metric_title, ticks, value_range
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.parts import PagePart
 from scex_sumo.page.study import card, table, table_place

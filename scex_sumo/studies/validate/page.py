@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.metrics.registry import known_metrics
-from scex_sumo.page.charts import Plane, metric_title
+from scex_sumo.page.figures.charts import Plane, metric_title
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted

@@ -8,9 +8,9 @@ from string import Template
 from typing import Any
 
 from scex_sumo.base.files import write_atomic
-from scex_sumo.page.contents import report_contents
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.page.parts import PagePart
+from scex_sumo.page.report.contents import report_contents
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run

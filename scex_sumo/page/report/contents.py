@@ -16,10 +16,10 @@ from scex_sumo.base.errors import ScexError
 from scex_sumo.lanelet2sumo.road_lines import road_lines
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.page.charts import samples_of_both, ticks, value_range
+from scex_sumo.page.figures.charts import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, quantized
-from scex_sumo.page.scene import Future, packed_tracks, recorded_tracks, road_paths
-from scex_sumo.page.tables import (
+from scex_sumo.page.report.scene import Future, packed_tracks, recorded_tracks, road_paths
+from scex_sumo.page.report.tables import (
     BITS,
     collision_places,
     collision_share,

@@ -17,8 +17,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of, side_of
-from scex_sumo.page.charts import samples_of_both, value_range
-from scex_sumo.page.drawing import STYLE
+from scex_sumo.page.figures.charts import samples_of_both, value_range
+from scex_sumo.page.figures.drawing import STYLE
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density

@@ -11,7 +11,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
-from scex_sumo.page.encounter_table import HEADS, encounter_cells
+from scex_sumo.page.report.encounter_table import HEADS, encounter_cells
 from scex_sumo.page.study import table
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,

@@ -14,10 +14,10 @@ import pyarrow.compute as pc
 import pytest
 
 from scex_sumo.lanelet2sumo.road_lines import SURFACE, road_lines
-from scex_sumo.page.contents import report_contents
 from scex_sumo.page.packing import decoded_motion
-from scex_sumo.page.report import report_html, write_report
-from scex_sumo.page.scene import packed_tracks, road_paths
+from scex_sumo.page.report.contents import report_contents
+from scex_sumo.page.report.report import report_html, write_report
+from scex_sumo.page.report.scene import packed_tracks, road_paths
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.density import wilson_of

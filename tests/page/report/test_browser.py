@@ -13,9 +13,9 @@ import pytest
 from scex_sumo import example_path
 from scex_sumo.certainty.results import exact_of, weighted_probability
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.page import contents
-from scex_sumo.page.report import write_report
-from scex_sumo.page.scene import packed_tracks
+from scex_sumo.page.report import contents
+from scex_sumo.page.report.report import write_report
+from scex_sumo.page.report.scene import packed_tracks
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY

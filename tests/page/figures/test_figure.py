@@ -13,7 +13,7 @@ from rich.console import Console
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
-from scex_sumo.page.figure import draw_figure
+from scex_sumo.page.figures.figure import draw_figure
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
@@ -129,7 +129,7 @@ def test_the_summary_shows_shares_and_dashes(run: Run) -> None:
 def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> None:
     code = (
         "import sys, matplotlib; matplotlib.use('svg'); from pathlib import Path\n"
-        "from scex_sumo.page import figure\n"
+        "from scex_sumo.page.figures import figure\n"
         "from scex_sumo.results.run import open_run\n"
         "figure.draw_figure(open_run(Path(sys.argv[1])), 'density', Path(sys.argv[2]))\n"
         "assert matplotlib.get_backend() == 'svg' and 'matplotlib.pyplot' not in sys.modules\n"

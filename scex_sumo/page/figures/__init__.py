@@ -1,0 +1,1 @@
+"""Charts as SVG, and figures of matplotlib."""

@@ -1,0 +1,1 @@
+"""Page of a run: its contents, tables and cards."""
