@@ -40,6 +40,7 @@ from .metrics.registry import metric as metric
 from .plug_in.inputs import Surroundings as Surroundings
 from .plug_in.predictor import Predictor as Predictor
 from .plug_in.user_model import predictor as predictor
+from .results.extras import Decision as Decision
 from .results.extras import ExactProbability as ExactProbability
 from .results.extras import Row as Row
 from .results.probability import Probability as Probability

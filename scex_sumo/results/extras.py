@@ -44,6 +44,44 @@ class ExactProbability:
         return "; or ".join(self.ways[:most]) + more
 
 
+TEST: Final = "test"
+NOTHING: Final = "nothing"
+DOUBTFUL: Final = "doubtful"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """What to test in a moment of traffic.
+
+    Attributes:
+        kind: ``test``, ``nothing`` or ``doubtful``.
+        sentence: the answer in words.
+        pair: track ids of the pair that decides: a vehicle hits or follows another one; None without a pair.
+        place: of the contact, one of `scex_sumo.roads.places.PLACES`; None off the lanes.
+        time_s: of the contact, after the moment.
+        probability: human-like P of a collision of the pair.
+        probability_hard: of one at a relative speed of 4 m/s or more.
+        expected_mais3: severe injuries that are to be expected.
+        preventable: by a careful and competent driver (UN R157), always.
+        doubt: why the data of the pair are doubtful; None if they are not.
+
+    Example:
+        >>> run.decision is None or run.decision.kind in ("test", "nothing", "doubtful")
+        True
+    """
+
+    kind: str
+    sentence: str
+    pair: tuple[int, int] | None = None
+    place: str | None = None
+    time_s: float | None = None
+    probability: float = 0.0
+    probability_hard: float = 0.0
+    expected_mais3: float = 0.0
+    preventable: bool = True
+    doubt: str | None = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Row:
     """Row of the summary, for a set of futures: in the terminal, on the page and in JSON.
@@ -74,6 +112,10 @@ class ExtraResults:
         self, run: Any, event: str, pair: tuple[int, int] | None
     ) -> ExactProbability | None:
         """Return the exact probability of an event of a pair, or of any pair; None where it is not known."""
+        return None
+
+    def decision(self, run: Any) -> Decision | None:
+        """Return what to test in the moment of the run; None if it does not tell."""
         return None
 
     def print_above(self, run: Any, console: Console, preset: str | None) -> None:

@@ -16,6 +16,7 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.importing import DRAWINGS
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
+from scex_sumo.results.extras import Decision, extras_results
 from scex_sumo.results.info import read_info
 from scex_sumo.results.probability import Encounter, Probability, probability_of
 from scex_sumo.results.tables import (
@@ -164,6 +165,12 @@ class Run:
         """Probability that two vehicles collide in a future: sampled, exact where known, and the best."""
         share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
         return probability_of(self, share, COLLISION)
+
+    @cached_property
+    def decision(self) -> Decision | None:
+        """What to test in this moment; None without the critical responses."""
+        found = (extra.decision(self) for extra in extras_results())
+        return next((one for one in found if one is not None), None)
 
     @property
     def p_collision(self) -> Interval:

@@ -11,7 +11,7 @@ from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.extras import Row
+from scex_sumo.results.extras import Decision, Row
 from scex_sumo.results.run import REFERENCE, Run
 
 RESPONSE: Final = "response.parquet"
@@ -68,6 +68,14 @@ class CriticalResponse(Extra):
                 pq.write_table(table, temporary)
         value = any_collision(table.to_pylist()) if human else None
         return (Row(name="critical response", value=value),)
+
+    def decision(self, run: Run) -> Decision | None:
+        """Return what to test."""
+        if not (run.folder / RESPONSE).is_file():
+            return None
+        from scex_sumo.certainty.response.decision import decide
+
+        return decide(run.table(RESPONSE).to_pylist())
 
     def lines(self, run: Run) -> Sequence[str]:
         """Return what it takes, of the worst pairs."""

@@ -1,0 +1,138 @@
+"""Decision: one sentence that says which pair of a moment is to be tested, if any.
+
+A pair is tested if people collide hard in it once in `HARD` or more often, if the injuries that are to be
+expected are as many as `SEVERE`, or if a careful and competent driver does not always avoid a collision that
+is hard once in `UNAVOIDED` or more often. A pair that such a driver always avoids, and in which people collide
+once in 10 000, is none of it. docs/response.md gives the reasons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.certainty.response.usual import Usual
+from scex_sumo.results.extras import DOUBTFUL, NOTHING, TEST, Decision
+
+HARD: Final = 1e-3
+"""P of a contact at 4 m/s or more from which a pair is tested."""
+UNAVOIDED: Final = 1e-4
+"""The same if a careful and competent driver does not always avoid it."""
+SEVERE: Final = 1e-5
+"""Expected severe injuries (MAIS 3+) from which a pair is tested."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairResponse:
+    """Critical responses of two vehicles together.
+
+    Attributes:
+        row: the most probable one.
+        probability: 1 - Π (1 - P) over both orders and all actions; so ``probability_hard``.
+        expected_mais3: their sum.
+        preventable: whether all are.
+        doubt: the first one; None without any.
+    """
+
+    row: Mapping[str, Any]
+    probability: float
+    probability_hard: float
+    expected_mais3: float
+    preventable: bool
+    doubt: str | None
+
+    @property
+    def pair(self) -> tuple[int, int]:
+        """Track ids of the responder, which hits or follows, and of the initiator."""
+        return int(self.row["other_id"]), int(self.row["track_id"])
+
+    @property
+    def arrow(self) -> str:
+        """The pair in words."""
+        return "{} → {}".format(*self.pair)
+
+    @property
+    def is_to_be_tested(self) -> bool:
+        """Whether it reaches one of the limits, whatever its doubt."""
+        unavoided = not self.preventable and self.probability_hard >= UNAVOIDED
+        return self.probability_hard >= HARD or self.expected_mais3 >= SEVERE or unavoided
+
+
+def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
+    """Return the pairs of rows of ``response.parquet``, the most expected severe injuries first."""
+    pairs: dict[frozenset[int], list[Mapping[str, Any]]] = {}
+    for row in sorted(rows, key=lambda row: -float(row["probability"])):
+        pairs.setdefault(frozenset((row["track_id"], row["other_id"])), []).append(row)
+    found = [
+        PairResponse(
+            row=own[0],
+            probability=either(row["probability"] for row in own),
+            probability_hard=either(row["probability_hard"] for row in own),
+            expected_mais3=sum(row["expected_mais3"] for row in own),
+            preventable=all(row["preventable"] for row in own),
+            doubt=next((row["doubt"] for row in own if row["doubt"]), None),
+        )
+        for own in pairs.values()
+    ]
+    return sorted(found, key=lambda one: -one.expected_mais3)
+
+
+def decide(
+    rows: Iterable[Mapping[str, Any]], usual: Usual | None = None, *, keep_doubtful: bool = False
+) -> Decision:
+    """Return what to test in a moment.
+
+    Args:
+        rows: of ``response.parquet``, of one moment.
+        usual: what is usual for the pair that decides, see `deciding`.
+        keep_doubtful: doubtful pairs count, too.
+    """
+    found = pair_responses(rows)
+    worst = deciding(found, keep_doubtful=keep_doubtful)
+    if worst is None:
+        return Decision(kind=NOTHING, sentence="Nothing to test: no two vehicles come near each other.")
+    kind = NOTHING
+    if worst.is_to_be_tested:
+        kind = TEST if keep_doubtful or worst.doubt is None else DOUBTFUL
+    row = worst.row
+    return Decision(
+        kind=kind,
+        sentence=_sentence(kind, worst, usual),
+        pair=worst.pair,
+        place=row["kind"],
+        time_s=row["time_s"],
+        probability=worst.probability,
+        probability_hard=worst.probability_hard,
+        expected_mais3=worst.expected_mais3,
+        preventable=worst.preventable,
+        doubt=worst.doubt,
+    )
+
+
+def deciding(found: Sequence[PairResponse], *, keep_doubtful: bool = False) -> PairResponse | None:
+    """Return the pair that decides: the first to be tested without doubt, else with, else the first."""
+    sure = [one for one in found if keep_doubtful or one.doubt is None]
+    groups = ([one for one in part if one.is_to_be_tested] for part in (sure, found))
+    return next((group[0] for group in (*groups, sure) if group), None)
+
+
+def either(probabilities: Iterable[float]) -> float:
+    """Return 1 - Π (1 - P): as if independent."""
+    none = 1.0
+    for probability in probabilities:
+        none *= 1 - probability
+    return 1 - none
+
+
+def _sentence(kind: str, worst: PairResponse, usual: Usual | None) -> str:
+    if kind == DOUBTFUL:
+        return f"Doubtful data: {worst.doubt} ({worst.arrow})."
+    place = [word for word in (worst.row["kind"], f"{worst.row['time_s']:.1f} s") if word]
+    often = once_in(worst.probability)
+    site = f"; usual {usual.what}: {once_in(usual.median) if usual.median else 'never'}" if usual else ""
+    if kind == TEST:
+        careful = "" if worst.preventable else ", and a careful driver cannot always avoid it"
+        return f"Test {worst.arrow} ({', '.join(place)}): people collide here {often}{careful}{site}."
+    return f"Nothing to test: people collide in the worst pair, {worst.arrow}, {often}{site}."

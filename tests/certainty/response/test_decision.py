@@ -1,0 +1,74 @@
+"""Decision: which pair of a moment is to be tested, and the sentence that says so."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from scex_sumo.certainty.response.decision import HARD, UNAVOIDED, decide, pair_responses
+from scex_sumo.certainty.response.usual import Usual
+
+
+def row(one: int, other: int, **values: Any) -> dict[str, Any]:
+    """Return a row of ``response.parquet``: ``one`` acts, ``other`` responds."""
+    usual = {"probability": 1e-5, "probability_hard": 1e-6, "expected_mais3": 1e-8, "preventable": True}
+    place = {"kind": "lane", "time_s": 2.0, "doubt": None}
+    return {"track_id": one, "other_id": other, **usual, **place, **values}
+
+
+def dangerous(one: int, other: int, **values: Any) -> dict[str, Any]:
+    return row(one, other, **{"probability": 1 / 70, "probability_hard": 2 * HARD, **values})
+
+
+def test_the_sentence_names_pair_place_time_and_what_is_usual() -> None:
+    usual = Usual(median=1e-4, rank=1, of=40, what="at this site")
+    found = decide([row(1, 2), dangerous(489, 717, kind="merge", expected_mais3=1e-6)], usual)
+    assert (found.kind, found.pair, found.place, found.time_s) == ("test", (717, 489), "merge", 2.0)
+    assert found.sentence == (
+        "Test 717 → 489 (merge, 2.0 s): people collide here once in 70; usual at this site: once in 10 000."
+    )
+
+
+def test_what_a_careful_driver_avoids_and_people_hit_once_in_10_000_is_not_to_be_tested() -> None:
+    found = decide([row(1, 2, probability=1e-4, probability_hard=1e-4)])
+    assert found.kind == "nothing"
+    assert found.sentence == ("Nothing to test: people collide in the worst pair, 2 → 1, once in 10 000.")
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"probability_hard": HARD},
+        {"probability_hard": UNAVOIDED, "preventable": False},
+        {"expected_mais3": 1e-5},
+    ],
+)
+def test_a_hard_an_unavoidable_or_a_severe_collision_is_to_be_tested(values: dict[str, Any]) -> None:
+    assert decide([row(1, 2, **values)]).kind == "test"
+    less = {name: value * 0.9 if isinstance(value, float) else value for name, value in values.items()}
+    assert decide([row(1, 2, **less)]).kind == "nothing"
+
+
+def test_a_doubtful_pair_decides_only_if_no_other_is_to_be_tested() -> None:
+    doubtful = dangerous(118, 154, doubt="154 and 118 overlap in the recording", expected_mais3=1.0)
+    found = decide([doubtful, row(1, 2)])
+    assert found.kind == "doubtful"
+    assert found.sentence == "Doubtful data: 154 and 118 overlap in the recording (154 → 118)."
+    assert decide([doubtful, dangerous(1, 2)]).pair == (2, 1)
+    assert decide([doubtful, dangerous(1, 2)], keep_doubtful=True).pair == (154, 118)
+    assert decide([doubtful], keep_doubtful=True).kind == "test"
+
+
+def test_both_orders_and_all_actions_of_a_pair_count_together() -> None:
+    rows = [row(1, 2, probability=0.1), row(2, 1, probability=0.2), row(1, 2, probability=0.5)]
+    (found,) = pair_responses([rows[0] | {"preventable": False}, *rows[1:]])
+    assert found.probability == pytest.approx(1 - 0.9 * 0.8 * 0.5)
+    assert found.row["probability"] == 0.5
+    assert not found.preventable
+
+
+def test_without_encounters_there_is_nothing_to_test() -> None:
+    found = decide([])
+    assert found.kind == "nothing" and found.pair is None
+    assert found.sentence == "Nothing to test: no two vehicles come near each other."
