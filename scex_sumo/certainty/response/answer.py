@@ -300,9 +300,13 @@ def _round(number: float) -> str:
 
 
 def any_collision(rows: Iterable[Mapping[str, Any]]) -> float:
-    """Return 1 - Π(1 - P) over rows whose data are not doubtful: as if independent."""
-    sure = [row["probability"] for row in rows if row["doubt"] is None]
-    return float(-np.expm1(np.log1p(-np.minimum(sure, 1 - 1e-12)).sum())) if sure else 0.0
+    """Return P of a collision in any of the rows whose data are not doubtful."""
+    return either(row["probability"] for row in rows if row["doubt"] is None)
+
+
+def either(probabilities: Iterable[float]) -> float:
+    """Return 1 - Π (1 - P): as if independent."""
+    return -math.expm1(sum(math.log1p(-min(p, 1 - 1e-12)) for p in probabilities))
 
 
 def worst_rows(table: pa.Table, most: int) -> Sequence[Mapping[str, Any]]:

@@ -1,9 +1,9 @@
 """Decision: one sentence that says which pair of a moment is to be tested, if any.
 
-A pair is tested if people collide hard in it once in `HARD` or more often, if the injuries that are to be
-expected are as many as `SEVERE`, or if a careful and competent driver does not always avoid a collision that
-is hard once in `UNAVOIDED` or more often. A pair that such a driver always avoids, and in which people collide
-once in 10 000, is none of it. docs/response.md gives the reasons.
+A pair is tested if people collide hard in it with P ≥ `HARD`, or with P ≥ `UNAVOIDED` where a careful and
+competent driver does not always avoid it, or if the expected severe injuries reach `SEVERE`. So a pair that
+such a driver always avoids, and in which people collide once in 10 000, is not tested. docs/response.md gives
+the reasons.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.certainty.response.answer import either, once_in
 from scex_sumo.certainty.response.usual import Usual
 from scex_sumo.results.extras import DOUBTFUL, NOTHING, TEST, Decision
 
@@ -116,14 +116,6 @@ def deciding(found: Sequence[PairResponse], *, keep_doubtful: bool = False) -> P
     sure = [one for one in found if keep_doubtful or one.doubt is None]
     groups = ([one for one in part if one.is_to_be_tested] for part in (sure, found))
     return next((group[0] for group in (*groups, sure) if group), None)
-
-
-def either(probabilities: Iterable[float]) -> float:
-    """Return 1 - Π (1 - P): as if independent."""
-    none = 1.0
-    for probability in probabilities:
-        none *= 1 - probability
-    return 1 - none
 
 
 def _sentence(kind: str, worst: PairResponse, usual: Usual | None) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from scex_sumo.certainty.response.decision import HARD, UNAVOIDED, decide, pair_responses
+from scex_sumo.certainty.response.decision import HARD, SEVERE, UNAVOIDED, decide, pair_responses
 from scex_sumo.certainty.response.usual import Usual
 
 
@@ -39,14 +39,14 @@ def test_what_a_careful_driver_avoids_and_people_hit_once_in_10_000_is_not_to_be
 @pytest.mark.parametrize(
     "values",
     [
-        {"probability_hard": HARD},
-        {"probability_hard": UNAVOIDED, "preventable": False},
-        {"expected_mais3": 1e-5},
+        {"probability_hard": 1.01 * HARD},
+        {"probability_hard": 1.01 * UNAVOIDED, "preventable": False},
+        {"expected_mais3": 1.01 * SEVERE},
     ],
 )
 def test_a_hard_an_unavoidable_or_a_severe_collision_is_to_be_tested(values: dict[str, Any]) -> None:
     assert decide([row(1, 2, **values)]).kind == "test"
-    less = {name: value * 0.9 if isinstance(value, float) else value for name, value in values.items()}
+    less = {name: value * 0.98 if isinstance(value, float) else value for name, value in values.items()}
     assert decide([row(1, 2, **less)]).kind == "nothing"
 
 
