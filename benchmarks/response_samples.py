@@ -174,7 +174,7 @@ def _of_moment(loaded: LoadedRecording, time_s: float, every_s: float) -> Sample
         left=left.reshape(shape),
         did=did,
         known=known,
-        doubtful=np.array([words is not None for words in doubts_of(pairs)])[cases.pair[first]],
+        doubtful=np.array([words is not None for words in doubts_of(pairs, cases.pair[first])]),
         pair=cases.pair[first],
         pair_moment=np.zeros(len(pairs), dtype=np.int64),
         recorded=np.stack([happens(driven) for happens in NEAR.values()], axis=1),

@@ -67,6 +67,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
             intervals=intervals,
             collisions=part.collisions,
             road=job.road,
+            scene=job.scene,
         ),
     )
     folder.write_table(PAIR_OUTCOMES, outcomes_table(met, job.scene.track_ids))

@@ -15,7 +15,9 @@ from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.results.extras import ExactProbability
 from scex_sumo.road import Road
+from scex_sumo.roads.doubts import doubts_of
 from scex_sumo.roads.places import places_of
+from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
@@ -54,6 +56,7 @@ SCHEMA: Final = pa.schema(
         ("x", pa.float64()),
         ("y", pa.float64()),
         ("place", pa.string()),
+        ("doubt", pa.string()),
         ("models", _MODELS),
     ]
 )
@@ -83,6 +86,7 @@ def encounters_table(
     intervals: DesignIntervals,
     collisions: pa.Table | None = None,
     road: Road | None = None,
+    scene: SeedScene | None = None,
 ) -> pa.Table:
     """Tabulate the pairs of vehicles with an encounter, the most critical first.
 
@@ -91,6 +95,7 @@ def encounters_table(
         models: (C, V).
         collisions: of the futures, for their severity.
         road: names the places; None leaves them null.
+        scene: says which pairs are doubtful; None leaves that null.
 
     Returns:
         Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
@@ -122,9 +127,17 @@ def encounters_table(
         rows.append(row)
     points = np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2)
     places = places_of(road, points) if road is not None else [None] * len(rows)
-    rows = [{**row, "place": place} for row, place in zip(rows, places, strict=True)]
+    doubts = _doubts(rows, scene) if scene is not None else [None] * len(rows)
+    named = zip(rows, places, doubts, strict=True)
+    rows = [{**row, "place": place, "doubt": doubt} for row, place, doubt in named]
     rows.sort(key=criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
+
+
+def _doubts(rows: list[dict[str, Any]], scene: SeedScene) -> list[str | None]:
+    index = {track: v for v, track in enumerate(scene.track_ids.tolist())}
+    one, other = (np.array([index[row[name]] for row in rows], int) for name in ("track_id", "other_id"))
+    return doubts_of(scene, one, other, np.array([row["time_s"] for row in rows]))
 
 
 def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:

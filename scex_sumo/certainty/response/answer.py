@@ -25,6 +25,7 @@ from scex_sumo.certainty.response.actions import (
 )
 from scex_sumo.certainty.response.critical import (
     CAREFUL_S,
+    HARD_MPS,
     TYPICAL,
     by_action,
     critical_response,
@@ -36,13 +37,11 @@ from scex_sumo.certainty.response.people import People, later_than, people_of, p
 from scex_sumo.certainty.response.room import Meeting, needed_braking, time_to_react
 from scex_sumo.results.outcomes import injury_probability, masses
 from scex_sumo.road import Road
+from scex_sumo.roads.doubts import doubts_of as scene_doubts
 from scex_sumo.roads.matching import match
 from scex_sumo.roads.places import places_of
 from scex_sumo.scene import SeedScene
 
-TOWED_S: Final = 0.15
-"""Headway at which nobody follows above `TOWED_MPS`: it is a trailer, or a box is too long."""
-TOWED_MPS: Final = 3.0
 SELDOM: Final = 1e-4
 """Actions at least this often, and the one that is told, count for what a careful driver prevents."""
 UNPROTECTED_KG: Final = 80.0
@@ -127,6 +126,8 @@ def _columns(cases: Cases, people: People) -> dict[str, Any]:
     counts = often >= np.minimum(frequency, SELDOM)[:, None]
     careful = by_action(response[:, -1]) >= CAREFUL_S
     scene = pairs.expected.scene
+    hard = np.minimum(probabilities(often, late, kinds), value)
+    impact = _impact(worst, told, people, hard)
     return {
         "track_id": scene.track_ids[pairs.initiator[worst.pair]],
         "other_id": scene.track_ids[pairs.responder[worst.pair]],
@@ -137,11 +138,11 @@ def _columns(cases: Cases, people: People) -> dict[str, Any]:
         "later": later[each, level],
         "probability": value,
         "factor": _factor(people.factors[kinds, level], *spread),
-        "probability_hard": np.minimum(probabilities(often, late, kinds), value),
-        **_impact(worst, told, people, value),
+        "probability_hard": hard,
+        **impact,
         **_room(worst),
         "preventable": np.asarray((careful | ~counts).all(axis=1)),
-        "doubt": doubts_of(pairs)[worst.pair].tolist(),
+        "doubt": doubts_of(pairs, worst.pair, impact["time_s"]),
     }
 
 
@@ -188,13 +189,12 @@ def _factor(often: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     return np.exp(np.hypot(np.log(often), responses))
 
 
-def _impact(
-    cases: Cases, response_s: FloatArray, people: People, probability: FloatArray
-) -> Mapping[str, Any]:
+def _impact(cases: Cases, response_s: FloatArray, people: People, hard: FloatArray) -> Mapping[str, Any]:
     """Return the impact at the median of too late responses: columns of `SCHEMA`.
 
     It is plastic. ``delta_v`` is that of the vehicle whose speed it changes more; ``expected_mais3`` counts
-    one occupant in each, and unprotected people by the curve of occupants.
+    one occupant in each, unprotected people by the curve of occupants, and hard contacts only, which have
+    the probability ``hard`` and at least `HARD_MPS`: the curve was fitted to crashes, not to touches.
     """
     scene = cases.pairs.expected.scene
     assert scene.road is not None
@@ -204,13 +204,13 @@ def _impact(
     motion = responded(cases, begin, 6.0)
     _, speed = motion.impact()
     mass = np.nan_to_num(masses(scene.types, scene.length), nan=UNPROTECTED_KG)
-    changes = np.stack([mass[j], mass[i]]) / (mass[i] + mass[j]) * speed
+    share = np.stack([mass[j], mass[i]]) / (mass[i] + mass[j])
     row, first = np.arange(len(cases)), np.argmax(motion.cases.blocked.touches(motion.s), axis=1)
     x, y, _ = cases.pairs.expected.lines.at(j, motion.s[row, first])
     middle = np.stack([x + cases.outlines.x[row, first], y + cases.outlines.y[row, first]], axis=1) / 2
     return {
-        "delta_v": changes.max(axis=0),
-        "expected_mais3": probability * injury_probability(changes).sum(axis=0),
+        "delta_v": share.max(axis=0) * speed,
+        "expected_mais3": hard * injury_probability(share * np.maximum(speed, HARD_MPS)).sum(axis=0),
         "time_s": TIME_S[first],
         "kind": places_of(scene.road, middle),
     }
@@ -248,26 +248,17 @@ def _sides(road: Road, lane_id: int, width: float) -> tuple[float, float]:
     return free + beside[0], free + beside[1]
 
 
-def doubts_of(pairs: Pairs) -> np.ndarray[Any, np.dtype[np.object_]]:
-    """Return (n,) why the data of a pair are doubtful; None where they are not."""
-    scene, blocked = pairs.expected.scene, pairs.blocked
-    sides = np.stack([pairs.initiator, pairs.responder])
-    speed = scene.now.speed[pairs.responder]
-    least = np.where(speed > TOWED_MPS, TOWED_S * speed, 0.0)
-    touch = (blocked.enter[:, 0] <= least) & (blocked.leave[:, 0] >= 0)
-    off = pairs.expected.off_lanes[sides].any(axis=0)
-    short = (scene.recorded_steps[sides] < 10).any(axis=0)
-    meet = blocked.touched(pairs.expected.s[pairs.responder])
-    reasons = (
-        (touch, "boxes touch, or nearly, at the seed moment"),
-        (off, "off the mapped lanes"),
-        (short, "recorded for less than a second"),
-        (meet, "the expected motions overlap"),
-    )
-    found = np.full(len(pairs), None, dtype=object)
-    for mask, words in reversed(reasons):
-        found[mask] = words
-    return found
+def doubts_of(pairs: Pairs, rows: IntArray, time_s: FloatArray | float = 0.0) -> list[str | None]:
+    """Return why the data of pairs at indices (m,) are doubtful, which meet at ``time_s``; None else."""
+    scene, one, other = pairs.expected.scene, pairs.initiator[rows], pairs.responder[rows]
+    meet = pairs.blocked.touched(pairs.expected.s[pairs.responder])[rows].tolist()
+    found = scene_doubts(scene, one, other, time_s)
+    both = zip(scene.track_ids[one].tolist(), scene.track_ids[other].tolist(), strict=True)
+    words = (f"the expected motions of {a} and {b} overlap" for a, b in map(sorted, both))
+    return [
+        doubt or (overlap if is_so else None)
+        for doubt, overlap, is_so in zip(found, words, meet, strict=True)
+    ]
 
 
 def said(row: Mapping[str, Any]) -> str:

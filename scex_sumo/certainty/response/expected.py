@@ -12,13 +12,12 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.certainty.response.blocked import Lines
-from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
 DRIVER: Final = "likely_driver:spread=0:inattention=0"
@@ -39,14 +38,12 @@ class Expected:
         lines: (V,) of centres; arc length 0 at the seed moment.
         s: (V, T) arc length now, after 0.1 s, ..., m.
         speed: (V, T) m/s.
-        off_lanes: (V,) whether a vehicle is off the mapped lanes.
     """
 
     scene: SeedScene
     lines: Lines
     s: FloatArray
     speed: FloatArray
-    off_lanes: BoolArray
 
     def at(self, row: IntArray, time_s: FloatArray) -> Mapping[str, FloatArray]:
         """Return arc length, speed and acceleration of vehicles (m,) at times (m, ...)."""
@@ -71,14 +68,11 @@ def expected_motion(scene: SeedScene) -> Expected:
     s = np.column_stack([np.zeros(scene.vehicles), np.cumsum(moved, axis=1)])
     later = STEP_S * np.arange(1, STEPS - PLAN_STEPS + 1)
     speed = np.maximum(speed, 0.0)
-    off = np.zeros(scene.vehicles, dtype=np.bool_)
-    off[off_road(scene.road, scene)] = True
     return Expected(
         scene=scene,
         lines=_lines(scene, paths, x, y, s),
         s=np.column_stack([s, s[:, -1:] + speed[:, -1:] * later]),
         speed=np.column_stack([speed, np.repeat(speed[:, -1:], len(later), axis=1)]),
-        off_lanes=off,
     )
 
 

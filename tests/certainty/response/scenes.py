@@ -41,7 +41,6 @@ def steady(*vehicles: tuple[float, float, float, float], waits: tuple[int, ...] 
         lines=Lines.straight(now, 300.0),
         s=moves * TIME_S,
         speed=moves,
-        off_lanes=np.zeros(count, dtype=np.bool_),
     )
 
 

@@ -13,6 +13,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.certainty.response.answer import any_collision, once_in, said, worst_rows
+from scex_sumo.certainty.response.critical import HARD_MPS
 from scex_sumo.certainty.response.people import SHIPPED, people_of
 from scex_sumo.commands.answers import run_answer
 from scex_sumo.results.extras import extras_results
@@ -46,8 +47,8 @@ def test_a_run_writes_the_table_of_its_scene(run: scex.Run) -> None:
     assert row["probability_hard"] <= row["probability"]
     assert row["factor"] > 1 and row["doubt"] is None
     assert row["kind"] == "lane" and row["response_s"] < row["time_s"] <= 8.0
-    equal_cars = 2 * injury_probability(np.array(row["delta_v"]))
-    assert row["expected_mais3"] == pytest.approx(row["probability"] * equal_cars)
+    equal_cars = 2 * injury_probability(np.array(max(row["delta_v"], HARD_MPS / 2)))
+    assert row["expected_mais3"] == pytest.approx(row["probability_hard"] * equal_cars)
 
 
 def test_the_summary_says_what_it_takes(run: scex.Run) -> None:
@@ -132,10 +133,10 @@ def test_doubtful_encounters_are_marked_and_left_out_of_the_sentences() -> None:
     moved = dataclasses.replace(beside.history, y=beside.history.y + 30.0)
     beside = dataclasses.replace(beside, history=moved)
     for scene, doubt in (
-        (short, "recorded for less than a second"),
-        (touching, "boxes touch, or nearly, at the seed moment"),
-        (queues(2, gap_m=1.0, speed=12.0), "boxes touch, or nearly, at the seed moment"),
-        (beside, "off the mapped lanes"),
+        (short, "2 is recorded for less than a second"),
+        (touching, "1 and 2 overlap at the seed moment"),
+        (queues(2, gap_m=1.0, speed=12.0), "1 and 2 nearly touch at the seed moment"),
+        (beside, "1 is off the mapped lanes"),
     ):
         table = scex.critical_responses(scene)
         assert {row["doubt"] for row in table.to_pylist()} == {doubt}

@@ -1,0 +1,90 @@
+"""Doubts about the data of pairs of vehicles in a seed scene, in words.
+
+An encounter of such a pair says more about the recording than about the traffic.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.geometry.rectangles import Rectangles, separation
+from scex_sumo.roads.matching import off_road
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+
+NEAR_M: Final = 0.1
+"""Boxes that are closer nearly touch."""
+TOWED_S: Final = 0.15
+"""Headway at which nobody follows above `TOWED_MPS`: it is a trailer, or a box is too long."""
+TOWED_MPS: Final = 3.0
+
+
+def doubts_of(
+    scene: SeedScene, one: IntArray, other: IntArray, time_s: FloatArray | float = 0.0
+) -> list[str | None]:
+    """Return (n,) why the data of pairs are doubtful; None where they are not.
+
+    Args:
+        one: (n,) index into the vehicles; so ``other``.
+        time_s: (n,) of what the pair does, after the seed moment; until then both are in the recording.
+    """
+    off, leaves = _off_lanes(scene), _leaves_s(scene)
+    near, overlap = _near(scene, one, other)
+    found = []
+    times = np.broadcast_to(time_s, one.shape)
+    for k, (a, b) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):
+        both = "{} and {}".format(*sorted((int(scene.track_ids[a]), int(scene.track_ids[b]))))
+        reasons = [
+            (overlap[k], f"{both} overlap at the seed moment"),
+            (near[k], f"{both} nearly touch at the seed moment"),
+        ]
+        for v in (a, b):
+            track = int(scene.track_ids[v])
+            reasons += [
+                (off[v], f"{track} is off the mapped lanes"),
+                (scene.recorded_steps[v] < HISTORY_STEPS, f"{track} is recorded for less than a second"),
+                (leaves[v] < times[k], f"{track} leaves the recording before"),
+            ]
+        found.append(next((words for is_so, words in reasons if is_so), None))
+    return found
+
+
+@owner_cache
+def _off_lanes(scene: SeedScene) -> BoolArray:
+    off = np.zeros(scene.vehicles, dtype=np.bool_)
+    off[[] if scene.road is None else off_road(scene.road, scene)] = True
+    return off
+
+
+def _leaves_s(scene: SeedScene) -> FloatArray:
+    """Return the time (V,) at which vehicles leave before the recording ends, s; inf for never."""
+    if scene.future_valid is None or not scene.future_valid.size:
+        return np.full(scene.vehicles, np.inf)
+    steps = scene.future_valid.sum(axis=1)
+    return np.where(steps < steps.max(), STEP_S * steps, np.inf)
+
+
+def _near(scene: SeedScene, one: IntArray, other: IntArray) -> tuple[BoolArray, BoolArray]:
+    """Return (n,) whether boxes nearly touch at the seed moment, and whether they overlap.
+
+    A moving vehicle nearly touches what it reaches within `TOWED_S`.
+    """
+    boxes = Rectangles.of(scene.now, scene.length, scene.width)
+    speed = scene.now.speed
+    ahead = np.maximum(NEAR_M, np.where(speed > TOWED_MPS, TOWED_S * speed, 0.0)) / 2
+    longer = dataclasses.replace(
+        boxes,
+        x=boxes.x + ahead * np.cos(boxes.heading),
+        y=boxes.y + ahead * np.sin(boxes.heading),
+        half_length=boxes.half_length + ahead,
+        half_width=boxes.half_width + NEAR_M / 2,
+    )
+    near = [
+        separation(reach.part(a), own.part(b)) < 0
+        for reach, own, a, b in ((longer, boxes, one, other), (boxes, longer, one, other))
+    ]
+    return near[0] | near[1], np.asarray(separation(boxes.part(one), boxes.part(other)) < 0)

@@ -1,0 +1,56 @@
+"""Doubts about pairs of vehicles, from their boxes, lanes and recording."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scex_sumo.roads.doubts import doubts_of
+from scex_sumo.scene import SeedScene
+from tests.certainty.queues import queues
+
+
+def doubt(scene: SeedScene, time_s: float = 1.0) -> str | None:
+    (found,) = doubts_of(scene, np.array([0]), np.array([1]), np.array([time_s]))
+    return found
+
+
+def moved(scene: SeedScene, **shift: Any) -> SeedScene:
+    history = {name: getattr(scene.history, name) + np.array(by)[:, None] for name, by in shift.items()}
+    return dataclasses.replace(scene, history=dataclasses.replace(scene.history, **history))
+
+
+def test_vehicles_that_follow_at_a_distance_are_not_doubtful() -> None:
+    assert doubt(queues(2, gap_m=5.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "speed", "words"),
+    [(-0.5, 0.0, "overlap"), (0.05, 0.0, "nearly touch"), (1.0, 12.0, "nearly touch"), (1.0, 2.0, "")],
+)
+def test_boxes_that_touch_or_nearly_are(gap_m: float, speed: float, words: str) -> None:
+    found = doubt(queues(2, gap_m=gap_m, speed=speed))
+    assert found == (f"1 and 2 {words} at the seed moment" if words else None)
+
+
+def test_a_vehicle_off_the_lanes_is() -> None:
+    assert doubt(moved(queues(2, gap_m=5.0), y=[0.0, 30.0])) == "2 is off the mapped lanes"
+
+
+def test_a_short_track_is() -> None:
+    scene = dataclasses.replace(queues(2, gap_m=5.0), recorded_steps=np.array([9, 10]))
+    assert doubt(scene) == "1 is recorded for less than a second"
+
+
+def test_a_vehicle_that_leaves_before_the_others_and_before_the_contact_is() -> None:
+    scene = queues(2, gap_m=5.0)
+    valid = np.ones((2, 20), dtype=np.bool_)
+    valid[1, 8:] = False
+    leaving = dataclasses.replace(scene, future_valid=valid)
+    assert doubt(leaving, 1.0) == "2 leaves the recording before"
+    assert doubt(leaving, 0.5) is None
+    ended = dataclasses.replace(leaving, future_valid=np.stack([valid[1]] * 2))
+    assert doubt(ended, 1.0) is None
