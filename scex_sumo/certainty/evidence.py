@@ -27,7 +27,6 @@ from scex_sumo.scene import STEP_S
 EVIDENCE = "evidence.html"
 BRAKES = "emergency_brake"
 _WORST = 4
-_WAYS = 2
 
 
 def write_evidence(run: Run) -> Path:
@@ -104,7 +103,7 @@ def _probability(run: Run) -> dict[str, str]:
 
 
 def _encounters(run: Run) -> Html:
-    heads = ("pair", "P", "collides exactly if", "Δv [m/s]", "P(MAIS 3+)", "class", "avoidable by braking")
+    heads = ("pair", "P", "collides", "Δv [m/s]", "P(MAIS 3+)", "class", "avoidable by braking")
     rows = [row for row in run.encounters.to_pylist() if row["collision"] > 0]
     more = len(rows) - _WORST
     about = (
@@ -133,7 +132,7 @@ def _encounter(run: Run, row: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         f"{one} → {other}",
         f"{found.collision.estimate.value:.2%}" + ("" if known is not None else " (sampled)"),
-        "sampled" if known is None else known.told(_WAYS) or "sampled",
+        "sampled" if known is None else known.told or "sampled",
         " / ".join("–" if change is None else f"{change:.1f}" for change in changes),
         " / ".join("–" if risk is None else f"{risk:.1%}" for risk in risks),
         f"{row['kind']}, {often}",

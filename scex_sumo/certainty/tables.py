@@ -149,13 +149,25 @@ class InfluenceTable:
         return [self._phrase(one) for one in sets]
 
     def _phrase(self, cube: Mapping[int, Iterable[int]]) -> str:
+        drawn = {level for level, share in enumerate(self.shares) if share > 0}
         parts = []
         for track in self.track_ids:
             if track in cube:
-                names = [self.models[level] for level in sorted(cube[track])]
-                does = " or ".join(f"{WORDS[n]} ({n})" if n in WORDS else f"drives as {n}" for n in names)
-                parts.append(f"{track} {does}")
+                others = sorted(drawn - set(cube[track]))
+                if len(drawn) > 2 and len(others) == 1:
+                    parts.append(f"{track} {_does_not(self.models[others[0]])}")
+                else:
+                    parts.append(f"{track} {' or '.join(_does(self.models[k]) for k in sorted(cube[track]))}")
         return " and ".join(parts) or "whatever its drivers do"
+
+
+def _does(model: str) -> str:
+    return f"{WORDS[model]} ({model})" if model in WORDS else f"drives as {model}"
+
+
+def _does_not(model: str) -> str:
+    verb, _, rest = WORDS.get(model, f"drives as {model}").partition(" ")
+    return f"does not {verb.removesuffix('s')} {rest}"
 
 
 def reduced(table: InfluenceTable) -> InfluenceTable:

@@ -75,7 +75,6 @@ OUTCOMES_SCHEMA: Final = pa.schema(
 """
 
 _GAPS = (0.05, 0.5, 0.95)
-_WAYS = 2  # cut sets that a line tells
 
 
 def encounters_table(
@@ -266,7 +265,7 @@ def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> s
     if not name:
         return f"{head}{event}, typically {gap} m apart"
     if exact is not None:
-        return f"{head}{event} in {100 * exact.value:.4g} %, exactly if {exact.told(_WAYS)}"
+        return f"{head}{event} in {100 * exact.value:.4g} %, {exact.told}"
     drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
     apart = "" if name == "collision" else f"{gap} m apart, "
     return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"

@@ -30,18 +30,22 @@ class ExactProbability:
         ways: when the event happens, in words; empty for several pairs.
 
     Example:
-        >>> scex.ExactProbability(value=0.25, checked="exact", ways=("3 brakes", "4 brakes")).told(1)
-        '3 brakes; or in 1 more ways'
+        >>> scex.ExactProbability(value=0.25, checked="exact", ways=("3 brakes", "4 brakes")).told
+        'e.g. if 3 brakes (one of 2 ways, see encounters --pair)'
     """
 
     value: float
     checked: str
     ways: tuple[str, ...] = ()
 
-    def told(self, most: int) -> str:
-        """Return the first ways in words, and the number of the others."""
-        more = f"; or in {len(self.ways) - most} more ways" if len(self.ways) > most else ""
-        return "; or ".join(self.ways[:most]) + more
+    @property
+    def told(self) -> str:
+        """When the event happens, with two of its conditions at most; empty for several pairs."""
+        first, *more = self.ways[0].split(" and ") if self.ways else ("",)
+        if len(self.ways) == 1 and len(more) < 2:
+            return f"exactly if {self.ways[0]}"
+        ways = f" (one of {len(self.ways)} ways, see encounters --pair)" if len(self.ways) > 1 else ""
+        return f"e.g. if {' and '.join([first, *more[:1]])}{ways}" if first else ""
 
 
 TEST: Final = "test"

@@ -56,9 +56,9 @@ def test_leverage_is_the_derivative() -> None:
 
 def test_cut_sets_are_minimal_and_read_as_words() -> None:
     assert set(HIT.cut_sets) == {frozenset({(7, 1), (11, 2)}), frozenset({(7, 2), (11, 2)})}
-    assert HIT.in_words() == [
-        "7 drives as hasty or brakes hard (emergency_brake) and 11 brakes hard (emergency_brake)"
-    ]
+    assert HIT.in_words() == ["7 does not drive as calm and 11 brakes hard (emergency_brake)"]
+    others = table(7, 11, happens={(k, j) for k in (0, 1) for j in (0, 1)})
+    assert others.in_words() == ["7 does not brake hard and 11 does not brake hard"]
     # Whatever vehicle 7 does: one set with vehicle 11 alone.
     assert table(7, 11, happens={(k, 2) for k in range(3)}).cut_sets == (frozenset({(11, 2)}),)
     always = table(happens={()})

@@ -106,6 +106,9 @@ def test_in_words() -> None:
     assert "TTC < 1.5 s in 50 % [40–60]" in in_words(calm)
     exact = ExactProbability(value=0.5, checked="exact", ways=("17 brakes",))
     assert in_words(calm, exact).endswith("TTC < 1.5 s in 50 %, exactly if 17 brakes")
+    ways = ("17 brakes and 18 drives on and 19 waits", "18 brakes")
+    told = "TTC < 1.5 s in 50 %, e.g. if 17 brakes and 18 drives on (one of 2 ways, see encounters --pair)"
+    assert in_words(calm, replace(exact, ways=ways)).endswith(told)
     never = calm | {"critical": 0.0}
     assert in_words(never | {"gap": 2.04}).endswith("never critical, typically 2.0 m apart")
     assert in_words(never | {"gap": None}).endswith("never critical, typically more than 10 m apart")

@@ -36,7 +36,6 @@ _SELECTED = {event.title: name for name, event in EVENTS.items()}
 _SELECTED |= {"95 %": "range", "gap": "gap", "after": "after"}
 """Columns of encounters that follow a selection, by their names in ``selection.js``."""
 
-_WAYS = 2  # cut sets of a worst encounter that are told
 _NAMED = 4  # futures of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
@@ -199,12 +198,12 @@ def _story(one: Meeting, both: Sequence[Run]) -> dict[str, Any]:
     drivers = [
         f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
     ]
-    ways = "" if exact is None else exact.told(_WAYS)
+    ways = "" if exact is None else exact.told
     return {
         "question": question,
         "happens": happens,
         "about": ", ".join(part for part in (one.row["kind"], one.row["place"]) if part),
-        "why": f"exactly if {ways}" if ways else f"typically {', '.join(drivers)}",
+        "why": ways or f"typically {', '.join(drivers)}",
         "told": [_told(probability_in(run, one.pair, question)) for run in both],
     }
 
