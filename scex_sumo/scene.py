@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 STEP_S = 0.1
 HISTORY_STEPS = 10  # a history has one more state, the present one
-REPLAYED_STEPS = 50  # of vehicles whose future is not recorded
 REPLAYED = "replayed"  # type of a vehicle that moves as recorded
 LOGGED_HISTORY = 10  # frames up to and including the seed scene
 
@@ -112,17 +111,6 @@ class Obstacles:
     width: FloatArray
     states: States
     present: BoolArray
-
-    def joined(self, other: Obstacles) -> Obstacles:
-        """Return both; as many steps each."""
-        return Obstacles(
-            ids=self.ids + other.ids,
-            types=self.types + other.types,
-            length=np.concatenate([self.length, other.length]),
-            width=np.concatenate([self.width, other.width]),
-            states=States.concatenate([self.states, other.states], axis=0),
-            present=np.concatenate([self.present, other.present]),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,35 +233,6 @@ class SeedScene:
             future_valid=None if self.future_valid is None else self.future_valid[index],
             intentions=tuple(self.intentions[i] for i in index) if self.intentions else (),
         )
-
-    def replaying(self, kept: Sequence[int]) -> SeedScene:
-        """Return the scene with some of its vehicles, the others as obstacles that move as recorded.
-
-        Without a recorded future they go on straight at constant speed.
-        """
-        rest = np.setdiff1d(np.arange(self.vehicles), kept)
-        others, future = self.obstacles, self.future
-        if future is None:
-            steps = REPLAYED_STEPS if others is None else others.states.shape[1] - HISTORY_STEPS - 1
-            way = self.now.speed[:, None] * STEP_S * np.arange(1, steps + 1)
-            future = self.now[:, None].swapaxes(0, 1).repeat(steps)[:, 0].swapaxes(0, 1)
-            future = replace(
-                future,
-                x=future.x + way * np.cos(future.heading),
-                y=future.y + way * np.sin(future.heading),
-            )
-        valid = np.ones(future.shape, dtype=np.bool_) if self.future_valid is None else self.future_valid
-        known = np.ones((len(rest), HISTORY_STEPS + 1), dtype=np.bool_)
-        added = Obstacles(
-            ids=tuple(str(track) for track in self.track_ids[rest]),
-            types=(REPLAYED,) * len(rest),
-            length=self.length[rest],
-            width=self.width[rest],
-            states=States.concatenate([self.history[rest], future[rest]], axis=1),
-            present=np.concatenate([known, valid[rest]], axis=1),
-        )
-        kept_scene = self.reordered(kept, name=self.name)
-        return replace(kept_scene, obstacles=added if others is None else others.joined(added))
 
     def intention(self, vehicle: int) -> Intention | None:
         """Return what SUMO knows of a vehicle by its index; None for recordings."""

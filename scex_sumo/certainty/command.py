@@ -35,7 +35,7 @@ def encounters_command(
     from scex_sumo.page.report.encounter_table import print_encounters, print_pair
     from scex_sumo.reports.encounter_rows import meetings
     from scex_sumo.results.info import as_written
-    from scex_sumo.results.region import parse_region
+    from scex_sumo.results.region import region_of
     from scex_sumo.results.run import open_run
 
     console = output_console(width=110)
@@ -45,7 +45,7 @@ def encounters_command(
         asked = numbers_by_name("--weights", weights.split(","), form)
     with as_written(folder):
         run = open_run(folder)
-        part = parse_region(region, around)
+        part = region_of(region, around)
         found = meetings(run, part)
         if asked is not None:
             print_weights(run, asked, console, most=most)

@@ -16,8 +16,7 @@ from scex_sumo.commands.options import MapPath
 from scex_sumo.commands.seed import seed_scene
 from scex_sumo.commands.shared import COMMANDS, Answer
 from scex_sumo.extrapolation.engine import checked_models, run_scene
-from scex_sumo.extrapolation.extrapolate import run_options
-from scex_sumo.extrapolation.extras import extra_named, extras_of
+from scex_sumo.extrapolation.extras import extras_of, run_options
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.run import Run
@@ -38,8 +37,11 @@ def run_command(map_path: MapPath, **given: Any) -> Answer:
     values = [from_command_line(kind, options) for kind, options in own]
     source, settings = SeedOptions(**values[0]), RunSettings(**values[1])
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
-    extras = [*extras_of({name: value for own in values[3:] for name, value in own.items()})]
-    extras += [extra_named(one) for one in options.extra]
+    extras = extras_of(values[3:])
+    if options.extra:
+        from scex_sumo.extrapolation.own_extra import extra_named
+
+        extras += map(extra_named, options.extra)
     models = checked_models(settings, options, extras)
     with Workers(1 if options.gui else min(options.workers, settings.count or options.workers)) as pool:
         scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)  # while workers start

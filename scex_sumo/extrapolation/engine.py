@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.measure import Recorded, measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.rollout import count_fallbacks
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recorded_info, write_tables
@@ -31,7 +30,6 @@ from scex_sumo.results.info import describe, digest, versions
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
-from scex_sumo.statistics.bands import Look, grow, look, remainder_of
 from scex_sumo.world.base import WORLDS
 
 DEFAULT_OPTIONS = RunOptions()
@@ -58,7 +56,8 @@ def run_scene(
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     tested = [*settings.assign, *settings.under_test]
-    scene = settings.counted.simulated(scene, settings.steps, tested)
+    if settings.within is not None:
+        scene = settings.within.simulated(scene, settings.steps, tested)
     settings.check_size(settings.count or 1, scene.vehicles)
     assignment = _assignment(scene, settings, models, keep=options.cache)
     models.try_on(scene, seed=settings.seed)
@@ -81,7 +80,14 @@ def run_scene(
     with options.bar(scene.name) as tick:
         parts = [_part_of(tick, k, 1 + sum(repeats)) for k in range(1 + sum(repeats))]
         run_all = partial(_run_all, workers=workers, batch=options.batch, progress=parts[0])
-        job, band, settled = _run_futures(job, run_all, partial(_settled, extras, workers, options))
+        band, settled = None, dict[int, Any]()
+        if settings.until_band is None:
+            run_all(job)
+        else:
+            from scex_sumo.extrapolation.growing import run_until_narrow
+
+            work_of = partial(Work, workers=workers, options=options, extras=extras)
+            job, band, settled = run_until_narrow(job, run_all, work_of)
         watch.lap("simulate_and_measure")
         recorded = _recorded(job)
         part = write_tables(folder, job, recorded, workers=workers)
@@ -142,17 +148,8 @@ def _recorded(job: Job) -> Recorded | None:
         replan=settings.replan,
         metrics=settings.measured,
         preset=settings.rule,
-        vehicles=settings.counted.vehicles(job.scene),
+        vehicles=settings.vehicles_that_count(job.scene),
     )
-
-
-def _settled(
-    extras: Sequence[Extra], workers: Workers, options: RunOptions, job: Job, part: Part
-) -> dict[int, Any]:
-    """Return what extras settle about these futures, by their number."""
-    work = Work(job=job, part=part, workers=workers, options=options, extras=extras)
-    found = {number: extra.settle(work) for number, extra in enumerate(extras)}
-    return {number: one for number, one in found.items() if one is not None}
 
 
 def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
@@ -172,10 +169,9 @@ def _identity(
 
 
 def _info(
-    job: Job, command: Sequence[str] | None, band: Look | None, part: Part, notes: list[str]
+    job: Job, command: Sequence[str] | None, band: dict[str, Any] | None, part: Part, notes: list[str]
 ) -> dict[str, Any]:
-    settings, names, scene = job.settings, job.models.names, job.scene
-    plans = -(-settings.steps // settings.replan)
+    settings, scene = job.settings, job.scene
     info = {
         "scex_sumo": __version__,
         "command": list(command) if command else None,
@@ -183,21 +179,30 @@ def _info(
         **job.models.to_json(),
         **settings.to_json(),
         "futures": len(job.assignment),
-        "band": None if band is None else {"asked": settings.until_band, **dataclasses.asdict(band)},
+        "band": band,
         "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
         "net_notes": [*job.net.notes, *(loss.note for loss in job.net.losses)],
         "run_notes": notes,
-        "fallbacks": count_fallbacks(part.fallbacks, job.assignment, names, plans),
+        "fallbacks": _fallbacks(job, part),
         "versions": versions(),
     }
-    vehicles = settings.counted.vehicles(scene)
-    if vehicles is not None:
-        words, inside = settings.counted.words(), [int(scene.track_ids[v]) for v in vehicles]
+    vehicles = settings.vehicles_that_count(scene)
+    if settings.within is not None and vehicles is not None:
+        words, inside = settings.within.words(), [int(scene.track_ids[v]) for v in vehicles]
         counted = f"only pairs with one of {len(inside)} of {scene.vehicles} vehicles count"
         notes.append(f"{counted}: those {words} at the seed moment")
         info["region"] |= {"words": words, "vehicles": inside}
     return info
+
+
+def _fallbacks(job: Job, part: Part) -> list[dict[str, Any]]:
+    if part.fallbacks is None:
+        return []
+    from scex_sumo.results.fallbacks import count_fallbacks
+
+    plans = -(-job.settings.steps // job.settings.replan)
+    return count_fallbacks(part.fallbacks, job.assignment, job.models.names, plans)
 
 
 class _Stopwatch:
@@ -209,35 +214,6 @@ class _Stopwatch:
         now = time.perf_counter()
         self._laps[part], self._last = round(now - self._last, 3), now
         return dict(self._laps)
-
-
-def _run_futures(
-    job: Job, run: Callable[[Job], None], settle: Callable[[Job, Part], dict[int, Any]]
-) -> tuple[Job, Look | None, Mapping[int, Any]]:
-    """Run the futures, more and more of them until the bands are narrow or an extra settles P(collision)."""
-    settings, tried, settled = job.settings, False, dict[int, Any]()
-    if settings.until_band is None or settings.count is None:
-        run(job)
-        return job, None, {}
-    band = settings.until_band
-
-    def measure(count: int) -> Look:
-        nonlocal tried, settled
-        grown = job.of(count)
-        run(grown)
-        parts = Parts(job.folder)
-        found = look(grown.intervals, *parts.values(count), settings.columns)
-        if tried or found.width <= band or remainder_of(count) > band:
-            return found
-        tried, settled = True, settle(grown, parts.read(0, count, plans=False))
-        least = min((one.remainder for one in settled.values()), default=1.0)
-        if least > band:
-            settled = {}
-            return found
-        return dataclasses.replace(found, remainder=least)
-
-    last = grow(measure, band=band, most=settings.count)
-    return job.of(last.futures), last, settled
 
 
 def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:

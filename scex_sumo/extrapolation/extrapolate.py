@@ -10,17 +10,12 @@ from scex_sumo.base.errors import UsageError, warn_notes
 from scex_sumo.base.options import python_words, split_options
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.extrapolation.engine import run_scene
-from scex_sumo.extrapolation.extras import extra_named, extras_of
+from scex_sumo.extrapolation.extras import extras_of, run_options
+from scex_sumo.extrapolation.own_extra import extra_named
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.results.extras import extra_types
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
-
-
-def run_options() -> tuple[type, ...]:
-    """Return the dataclasses whose fields are the options of a run: settings, other options, extras."""
-    return RunSettings, RunOptions, *extra_types().values()
 
 
 @python_words(run_options)
@@ -63,8 +58,7 @@ def extrapolate(
     values, others, *own = split_options(options, run_options())
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
-    extras = [*extras_of({name: value for given in own for name, value in given.items()})]
-    extras += [extra_named(one) for one in how.extra]
+    extras = [*extras_of(own), *map(extra_named, how.extra)]
     with Workers(1 if how.gui else min(how.workers, settings.count or how.workers)) as pool:
         run = run_scene(scene, settings, workers=pool, options=how, extras=extras)
     warn_notes([*run.info["net_notes"], *run.info["run_notes"]])

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
-from scex_sumo.base.errors import UsageError
-from scex_sumo.base.options import Option, options_of
 from scex_sumo.base.progress import Progress
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.results.extras import EXTRAS, ExtraResults, Row, extra_types
+from scex_sumo.results.extras import ExtraResults, Row, extra_types
 from scex_sumo.results.parts import Part
 from scex_sumo.results.run import Run
 
@@ -90,44 +88,12 @@ class Extra(ExtraResults):
         return {}
 
 
-def extras_of(given: Mapping[str, Any]) -> tuple[Extra, ...]:
-    """Return the registered extras, each with its own of the given options."""
-    kinds = cast("Mapping[str, type[Extra]]", extra_types())
-    return tuple(kind(**{n: given[n] for n in options_of(kind) if n in given}) for kind in kinds.values())
+def run_options() -> tuple[type, ...]:
+    """Return the dataclasses whose fields are the options of a run: settings, other options, extras."""
+    return RunSettings, RunOptions, *extra_types().values()
 
 
-def extra_named(given: str | Extra) -> Extra:
-    """Return an extra by its name or import path and options, ``package.module:Class[:option=value]...``.
-
-    Raises:
-        UsageError: there is no such extra, or it has no such option.
-    """
-    if not isinstance(given, str):
-        return given
-    name, *rest = given.split(":")
-    while rest and "=" not in rest[0]:
-        name = f"{name}:{rest.pop(0)}"
-    kind = EXTRAS.load(name)
-    if not (isinstance(kind, type) and issubclass(kind, Extra)):
-        raise UsageError(f"--extra {name}: is no class derived from scex_sumo.Extra")
-    values = {}
-    for entry in rest:
-        key, equals, text = entry.partition("=")
-        known = options_of(kind)
-        if not equals or key not in known:
-            raise UsageError(
-                f"--extra {given}: {entry!r} is no option of it; it has {', '.join(known) or 'none'}"
-            )
-        values[key] = _value(known[key], getattr(kind, key, None), text, given)
-    return kind(**values)
-
-
-def _value(one: Option, default: Any, text: str, given: str) -> Any:
-    if one.read is not None:
-        return one.read([text] if one.several else text)
-    if isinstance(default, bool):
-        return text.lower() in ("true", "1")
-    try:
-        return type(default)(text) if isinstance(default, int | float) else text
-    except ValueError:
-        raise UsageError(f"--extra {given}: {text!r} is no number") from None
+def extras_of(given: Sequence[Mapping[str, Any]]) -> list[Extra]:
+    """Return the registered extras, with the given options of each in the order of `run_options`."""
+    kinds = cast("Sequence[type[Extra]]", run_options()[2:])
+    return [kind(**values) for kind, values in zip(kinds, given, strict=True)]

@@ -10,6 +10,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
@@ -18,7 +19,7 @@ from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, worst_of
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.rollout import Batch, Rollout, fallbacks_table, roll_out
+from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.outcomes import collisions_table, encounter_rows
@@ -172,7 +173,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         metrics=settings.measured,
         preset=settings.rule,
         counted=job.counted,
-        vehicles=settings.counted.vehicles(job.scene),
+        vehicles=settings.vehicles_that_count(job.scene),
         on_paths=job.on_paths,
     )
     values, hits = outcome.values, outcome.collisions
@@ -185,14 +186,26 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         worst=worst_of(job.scene, values, futures, hits),
         plan_x=rollout.plan_x if settings.keep_plans else None,
         plan_y=rollout.plan_y if settings.keep_plans else None,
-        fallbacks=fallbacks_table(
-            rollout.replaced, futures=futures, assignment=batch.assignment, names=batch.names, track_ids=ids
-        ),
+        fallbacks=_fallbacks(rollout, batch, ids),
         tested=_tested(job, rollout),
         collisions=collisions_table(
             hits, outcome.severity, futures=futures, track_ids=ids, first=LOGGED_HISTORY
         ),
         encounters=encounter_rows(outcome.encounters, futures),
+    )
+
+
+def _fallbacks(rollout: Rollout, batch: Batch, track_ids: IntArray) -> pa.Table | None:
+    if not rollout.replaced:
+        return None
+    from scex_sumo.results.fallbacks import fallbacks_table
+
+    return fallbacks_table(
+        rollout.replaced,
+        futures=batch.futures,
+        assignment=batch.assignment,
+        names=batch.names,
+        track_ids=track_ids,
     )
 
 

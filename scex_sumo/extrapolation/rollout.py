@@ -7,20 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
 from scex_sumo.world.base import World
-
-FALLBACKS: Final = "fallbacks.parquet"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,18 +37,17 @@ class Rollout:
     replaced: tuple[Replaced, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Replaced:
+class Replaced(NamedTuple):
     """A plan of the path-following driver in the place of a model's.
 
     Attributes:
-        vehicle: index into the seed scene.
         step: steps since the seed scene.
+        vehicle: index into the seed scene.
     """
 
     future: int
-    vehicle: int
     step: int
+    vehicle: int
     reason: str
 
 
@@ -199,74 +195,4 @@ def _replaced(made: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Re
             reason=made.reasons[row] if made.reasons else BY_ITSELF,
         )
         for row in np.flatnonzero(made.fallback).tolist()
-    ]
-
-
-def fallbacks_table(
-    replaced: Sequence[Replaced],
-    *,
-    futures: IntArray,
-    assignment: IntArray,
-    names: Sequence[str],
-    track_ids: IntArray,
-) -> pa.Table | None:
-    """Return the rows of ``fallbacks.parquet``, by future, step, vehicle; None for none.
-
-    Args:
-        futures: (C,) numbers, ascending.
-        assignment: (C, V) index into `names`.
-    """
-    if not replaced:
-        return None
-    rows = sorted(replaced, key=lambda r: (r.future, r.step, r.vehicle))
-    future = np.array([r.future for r in rows], dtype=np.int64)
-    vehicle = np.array([r.vehicle for r in rows], dtype=np.int64)
-    model = assignment[np.searchsorted(futures, future), vehicle]
-    return pa.table(
-        {
-            "future": future,
-            "track_id": np.asarray(track_ids, dtype=np.int64)[vehicle],
-            "step": np.array([r.step for r in rows], dtype=np.int64),
-            "model": pa.array([names[m] for m in model.tolist()], pa.string()),
-            "reason": pa.array([r.reason for r in rows], pa.string()),
-        }
-    )
-
-
-def count_fallbacks(
-    table: pa.Table | None, assignment: IntArray, names: Sequence[str], rounds: int
-) -> list[dict[str, Any]]:
-    """Count the replaced plans of each model that has any, for ``run.json``.
-
-    Args:
-        assignment: (C, V) index into `names`.
-        rounds: plans of a vehicle in a future.
-    """
-    if table is None:
-        return []
-    models = np.asarray(table["model"].to_pylist())
-    counts = []
-    for index, name in enumerate(names):
-        mine = table.filter(pa.array(models == name))
-        if mine.num_rows:
-            counts.append(
-                {
-                    "model": name,
-                    "replaced": mine.num_rows,
-                    "plans": int((assignment == index).sum()) * rounds,
-                    "futures": len(set(mine["future"].to_pylist())),
-                    "first": mine.drop_columns(["model"]).slice(0, 1).to_pylist()[0],
-                }
-            )
-    return counts
-
-
-def fallback_lines(counts: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the counts as text, a line for each model."""
-    return [
-        f"{c['model']}: {c['replaced']} of {c['plans']} plans replaced by the path-following driver's, "
-        f"in {c['futures']} {'future' if c['futures'] == 1 else 'futures'}; "
-        f"first (future {c['first']['future']}, vehicle {c['first']['track_id']}, "
-        f"{c['first']['step'] * STEP_S:.1f} s): {c['first']['reason']}"
-        for c in counts
     ]

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list, numbers_by_name, option
@@ -24,14 +24,20 @@ from scex_sumo.metrics.registry import (
     describe_metrics,
     metrics_named,
 )
-from scex_sumo.results.region import EVERYWHERE, Region, parse_region
-from scex_sumo.statistics.bands import MAX_FUTURES as MAX_GROWN
-from scex_sumo.statistics.bands import check_band
+from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
 
+if TYPE_CHECKING:
+    from scex_sumo.results.region import Region
+else:
+    Region = Any  # the command line reads the fields' types, and takes a text
+
 MAX_FUTURES, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
 """Limits: futures, steps of each (ten minutes), states of all vehicles in all steps."""
+
+MAX_GROWN: Final = 10_000
+"""Futures at which a run with ``until_band`` ends in any case."""
 
 Driver: TypeAlias = Any
 """A behaviour model in a form that `model_specs` takes: text, a `ModelSpec`, a class, function or object."""
@@ -195,7 +201,10 @@ class RunSettings:
             raise UsageError(f"--futures: got {self.count:,}, at most {MAX_FUTURES:,} are run")
         check_design(self.design)
         if self.until_band is not None:
-            check_band(self.until_band)
+            if not 0 < self.until_band < 1:
+                raise UsageError(
+                    f"--until-band: got {self.until_band}, needs to be between 0 and 1, e.g. 0.05"
+                )
             if self.count is None:
                 raise UsageError(
                     "--until-band: not possible with --futures all, which leaves nothing to estimate"
@@ -207,19 +216,21 @@ class RunSettings:
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     def _put_region(self) -> None:
-        region = EVERYWHERE if self.region is None else self.region
-        if isinstance(region, str) or self.around is not None:
-            if region != EVERYWHERE and not isinstance(region, str):
-                raise UsageError("--region and --around exclude one another; give one of them")
-            region = parse_region(region if isinstance(region, str) else None, self.around)
-        object.__setattr__(self, "region", region)
-        object.__setattr__(self, "around", None)
+        if isinstance(self.region, str) or self.around is not None:
+            from scex_sumo.results.region import region_of
+
+            object.__setattr__(self, "region", region_of(self.region, self.around))
+            object.__setattr__(self, "around", None)
 
     @property
-    def counted(self) -> Region:
-        """The region in which pairs count."""
-        assert isinstance(self.region, Region)
+    def within(self) -> Region | None:
+        """The region in which pairs count; None for everywhere."""
+        assert not isinstance(self.region, str)
         return self.region
+
+    def vehicles_that_count(self, scene: SeedScene) -> tuple[int, ...] | None:
+        """Return the indices of the vehicles whose pairs count; None for all."""
+        return None if self.within is None else self.within.vehicles(scene)
 
     def _put_under_test(self) -> None:
         assign, under_test = self.assign or {}, self.under_test or {}
@@ -286,7 +297,7 @@ class RunSettings:
             "preset": self.preset,
             "reflect": self.reflect,
             "keep_plans": self.keep_plans,
-            **self.counted.to_json(),
+            **({} if self.within is None else self.within.to_json()),
         }
 
 

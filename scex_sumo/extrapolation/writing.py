@@ -19,9 +19,8 @@ from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.measure import Recorded, handover_jumps, overlapping_at_first
-from scex_sumo.extrapolation.rollout import FALLBACKS
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers import Workers, succeeded
+from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
 from scex_sumo.results.encounters import ENCOUNTERS, encounters_table, outcomes_table
@@ -75,15 +74,18 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
         values, defined = part.tested
         folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.futures))
     if part.fallbacks is not None:
-        folder.write_table(FALLBACKS, part.fallbacks)
+        folder.write_table("fallbacks.parquet", part.fallbacks)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
     folder.write_table(DENSITIES, densities_table(metrics, columns, intervals, reflect=settings.reflect))
     if recorded is not None:
         found = recorded.values
         folder.write_table("recorded.parquet", values_table(columns, found.values, found.defined))
     write_tracks(folder.path / "seed.csv", job.scene)
-    if written is not None and not succeeded(written):
-        _write_tracks(*these)
+    if written is not None:
+        from scex_sumo.extrapolation.pool import succeeded
+
+        if not succeeded(written):
+            _write_tracks(*these)
     return part
 
 

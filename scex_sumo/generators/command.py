@@ -72,7 +72,7 @@ def generate_command(
     from scex_sumo.generators.generate import generated_scene
     from scex_sumo.generators.scene_context import lane_cells
     from scex_sumo.generators.scene_model import SHIPPED, load_scenes
-    from scex_sumo.results.region import parse_region
+    from scex_sumo.results.region import region_of
 
     if not 1 <= count <= MAX_COUNT:
         raise UsageError(f"--count: got {count:,}, needs 1 to {MAX_COUNT:,}")
@@ -90,7 +90,7 @@ def generate_command(
         raise UsageError(f"-o {folder}: is a file; name a folder")
     if cases.exists() and not overwrite:
         raise ResultError(f"{cases}: exists; --overwrite replaces it")
-    made, cells, circle = [], None, parse_region(region, None).circle
+    made, cells, circle = [], None, region_of(region, None).circle
     if circle is not None and road.vehicle_lanes:
         x, y, _ = lane_cells(road).cell_pose
         cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]

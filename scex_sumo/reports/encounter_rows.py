@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from scex_sumo.behaviors.registry import mixes
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.results.encounters import ENCOUNTERS, criticality, event_of, in_words, percent_of
 from scex_sumo.results.probability import Encounter, Probability, probability_of
-from scex_sumo.results.region import EVERYWHERE, Region
 from scex_sumo.results.run import Run
+
+if TYPE_CHECKING:
+    from scex_sumo.results.region import Region
 
 STRESS_TEST: Final = "stress test"
 HUMAN_LIKE: Final = "human-like"
@@ -79,7 +81,7 @@ def surely_above(value: float, low: float, other: float, other_high: float) -> b
     return bool(value - other > math.hypot(value - low, other_high - other))
 
 
-def meetings(run: Run, region: Region = EVERYWHERE) -> list[Meeting]:
+def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
     """Return the pairs of both sets in a region, the most critical first; the lines of a pair stand together.
 
     A pair that meets in the stress test has a human-like line only if it is critical there. Both lines name
@@ -100,7 +102,7 @@ def meetings(run: Run, region: Region = EVERYWHERE) -> list[Meeting]:
         if row["critical"] > 0 or stress is None:
             found.append(Meeting(futures=HUMAN_LIKE, run=human, row=row, stress=stress))
     found = [Meeting(futures=STRESS_TEST, run=run, row=row) for row in possible.values()] + found
-    indices = None if region == EVERYWHERE else region.vehicles(run.scene)
+    indices = None if region is None else region.vehicles(run.scene)
     if indices is not None:
         inside = set(run.scene.track_ids[list(indices)].tolist())
         found = [one for one in found if set(one.pair) & inside]

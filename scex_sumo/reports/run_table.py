@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.extrapolation.rollout import fallback_lines
 from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
@@ -52,7 +51,12 @@ def print_summary(run: Run, console: Console, *, preset: str | None = None) -> N
         preset: metrics of the table, ``paper``, ``path`` or ``both``; None: the main ones.
     """
     print_table(summary_table(run, preset), console, breaks=(" if", "-like", " test"))
-    for line in [*answer_lines(run), *fallback_lines(run.info.get("fallbacks", []))]:
+    lines = answer_lines(run)
+    if counts := run.info.get("fallbacks"):
+        from scex_sumo.results.fallbacks import fallback_lines
+
+        lines += fallback_lines(counts)
+    for line in lines:
         print_line(line, console)
 
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, REPLAYED, STEP_S, Obstacles, SeedScene, States
 
 NEAR_M: Final = 50.0
 """At constant speed, vehicles that come no nearer to those inside are replayed."""
+
+REPLAYED_STEPS: Final = 50
+"""Steps of replayed vehicles whose future is not recorded."""
 
 ALL_SIMULATED: Final = 100
 """Vehicles of a scene that are simulated wherever the region is."""
@@ -94,7 +97,7 @@ class Region:
             return scene
         far = f"{int((~near).sum())} of {scene.vehicles} vehicles"
         note = f"{far}, too far from the region to come near it, are replayed"
-        return replace(scene.replaying(np.flatnonzero(near).tolist()), notes=(*scene.notes, note))
+        return replace(replaying(scene, np.flatnonzero(near).tolist()), notes=(*scene.notes, note))
 
     def words(self) -> str:
         """Return the circle in words."""
@@ -114,15 +117,66 @@ class Region:
         )
 
 
-EVERYWHERE: Final = Region()
+def region_of(region: Region | str | None, around: int | None) -> Region:
+    """Return the region of a circle, or around a vehicle.
 
+    Args:
+        region: also the text ``X,Y,R``.
+        around: track id.
 
-def parse_region(text: str | None, around: int | None) -> Region:
-    """Return the region of ``--region X,Y,R`` or ``--around TRACK``; a `UsageError` for another text."""
-    if text is None:
+    Raises:
+        UsageError: both are given, or the text is another one.
+    """
+    if region is None or region == Region():
         return Region(around=around)
+    if around is not None:
+        raise UsageError("--region and --around exclude one another; give one of them")
+    if not isinstance(region, str):
+        return region
     try:
-        x, y, radius = (float(part) for part in text.split(","))
+        x, y, radius = (float(part) for part in region.split(","))
     except ValueError:
-        raise UsageError(f"--region {text}: needs X,Y,R in m, e.g. --region 1010,985,40") from None
-    return Region(circle=(x, y, radius), around=around)
+        raise UsageError(f"--region {region}: needs X,Y,R in m, e.g. --region 1010,985,40") from None
+    return Region(circle=(x, y, radius))
+
+
+def replaying(scene: SeedScene, kept: Sequence[int]) -> SeedScene:
+    """Return a scene with some of its vehicles, the others as obstacles that move as recorded.
+
+    Without a recorded future they go on straight at constant speed.
+    """
+    rest = np.setdiff1d(np.arange(scene.vehicles), kept)
+    others, future, now = scene.obstacles, scene.future, scene.now
+    if future is None:
+        steps = REPLAYED_STEPS if others is None else others.states.shape[1] - HISTORY_STEPS - 1
+        way = now.speed[:, None] * STEP_S * np.arange(1, steps + 1)
+        future = now[:, None].swapaxes(0, 1).repeat(steps)[:, 0].swapaxes(0, 1)
+        future = replace(
+            future,
+            x=future.x + way * np.cos(future.heading),
+            y=future.y + way * np.sin(future.heading),
+        )
+    valid = np.ones(future.shape, dtype=np.bool_) if scene.future_valid is None else scene.future_valid
+    known = np.ones((len(rest), HISTORY_STEPS + 1), dtype=np.bool_)
+    added = Obstacles(
+        ids=tuple(str(track) for track in scene.track_ids[rest]),
+        types=(REPLAYED,) * len(rest),
+        length=scene.length[rest],
+        width=scene.width[rest],
+        states=States.concatenate([scene.history[rest], future[rest]], axis=1),
+        present=np.concatenate([known, valid[rest]], axis=1),
+    )
+    kept_scene = scene.reordered(kept, name=scene.name)
+    return replace(kept_scene, obstacles=added if others is None else _both(others, added))
+
+
+def _both(one: Obstacles, other: Obstacles) -> Obstacles:
+    """Return the obstacles of both; as many steps each."""
+    return Obstacles(
+        ids=one.ids + other.ids,
+        types=one.types + other.types,
+        length=np.concatenate([one.length, other.length]),
+        width=np.concatenate([one.width, other.width]),
+        states=States.concatenate([one.states, other.states], axis=0),
+        present=np.concatenate([one.present, other.present]),
+    )

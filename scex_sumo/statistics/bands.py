@@ -9,11 +9,9 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.intervals import DesignIntervals
 
 FIRST_LOOK: Final = 100
-MAX_FUTURES: Final = 10_000
 RARE: Final = 0.2
 """Metrics that are defined in a smaller share of the futures do not count."""
 
@@ -33,12 +31,6 @@ class Look:
     metric: str
     left_out: tuple[str, ...]
     remainder: float | None = None
-
-
-def check_band(band: float) -> None:
-    """Raise a `UsageError` for a band that no run can reach."""
-    if not 0 < band < 1:
-        raise UsageError(f"--until-band: got {band}, needs to be between 0 and 1, e.g. 0.05")
 
 
 def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, columns: Sequence[str]) -> Look:

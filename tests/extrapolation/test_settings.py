@@ -15,7 +15,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import options_of
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.commands.run import run_command
-from scex_sumo.extrapolation.extrapolate import run_options
+from scex_sumo.extrapolation.extras import run_options
 from scex_sumo.extrapolation.settings import RunSettings
 from tests.seeds import straight_seed
 

@@ -14,8 +14,9 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import Job, batch_size
 from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.pool import Pool, succeeded
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
-from scex_sumo.extrapolation.workers import Workers, succeeded
+from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.humans.reference import HumanReference
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
@@ -27,9 +28,8 @@ def refuse() -> None:
 
 
 def test_a_worker_calls_it_and_takes_its_next_task() -> None:
-    with Workers(2) as workers:
+    with Pool(1) as workers:
         first, second = workers.submit(os.getpid, where="once"), workers.submit(os.getpid, where="twice")
-        assert first is not None and second is not None
         assert first.result() == second.result() != os.getpid()
         assert succeeded(first) and workers.deaths == []
 
@@ -40,17 +40,16 @@ def test_without_workers_nothing_is_submitted() -> None:
 
 
 def test_its_error_is_raised_where_it_is_waited_for() -> None:
-    with Workers(2) as workers:
+    with Pool(1) as workers:
         done = workers.submit(refuse, where="over a disk")
-        assert done is not None
         with pytest.raises(ResultError, match="disk: full"):
             succeeded(done)
 
 
 def test_a_worker_that_dies_twice_leaves_it_to_others() -> None:
-    with Workers(2) as workers:
+    with Pool(1) as workers:
         done = workers.submit(partial(os._exit, 3), where="over an exit")
-        assert done is not None and not succeeded(done)
+        assert not succeeded(done)
         assert workers.deaths == ["a worker died over an exit (exit status 3) and was replaced"]
 
 

@@ -14,7 +14,7 @@ from rich.console import Console
 from scex_sumo.base.errors import UsageError
 from scex_sumo.page.report.encounter_table import print_encounters
 from scex_sumo.reports.run_table import summary_table
-from scex_sumo.results.region import AROUND_M, Region, parse_region
+from scex_sumo.results.region import AROUND_M, Region, region_of, replaying
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
@@ -64,15 +64,15 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
 
 def test_a_region_is_checked() -> None:
     scene = read_seed(example_path("roundabout"))
-    assert parse_region("1010,985,40", None) == Region(circle=(1010.0, 985.0, 40.0))
-    assert parse_region(None, None).vehicles(scene) is None
+    assert region_of("1010,985,40", None) == Region(circle=(1010.0, 985.0, 40.0))
+    assert region_of(None, None).vehicles(scene) is None
     for text, around, words in (
         ("1,2", None, "--region 1,2: needs X,Y,R in m"),
         ("1,2,-3", None, "a radius above 0 m"),
         ("1,2,3", 16, "exclude one another"),
     ):
         with pytest.raises(UsageError, match=words):
-            parse_region(text, around)
+            region_of(text, around)
     with pytest.raises(UsageError, match="--around 999: not in the seed scene; its vehicles: 3"):
         Region(around=999).vehicles(scene)
     with pytest.raises(UsageError, match="no vehicle there at the seed moment"):
@@ -101,7 +101,7 @@ def test_vehicles_that_cannot_come_near_the_region_are_replayed(monkeypatch: pyt
 def test_a_recorded_future_is_what_replayed_vehicles_do(tmp_path: Path) -> None:
     scene = read_seed(example_path("motorway_merge"))
     assert scene.future is not None and scene.future_valid is not None
-    part = scene.replaying([0, 2])
+    part = replaying(scene, [0, 2])
     others = part.obstacles
     assert others is not None and part.vehicles == 2 and len(others.ids) == scene.vehicles - 2
     np.testing.assert_array_equal(others.states.x[:, 11:], np.delete(scene.future.x, [0, 2], axis=0))
@@ -114,4 +114,4 @@ def test_a_recorded_future_is_what_replayed_vehicles_do(tmp_path: Path) -> None:
 
 def test_sumo_drivers_meet_replayed_vehicles_within_reach_only() -> None:
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0), (200.0, 0.0, 0.0, 10.0), (900.0, 0.0, 0.0, 10.0))
-    assert _obstacles_in_reach(scene.replaying([0])) == [0] and _obstacles_in_reach(scene) == []
+    assert _obstacles_in_reach(replaying(scene, [0])) == [0] and _obstacles_in_reach(scene) == []

@@ -10,7 +10,8 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.errors import UsageError
-from scex_sumo.statistics.bands import Look, check_band, grow, look
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals
 from tests.command import scex
@@ -64,7 +65,7 @@ def test_a_run_ends_at_an_exact_probability() -> None:
 @pytest.mark.parametrize("band", [0.0, -0.1, 1.0, float("nan")])
 def test_a_band_that_makes_no_sense_is_refused(band: float) -> None:
     with pytest.raises(UsageError, match="between 0 and 1"):
-        check_band(band)
+        RunSettings(until_band=band)
 
 
 def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_path: Path) -> None:

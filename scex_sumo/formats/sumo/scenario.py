@@ -23,7 +23,7 @@ from scex_sumo.converters.net.allowed import allowed_content
 from scex_sumo.converters.net.files import unpacked
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.extrapolation.workers import in_other_process
+from scex_sumo.extrapolation.pool import in_other_process
 from scex_sumo.formats.recognition import is_simulation
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import INTENTIONS_S, Recorded, Recorder

@@ -16,7 +16,7 @@ from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import LoadedRecording, seed_at
 from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.extrapolation.workers import in_other_process
+from scex_sumo.extrapolation.pool import in_other_process
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Recorder
 from scex_sumo.formats.sumo.scenario import SCENARIO, refuse_mesoscopic

@@ -16,7 +16,7 @@ from scex_sumo.results.encounters import QUESTIONS
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.outcomes import collided
 from scex_sumo.results.probability import Probability
-from scex_sumo.results.region import EVERYWHERE, Region
+from scex_sumo.results.region import Region
 from scex_sumo.results.run import Run
 
 _SHARE = "Share of the futures; a click on a row shows the typical one"
@@ -35,10 +35,10 @@ HEADS: Final[tuple[Head, ...]] = (
 """Columns of encounters in the terminal; the page has them too."""
 
 
-def print_encounters(run: Run, console: Console, *, most: int, region: Region = EVERYWHERE) -> None:
+def print_encounters(run: Run, console: Console, *, most: int, region: Region | None = None) -> None:
     """Print at most ``most`` lines of both sets of futures, the most critical pair first."""
     scene, found = run.info["seed_scene"]["name"], meetings(run, region)
-    indices = None if region == EVERYWHERE else region.vehicles(run.scene)
+    indices = None if region is None else region.vehicles(run.scene)
     if indices is not None:
         inside = run.scene.track_ids[list(indices)].tolist()
         line = (

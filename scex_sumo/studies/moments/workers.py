@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from scex_sumo.base.errors import MissingExtraError, ScexError, UsageError, one_line, reason_of
 from scex_sumo.base.version import __version__
-from scex_sumo.extrapolation.workers import Workers, WorkersDied
+from scex_sumo.extrapolation.pool import WorkersDied
+from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask
 
@@ -66,7 +67,8 @@ class LocalWorkers:
 
     def run(self, tasks: Iterable[MomentTask]) -> Iterator[Done]:
         """See `MomentWorkers`."""
-        for task, future in self._workers.run_each(
+        assert self._workers.pool is not None
+        for task, future in self._workers.pool.run_each(
             partial(_runner, self._work), tasks, where=lambda task: f"at {task.ref.moment}"
         ):
             try:
@@ -79,7 +81,7 @@ class LocalWorkers:
 
     def close(self) -> None:
         """See `MomentWorkers`."""
-        self._workers.close()
+        self._workers.__exit__()
 
 
 def _runner(work: Work) -> AbstractContextManager[Callable[[MomentTask, object], Any]]:

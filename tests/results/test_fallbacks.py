@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.extrapolation.rollout import Replaced, count_fallbacks, fallback_lines, fallbacks_table
+from scex_sumo.results.fallbacks import count_fallbacks, fallback_lines, fallbacks_table
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import save_part
 from tests.results.test_folder import part_of
@@ -16,13 +16,12 @@ ASSIGNMENT = np.array([[0, 1], [1, 1], [1, 0]])
 TRACKS = np.array([17, 23])
 
 
-def replaced(*rows: tuple[int, int, int, str]) -> list[Replaced]:
-    return [Replaced(future=c, vehicle=v, step=s, reason=why) for c, v, s, why in rows]
-
-
 def table_of(futures: list[int], *rows: tuple[int, int, int, str]):  # type: ignore[no-untyped-def]
+    """Table of rows of future, vehicle, step and reason."""
+    if not rows:
+        return None
     return fallbacks_table(
-        replaced(*rows),
+        [(c, step, vehicle, why) for c, vehicle, step, why in rows],
         futures=np.array(futures),
         assignment=ASSIGNMENT[futures],
         names=NAMES,
@@ -39,11 +38,6 @@ def test_rows_are_ordered_and_name_vehicle_and_model() -> None:
         "model": ["mine"] * 3,
         "reason": ["lost", "lost", "late"],
     }
-
-
-def test_no_fallback_is_no_table_and_no_line() -> None:
-    assert table_of([0, 1]) is None
-    assert count_fallbacks(None, ASSIGNMENT, NAMES, 6) == []
 
 
 def test_counts_are_out_of_all_plans_of_the_model() -> None:
