@@ -2,8 +2,9 @@
 
     python benchmarks/paper.py [--data FOLDER] [-o out/paper] [--seeds 4] [--futures 385] [--draws 200]
 
-Seed scenes are the busiest moments of equal parts of INTERACTION's DR_DEU_Roundabout_OF recording, and one on DR_DEU_Merging_MT with vehicles that SUMO drove, as no recording of it is at hand. The six models of
-the paper drive 385 futures of each. Printed are the four thresholds, the twelve values beside what really
+Seed scenes are the busiest moments of equal parts of INTERACTION's DR_DEU_Roundabout_OF recording, and one on
+DR_DEU_Merging_MT with vehicles that SUMO drove, as no recording of it is at hand. The six models of the paper
+drive 385 futures of each. Printed are the four thresholds, the twelve values beside what really
 happened, the distances between seed scenes, and the error of fewer futures than all assignments of five
 vehicles. The result folders keep the reports with all densities; the recorded future is their dashed line.
 """

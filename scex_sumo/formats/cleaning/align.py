@@ -26,7 +26,7 @@ TURN_SIGMA_RAD = math.radians(1.5)
 # Number of independent observations at most: samples of one track share its error.
 INDEPENDENT = 30
 MIN_OFFSET_M = 0.3  # across the lanes; smaller offsets are left alone
-MIN_GAIN = 0.2  # by which the spread within lanes must shrink, for tracks that the estimate has not seen
+MIN_GAIN = 0.3  # by which the spread within lanes must shrink, for tracks that the estimate has not seen
 MAX_OFFSET_M = 3.0  # a larger offset means a wrong origin
 _ROUNDS, _STILL_M, _STILL_RAD = 6, 0.005, 1e-4
 

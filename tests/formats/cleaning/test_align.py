@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import gzip
 import math
 import re
 from dataclasses import replace
@@ -12,8 +14,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.tracks.evidence import Evidence, evidence, on_lanes
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
+from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.formats.cleaning.align import OWN_TRACKS, align_tracks
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
@@ -206,3 +210,18 @@ def test_standing_vehicles_are_no_evidence() -> None:
 def test_a_map_without_lanes_aligns_nothing() -> None:
     table = tracks(ALL)
     assert align_tracks(table, Road(name="empty", lanes={})) == (table, ())
+
+
+@pytest.mark.parametrize(
+    "name", ["DR_USA_Roundabout_SR/vehicle_tracks_007", "DR_DEU_Roundabout_OF/vehicle_tracks_000"]
+)
+def test_clean_tracks_keep_every_position_to_the_last_bit(data: Path, name: str) -> None:
+    file = data / "interaction" / "recorded_trackfiles" / f"{name}.csv.gz"
+    (recording,) = (r for r in find_recordings([file.parent]) if r.name.endswith(name[-3:]))
+    with gzip.open(file, "rt") as rows:
+        recorded = {(r["track_id"], int(r["timestamp_ms"])): r for r in csv.DictReader(rows)}
+    read = load_recording(recording).table.vehicles
+    keys = zip(map(read.labels.__getitem__, read.track), read.timestamp_ms.astype(int).tolist(), strict=True)
+    xy = [(float(row["x"]), float(row["y"])) for row in map(recorded.__getitem__, keys)]
+    assert len(xy) == len(recorded)
+    assert_array_equal(np.array(xy), np.stack([read.x, read.y], axis=1))
