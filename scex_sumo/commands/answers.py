@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from scex_sumo.metrics.registry import critical_columns, metric_of, side_of
-from scex_sumo.reports.encounter_rows import Meeting, meetings
+from scex_sumo.reports.encounter_rows import Meeting, alike, meetings, told, worst_stress
 from scex_sumo.reports.run_table import extra_rows
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run
@@ -21,6 +22,7 @@ def run_answer(run: Run) -> dict[str, Any]:
     """Return the answer of ``run --json``."""
     scene, recorded = run.info["seed_scene"], run.info.get("recorded")
     return {
+        "decision": None if run.decision is None else asdict(run.decision),
         "result": run.folder,
         **{name: path for name, path in {"report": None, **run.written}.items()},
         "scene": {key: scene.get(key) for key in ("name", "time_s", "vehicles", "track_ids")},
@@ -32,6 +34,10 @@ def run_answer(run: Run) -> dict[str, Any]:
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
         "rows": extra_rows(run),
+        "stress_test": [
+            {"pairs": [(one.row["track_id"], one.row["other_id"]) for one in group], "words": told(group)}
+            for group in alike(worst_stress(run))
+        ],
         "encounters": meeting_rows(meetings(run)),
         **{key: value for extra in extras_results() for key, value in extra.answer(run).items()},
     }

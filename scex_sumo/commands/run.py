@@ -19,6 +19,7 @@ from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.results.extras import NOTHING
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios.options import SeedOptions
 
@@ -84,9 +85,11 @@ def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
     """Return folder and option of ``view``: the worst encounter, else the most critical, else any future."""
     from scex_sumo.reports.encounter_rows import meetings, worst_of
 
-    if worst := worst_of(meetings(run), 1):
-        row = worst[0].row
-        return worst[0].run.folder, {"encounter": f"{row['track_id']},{row['other_id']}"}
+    worst, told = worst_of(meetings(run), doubtful=run.keeps_doubtful), run.decision
+    asked = () if told is None or told.kind == NOTHING else told.pair
+    if worst:
+        one = next((one for one in worst if set(one.pair) == set(asked or ())), worst[0])
+        return one.run.folder, {"encounter": f"{one.row['track_id']},{one.row['other_id']}"}
     defined = [name for name in ("ttc", "wttc") if name in run.columns and len(run.samples(name))]
     return run.folder, {"critical": defined[0]} if defined else {"future": 0}
 

@@ -101,7 +101,7 @@ def run_scene(
     watch.lap("extras")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
-    info |= {"rows": [dataclasses.asdict(row) for row in rows]}
+    info |= {"rows": [dataclasses.asdict(row) for row in rows], "keep_doubtful": options.keep_doubtful}
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals

@@ -341,6 +341,9 @@ class RunOptions:
         "An extra of your own; repeatable.", (), metavar="MODULE:CLASS[:OPTION=V]", several=True
     )
     overwrite: bool = option("Replace another run's result.", False, names=("--overwrite",))
+    keep_doubtful: bool = option(
+        "Encounters with doubtful data count, too.", False, names=("--keep-doubtful",)
+    )
     out: str | Path | None = option("Result folder.", None, metavar="OUT", names=("-o", "--out"), takes=Path)
     bar: Callable[[str], AbstractContextManager[Progress | None]] = lambda label: nullcontext()
     command: Sequence[str] | None = None

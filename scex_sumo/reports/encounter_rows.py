@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -11,8 +11,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from scex_sumo.behaviors.registry import mixes
-from scex_sumo.metrics.events import EVENTS
-from scex_sumo.results.encounters import ENCOUNTERS, criticality, event_of, in_words, percent_of
+from scex_sumo.results.encounters import (
+    ENCOUNTERS,
+    arrows,
+    criticality,
+    event_of,
+    in_words,
+    is_queue,
+    percent_of,
+)
 from scex_sumo.results.probability import Encounter, Probability, probability_of
 from scex_sumo.results.run import Run
 
@@ -50,35 +57,21 @@ class Meeting:
         """Track ids, ascending."""
         return self.encounter.pair
 
-    def above(self) -> str:
-        """Return the first event whose human-like share is above that of the stress test, beyond chance.
-
-        In words; empty without one.
-        """
-        row = self.row
-        for name, event in EVENTS.items() if self.futures == HUMAN_LIKE else ():
-            stress = self.stress or dict.fromkeys((name, f"{name}_high"), 0.0)
-            if surely_above(row[name], row[f"{name}_low"], stress[name], stress[f"{name}_high"]):
-                one = f"{row['track_id']} → {row['other_id']} {event.words}"
-                return f"{one} in {row[name]:.1%}, {stress[name]:.1%}"
-        return ""
+    @property
+    def doubt(self) -> str | None:
+        """Why the data of the pair are doubtful; None if they are not, and in results of older versions."""
+        found = self.row.get("doubt")
+        return None if found is None else str(found)
 
     def words(self) -> str:
         """Return the encounter in words, with the cut sets of its event where the run has an exact table."""
         event = event_of(self.row)[0] or "critical"
         text = in_words(self.row, self.encounter.probability(event).known)
+        text += f"; doubtful: {self.doubt}" if self.doubt else ""
         if self.futures == STRESS_TEST:
             return text
         possible = "never" if not (self.stress and self.stress[event]) else percent_of(self.stress, event)
         return f"{text}; human-like, of {self.run.futures} futures; in the stress test {possible}"
-
-
-def surely_above(value: float, low: float, other: float, other_high: float) -> bool:
-    """Return whether a share exceeds another one with 97.5 %, from a limit of each.
-
-    Source: Newcombe 1998, hybrid score interval of a difference.
-    """
-    return bool(value - other > math.hypot(value - low, other_high - other))
 
 
 def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
@@ -138,14 +131,52 @@ def driven_as(run: Run) -> str:
     return "people were recorded" if drawn[0] == mixes().get("likely") else drawn[0]
 
 
-def worst_of(found: list[Meeting], most: int, *, without: Collection[int] = ()) -> list[Meeting]:
-    """Return the most critical line of each of the first pairs that are critical in some future.
+def worst_of(found: list[Meeting], *, without: Collection[int] = (), doubtful: bool = False) -> list[Meeting]:
+    """Return the most critical line of each pair that is critical in some future.
 
     Args:
         without: leave out the pairs of these vehicles.
+        doubtful: keep pairs with doubtful data, too.
     """
     worst: dict[tuple[int, int], Meeting] = {}
     for one in found:
-        if one.row["critical"] > 0 and not set(one.pair) & set(without):
+        if one.row["critical"] > 0 and not set(one.pair) & set(without) and (doubtful or not one.doubt):
             worst.setdefault(one.pair, one)
-    return list(worst.values())[:most]
+    return list(worst.values())
+
+
+def worst_stress(run: Run) -> list[Meeting]:
+    """Return the worst encounters of the stress test, without vehicles whose baseline is compared."""
+    tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
+    stress = [one for one in meetings(run) if one.futures == STRESS_TEST]
+    return worst_of(stress, without=tested, doubtful=run.keeps_doubtful)
+
+
+def alike(found: Sequence[Meeting]) -> list[list[Meeting]]:
+    """Return meetings by what they say, whichever vehicles it is about."""
+    groups: dict[tuple[Any, ...], list[Meeting]] = {}
+    for one in found:
+        groups.setdefault((one.row["kind"], one.row["place"], _of_roles(one)), []).append(one)
+    return list(groups.values())
+
+
+def told(group: Sequence[Meeting]) -> str:
+    """Return meetings that say the same in one line."""
+    row, pairs = group[0].row, [(one.row["track_id"], one.row["other_id"]) for one in group]
+    if len(group) == 1:
+        return group[0].words()
+    times = sorted({f"{one.row['time_s']:.1f}" for one in group}, key=float)
+    about = [row["kind"], row["place"], f"{'–'.join(times[:: max(len(times) - 1, 1)])} s"]
+    queue = " of a queue" if row["kind"] in (None, "rear-end") and is_queue(pairs) else ""
+    head = f"{len(group)} pairs{queue}, {arrows(pairs)} ({', '.join(part for part in about if part)})"
+    return f"{head}: {_of_roles(group[0])}"
+
+
+def _of_roles(one: Meeting) -> str:
+    """Return what a meeting says, without the names of its vehicles and its time."""
+    follows = one.row["kind"] in (None, "rear-end")
+    roles = ("the follower", "the leader") if follows else ("the first", "the second")
+    text = one.words().partition(": ")[2]
+    for name, role in zip(("track_id", "other_id"), roles, strict=True):
+        text = re.sub(rf"\b{one.row[name]}\b(?= [a-z])", role, text)
+    return text

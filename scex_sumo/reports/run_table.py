@@ -12,14 +12,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from scex_sumo.base.errors import listed
 from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
     STRESS_TEST,
+    Meeting,
+    alike,
     driven_as,
     meetings,
-    surely_above,
+    told,
     worst_of,
+    worst_stress,
 )
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.encounters import ENCOUNTERS
@@ -28,6 +32,7 @@ from scex_sumo.results.probability import Probability
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
+KEEP_DOUBTFUL: Final = "--keep-doubtful"
 SEVERITY: Final = "severe injuries [‰]"
 MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
@@ -39,17 +44,19 @@ Formats: text, names and words (left-aligned), real, percent, seconds, metres; i
 """
 _FORMS = {"real": "{:.2f}", "percent": "{:.1%}", "seconds": "{:.1f} s", "metres": "{:.1f} m"}
 
-_WORST = 3  # encounters in words
+_WORST = 3  # lines of encounters
 _ALWAYS = 0.95  # share from which a metric tells no futures apart
 _MIN_FOLDED = 12  # characters of a folded column
 
 
 def print_summary(run: Run, console: Console, *, preset: str | None = None) -> None:
-    """Print the table, the answer, and how often a fallback planned.
+    """Print the decision, the table, the answer, and how often a fallback planned.
 
     Args:
         preset: metrics of the table, ``paper``, ``path`` or ``both``; None: the main ones.
     """
+    if run.decision is not None:
+        print_line(run.decision.sentence, console)
     print_table(summary_table(run, preset), console, breaks=(" if", "-like", " test"))
     lines = answer_lines(run)
     if counts := run.info.get("fallbacks"):
@@ -61,57 +68,39 @@ def print_summary(run: Run, console: Console, *, preset: str | None = None) -> N
 
 
 def answer_lines(run: Run) -> list[str]:
-    """Return collision shares, contradictions, always critical metrics and the worst encounters in words."""
-    lines = [
-        f"{name}: a collision in {one.collision.percent} of futures, driven as {driven_as(one)}{_sure(one)}"
-        for name, one in ((STRESS_TEST, run), (HUMAN_LIKE, run.reference))
-        if one is not None and one.outcomes
-    ]
-    if above := human_above(run):
-        lines.append(above)
-    lines += [line for extra in extras_results() for line in extra.lines(run)]
-    if always := always_critical(run):
-        lines.append(f"always so in this traffic: {', '.join(always)}")
-    tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
-    if worst := worst_of(meetings(run), _WORST, without=tested):
-        which = "other" if tested else "worst"
-        lines.append(
-            f"{which} encounters, a vehicle hits or follows → another (how, where, after what time):"
-        )
+    """Return what people do, then the stress test: collision shares and the worst encounters in words."""
+    lines = [line for extra in extras_results() for line in extra.lines(run)]
+    found, human = meetings(run), run.reference
+    hits = [one for one in found if one.futures == HUMAN_LIKE and one.row["collision"] > 0]
+    if human is not None and human.outcomes and (hits or not lines):
+        lines.append(f"{HUMAN_LIKE}: {_collides(human)}")
+        lines += [f"  {told(group)}" for group in alike(worst_of(hits, doubtful=True))[:_WORST]]
+    worst = alike(worst_stress(run))[:_WORST]
+    which = "other " if run.baseline is not None else ""
+    head = f"{STRESS_TEST}: {_collides(run)}" if run.outcomes else f"{STRESS_TEST}:"
+    if worst:
+        lines.append(f"{head}; a vehicle hits or follows → another (how, where, after what time):")
     elif (run.folder / ENCOUNTERS).is_file():
-        which = "other encounter" if tested else "encounter"
-        lines.append(f"no {which} of two vehicles is critical in any future")
-    return lines + [f"  {one.words()}" for one in worst]
+        lines.append(f"{head}; no {which}encounter of two vehicles is critical in any future")
+    elif run.outcomes:
+        lines.append(head)
+    return [*lines, *(f"  {told(group)}" for group in worst), *_left_out(run, found)]
+
+
+def _collides(run: Run) -> str:
+    return f"a collision in {run.collision.percent} of futures, driven as {driven_as(run)}{_sure(run)}"
+
+
+def _left_out(run: Run, found: list[Meeting]) -> list[str]:
+    """Return which critical pairs are left out of the lists, and why."""
+    doubts = dict.fromkeys(one.doubt for one in worst_of(found, doubtful=True) if one.doubt)
+    doubts = {} if run.keeps_doubtful else doubts
+    return [f"left out as doubtful ({KEEP_DOUBTFUL} keeps them): {listed(doubts)}"] if doubts else []
 
 
 def _sure(run: Run) -> str:
     known = run.collision.known
     return "" if known is None else f"; {known.checked}"
-
-
-def human_above(run: Run) -> str:
-    """Return which human-like shares are above the intervals of the stress test, and why; else nothing."""
-    human = run.reference
-    if human is None:
-        return ""
-    pairs: list[tuple[str, Interval, Interval]] = []
-    if run.outcomes and human.outcomes:
-        pairs.append(("collision", run.collision.estimate, human.collision.estimate))
-    always = _always(run)
-    columns = [c for c in critical_columns(run.columns) if c in run.thresholds and c not in always]
-    pairs += [(metric_of(c).words, run.p_critical(c), human.p_critical(c)) for c in columns]
-    above: dict[bool, list[str]] = {True: [], False: []}
-    for name, possible, likely in pairs:
-        if likely.value > possible.value:
-            surely = surely_above(likely.value, likely.low, possible.value, possible.high)
-            above[surely].append(f"{name} in {likely.value:.1%}, {possible.value:.1%}")
-    above[True] += [words for one in meetings(run) if (words := one.above())][:_WORST]
-    never = all(words.endswith(", 0.0%") for words in above[True])
-    few = "no model of the mix drives" if never else "few models of the mix drive"
-    whys = {True: f"{few} like this", False: "no more than by chance"}
-    parts = [f"{'; '.join(above[surely])} ({why})" for surely, why in whys.items() if above[surely]]
-    shares = f"in shares of {human.futures} and {run.futures} futures"
-    return f"human-like exceeds the stress test, {shares}: {'; '.join(parts)}" if parts else ""
 
 
 def expected_injuries(run: Run) -> float | None:
@@ -239,11 +228,16 @@ def extra_rows(run: Run) -> dict[str, list[float | None]]:
 
 
 def shown_columns(run: Run, preset: str | None) -> tuple[list[str], list[str]]:
-    """Return the metrics of the table, and the paper's six below them, without those that are always so."""
-    always = _always(run)
-    columns = [column for column in critical_columns(run.columns) if column not in always]
-    if preset is None and set(MAIN) <= set(run.columns) and not run.info.get("metrics"):
-        return [column for column in MAIN if column in columns], []
+    """Return the metrics of the table, and the paper's six below them.
+
+    Without a ``preset``, those that are critical in nearly all futures are left out.
+    """
+    columns = critical_columns(run.columns)
+    if preset is None:
+        always = _always(run)
+        columns = [column for column in columns if column not in always]
+        if set(MAIN) <= set(run.columns) and not run.info.get("metrics"):
+            return [column for column in MAIN if column in columns], []
     main = [column for column in MAIN if column in columns]
     main += [column for column in columns if column not in (*main, *PAPER_METRICS)]
     return main, [column for column in columns if column in PAPER_METRICS]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -269,6 +269,20 @@ def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> s
     drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
     apart = "" if name == "collision" else f"{gap} m apart, "
     return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"
+
+
+def arrows(pairs: Sequence[tuple[int, int]], most: int = 3) -> str:
+    """Return pairs in words, e.g. ``1 → 2, 2 → 3, ...``."""
+    return ", ".join([*(f"{one} → {other}" for one, other in pairs[:most]), *["..."][: len(pairs) - most]])
+
+
+def is_queue(pairs: Sequence[tuple[int, int]]) -> bool:
+    """Return whether vehicles that follow one another connect all pairs."""
+    joined, rest = set(pairs[0]), list(pairs[1:])
+    while more := [pair for pair in rest if joined & set(pair)]:
+        joined.update(*more)
+        rest = [pair for pair in rest if pair not in more]
+    return not rest
 
 
 def event_of(row: Mapping[str, Any]) -> tuple[str, str]:

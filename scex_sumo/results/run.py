@@ -173,6 +173,11 @@ class Run:
         return next((one for one in found if one is not None), None)
 
     @property
+    def keeps_doubtful(self) -> bool:
+        """Whether encounters with doubtful data count in sentences and lists."""
+        return bool(self.info.get("keep_doubtful"))
+
+    @property
     def p_collision(self) -> Interval:
         """The best estimate of `collision`."""
         return self.collision.estimate

@@ -47,7 +47,7 @@ def doubts_of(
             reasons += [
                 (off[v], f"{track} is off the mapped lanes"),
                 (scene.recorded_steps[v] < HISTORY_STEPS, f"{track} is recorded for less than a second"),
-                (leaves[v] < times[k], f"{track} leaves the recording before"),
+                (leaves[v] < times[k], f"{track} leaves the recording before that"),
             ]
         found.append(next((words for is_so, words in reasons if is_so), None))
     return found

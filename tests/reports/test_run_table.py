@@ -15,7 +15,7 @@ from rich.table import Table
 
 from scex_sumo.metrics.registry import METRICS
 from scex_sumo.page.report.tables import encounter_table
-from scex_sumo.reports.encounter_rows import meetings, surely_above, worst_of
+from scex_sumo.reports.encounter_rows import alike, meetings, told, worst_of
 from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
@@ -27,7 +27,6 @@ from scex_sumo.reports.run_table import (
 )
 from scex_sumo.results.encounters import QUESTIONS, SCHEMA
 from scex_sumo.results.run import Run, open_run
-from scex_sumo.statistics.density import wilson
 
 
 def table(*, fold: bool = False) -> Table:
@@ -86,19 +85,18 @@ def result(folder: Path, values: dict[str, list[float | None]], **about: object)
     return folder
 
 
-def test_what_is_nearly_always_critical_is_told_in_a_line_and_has_no_row(tmp_path: Path) -> None:
+def test_what_is_nearly_always_critical_has_a_row_only_if_it_is_asked_for(tmp_path: Path) -> None:
     values: dict[str, list[float | None]] = {"distance": [3.0] * 19 + [9.0], "wttc": [0.1] * 18 + [0.9] * 2}
     run = open_run(result(tmp_path, values))
     assert always_critical(run) == ["distance"]  # 95 and 90 %
     assert shown_columns(run, None) == ([], ["wttc"])
+    assert shown_columns(run, "paper") == ([], ["distance", "wttc"])
     recorded = pa.table({"distance": [5.5], "wttc": [0.1]})
     pq.write_table(recorded, tmp_path / "recorded.parquet")
     assert always_critical(open_run(tmp_path)) == []  # the recording was not critical
     pq.write_table(recorded.set_column(0, "distance", [[4.0]]), tmp_path / "recorded.parquet")
     result(tmp_path / "reference", {"distance": [3.0, 9.0], "wttc": [0.1, 0.1]})
     assert always_critical(open_run(tmp_path)) == []  # human-like drivers are not
-    result(tmp_path / "reference", {"distance": [3.0, 4.0], "wttc": [0.1, 0.1]})
-    assert answer_lines(open_run(tmp_path))[-1] == "always so in this traffic: distance"
 
 
 def test_the_main_metrics_are_the_table_and_the_papers_are_folded_below_them(tmp_path: Path) -> None:
@@ -111,6 +109,7 @@ def test_the_main_metrics_are_the_table_and_the_papers_are_folded_below_them(tmp
         "gap_time",
         "pttc",
         "wttc",
+        "ttc",
     ]
 
 
@@ -155,36 +154,64 @@ def encounters(folder: Path, *rows: dict[str, object]) -> None:
     pq.write_table(table, folder / "encounters.parquet")
 
 
-def test_a_collision_of_human_like_drivers_alone_is_told_with_its_reason(
-    tmp_path: Path,
-) -> None:
+def test_a_collision_of_human_like_drivers_alone_is_told_before_the_stress_test(tmp_path: Path) -> None:
     """As at 158 s of a recorded intersection: 0 of 385 futures and 3 of 117."""
     result(tmp_path, {"collision": [0.0] * 385})
     encounters(tmp_path, {"track_id": 1, "other_id": 2}, {"track_id": 5, "other_id": 6})
-    assert answer_lines(open_run(tmp_path))[-1] == "no encounter of two vehicles is critical in any future"
+    none = "no encounter of two vehicles is critical in any future"
+    assert answer_lines(open_run(tmp_path))[-1].endswith(none)
     human = result(tmp_path / "reference", {"collision": [1.0] * 3 + [0.0] * 114})
     share = {"collision": 3 / 117, "collision_low": 0.0087, "collision_high": 0.0727, "critical": 3 / 117}
     encounters(human, {"track_id": 2, "other_id": 1} | share, {"track_id": 7, "other_id": 8})
     run = open_run(tmp_path)
-    lines = answer_lines(run)
-    assert lines[2] == (
-        "human-like exceeds the stress test, in shares of 117 and 385 futures: collision in 2.6%, 0.0%; "
-        "2 → 1 collides in 2.6%, 0.0% (no model of the mix drives like this)"
-    )
-    assert lines[-1] == (
+    first, pair, stress = answer_lines(run)
+    assert first.startswith("human-like: a collision in 2.6 %")
+    assert pair == (
         "  2 → 1 (1.0 s): collides in 2.6 % [0.9–7.3], typically 2 m, 1 o; human-like, of 117 futures; "
         "in the stress test never"
     )
+    assert stress.startswith("stress test: a collision in 0.0 %") and stress.endswith(none)
     found = meetings(run)
     assert [(one.futures, one.pair) for one in found] == [
         ("human-like", (1, 2)), ("stress test", (1, 2)), ("stress test", (5, 6)), ("human-like", (7, 8)),
     ]  # fmt: skip
-    assert [one.pair for one in worst_of(found, 3)] == [(1, 2)] and worst_of(found, 3, without=[1]) == []
+    assert [one.pair for one in worst_of(found)] == [(1, 2)] and worst_of(found, without=[1]) == []
     table = encounter_table(run, [1, 2, 5, 6, 7, 8])
     assert [(row["cells"][1], row["future"]) for row in table["rows"]][:2] == [
         ("human-like", 385),
         ("stress test", 0),
     ]
+
+
+CRITICAL = {
+    "collision": 0.2,
+    "collision_low": 0.1,
+    "collision_high": 0.3,
+    "critical": 0.2,
+    "kind": "rear-end",
+}
+
+
+def test_pairs_that_say_the_same_have_one_line(tmp_path: Path) -> None:
+    result(tmp_path, {"collision": [1.0, 0.0]})
+    rows = [CRITICAL | {"track_id": k, "other_id": k + 1, "time_s": 1.0 + k} for k in (20, 21, 30)]
+    other = CRITICAL | {"track_id": 40, "other_id": 41, "model": "p"}
+    encounters(tmp_path, *rows, other)
+    groups = alike(worst_of(meetings(open_run(tmp_path))))
+    assert [len(group) for group in groups] == [3, 1]
+    same = "collides in 20 % [10–30], typically the follower m, the leader o"
+    assert told(groups[0]) == f"3 pairs, 20 → 21, 21 → 22, 30 → 31 (rear-end, 21.0–31.0 s): {same}"
+    assert told(groups[0][:2]).startswith("2 pairs of a queue, 20 → 21, 21 → 22 (rear-end, 21.0–22.0 s)")
+
+
+def test_doubtful_pairs_are_left_out_and_named_unless_they_are_kept(tmp_path: Path) -> None:
+    doubt = "1 is off the mapped lanes"
+    for keep in (False, True):
+        result(tmp_path, {"collision": [1.0, 0.0]}, keep_doubtful=keep)
+        encounters(tmp_path, CRITICAL | {"track_id": 1, "other_id": 2, "doubt": doubt})
+        lines = answer_lines(open_run(tmp_path))
+        assert lines[-1].endswith(f"; doubtful: {doubt}" if keep else f"--keep-doubtful keeps them): {doubt}")
+        assert any("1 → 2" in line for line in lines) == keep
 
 
 def test_both_lines_of_a_pair_have_one_name(tmp_path: Path) -> None:
@@ -205,21 +232,6 @@ def test_both_lines_of_a_pair_have_one_name(tmp_path: Path) -> None:
     assert (row["models"][0]["model"], row["models"][0]["other_model"]) == ("o", "m")
 
 
-def test_the_event_that_is_surely_above_is_told_though_the_first_one_may_be_chance(tmp_path: Path) -> None:
-    """1 of 117 collides, which may be chance; 20 of 117 come below 1.5 s, and none of 385 does."""
-    result(tmp_path, {"collision": [0.0] * 385})
-    encounters(tmp_path, {"track_id": 1, "other_id": 2})
-    human = result(tmp_path / "reference", {"collision": [1.0] + [0.0] * 116})
-    shares = {
-        f"{name}{end}": getattr(wilson(count, 117), part)
-        for name, count in (("collision", 1), ("ttc", 20), ("critical", 20))
-        for end, part in (("", "value"), ("_low", "low"), ("_high", "high"))
-    }
-    encounters(human, {"track_id": 1, "other_id": 2} | shares)
-    told = [one.above() for one in meetings(open_run(tmp_path))]
-    assert told == ["1 → 2 TTC < 1.5 s in 17.1%, 0.0%", ""]
-
-
 def test_medians_say_that_most_futures_collide(tmp_path: Path) -> None:
     values = {"drac": [np.inf, np.inf, 1.0], "gap": [0.0, 0.0, 3.0], "thw": [1.0, 2.0, 3.0]}
     run = open_run(result(tmp_path, values | {"collision": [1.0, 1.0, 0.0]}))
@@ -238,12 +250,6 @@ def test_a_run_says_how_its_vehicles_are_driven(tmp_path: Path, models: list[str
     drawn = [{"model": model, "weight": 1.0} for model in models] + [{"model": "replay", "weight": 0.0}]
     run = open_run(result(tmp_path, {"collision": [0.0] * 4}, models=drawn))
     assert answer_lines(run)[0].endswith(words)
-
-
-def test_one_future_more_may_be_chance() -> None:
-    low, high = wilson(1, 117).low, wilson(0, 385).high
-    assert not surely_above(1 / 117, low, 0.0, high)
-    assert surely_above(3 / 117, wilson(3, 117).low, 0.0, high)
 
 
 @pytest.mark.parametrize(

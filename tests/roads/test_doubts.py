@@ -50,7 +50,7 @@ def test_a_vehicle_that_leaves_before_the_others_and_before_the_contact_is() -> 
     valid = np.ones((2, 20), dtype=np.bool_)
     valid[1, 8:] = False
     leaving = dataclasses.replace(scene, future_valid=valid)
-    assert doubt(leaving, 1.0) == "2 leaves the recording before"
+    assert doubt(leaving, 1.0) == "2 leaves the recording before that"
     assert doubt(leaving, 0.5) is None
     ended = dataclasses.replace(leaving, future_valid=np.stack([valid[1]] * 2))
     assert doubt(ended, 1.0) is None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,8 +48,6 @@ UNPROTECTED_KG: Final = 80.0
 """Mass of people without a mass in `MASSES_KG`: pedestrians, cyclists."""
 
 _LEAST = 1e-9  # probability of a row
-_TOLD = 1e-6  # probability of a row that is told
-_MOST, _NEARLY = 0.6, 0.9
 
 
 def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> pa.Table:
@@ -261,49 +259,22 @@ def doubts_of(pairs: Pairs, rows: IntArray, time_s: FloatArray | float = 0.0) ->
     ]
 
 
-def said(row: Mapping[str, Any]) -> str:
-    """Return a row of the table in words."""
-    one, other, response = row["track_id"], row["other_id"], row["response_s"]
-    (action,) = (kind for kind in ACTIONS if kind.name == row["action"])
-    does = action.words.format(f"{row['value']:g}") if row["value"] else action.words.partition(",")[0]
-    if math.isfinite(response):
-        share = f"one of {_round(1 / row['later'])}" if row["later"] < _MOST else "as most do"
-        then = f"{other} responds later than {response:.1f} s ({share})"
-    else:
-        then = f"{other} {'cannot' if row['later'] > _NEARLY else 'can hardly'} avoid it"
-    often = f"about {once_in(row['probability'])} (a factor of {_round(row['factor'])} either way)"
-    careful = "avoids it" if row["preventable"] else "does not always avoid it"
-    return (
-        f"{one} {does} ({once_in(row['frequency'])}) and {then}: a collision {often}; "
-        f"a careful and competent driver (UN R157) {careful}"
-    )
-
-
 def once_in(probability: float) -> str:
     """Return a probability as one of so many, one digit."""
-    return f"once in {_round(1 / probability)}" if probability < 0.5 else f"in {probability:.0%}"
+    return f"once in {rounded(1 / probability)}" if probability < 0.5 else f"in {probability:.0%}"
 
 
-def _round(number: float) -> str:
+def rounded(number: float) -> str:
     """Return a number with one digit, thousands apart."""
     size = 10 ** math.floor(math.log10(max(number, 1.0)))
     return f"{round(number / size) * size:,}".replace(",", " ")
 
 
-def any_collision(rows: Iterable[Mapping[str, Any]]) -> float:
-    """Return P of a collision in any of the rows whose data are not doubtful."""
-    return either(row["probability"] for row in rows if row["doubt"] is None)
+def any_collision(rows: Iterable[Mapping[str, Any]], *, doubtful: bool = False) -> float:
+    """Return P of a collision in any of the rows, those with doubtful data only if asked for."""
+    return either(row["probability"] for row in rows if doubtful or row["doubt"] is None)
 
 
 def either(probabilities: Iterable[float]) -> float:
     """Return 1 - Π (1 - P): as if independent."""
     return -math.expm1(sum(math.log1p(-min(p, 1 - 1e-12)) for p in probabilities))
-
-
-def worst_rows(table: pa.Table, most: int) -> Sequence[Mapping[str, Any]]:
-    """Return the most probable row of each of the worst pairs: none that is doubtful, or below 1e-6."""
-    found: dict[frozenset[int], Mapping[str, Any]] = {}
-    for row in table.to_pylist():
-        if row["doubt"] is None and row["probability"] >= _TOLD:
-            found.setdefault(frozenset((row["track_id"], row["other_id"])), row)
-    return list(found.values())[:most]

@@ -61,7 +61,10 @@ class PairResponse:
 
 
 def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
-    """Return the pairs of rows of ``response.parquet``, the most expected severe injuries first."""
+    """Return the pairs of rows of ``response.parquet``.
+
+    Those to be tested come first, then those with the most expected severe injuries.
+    """
     pairs: dict[frozenset[int], list[Mapping[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: -float(row["probability"])):
         pairs.setdefault(frozenset((row["track_id"], row["other_id"])), []).append(row)
@@ -76,7 +79,7 @@ def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
         )
         for own in pairs.values()
     ]
-    return sorted(found, key=lambda one: -one.expected_mais3)
+    return sorted(found, key=lambda one: (not one.is_to_be_tested, -one.expected_mais3))
 
 
 def decide(
@@ -114,8 +117,8 @@ def decide(
 def deciding(found: Sequence[PairResponse], *, keep_doubtful: bool = False) -> PairResponse | None:
     """Return the pair that decides: the first to be tested without doubt, else with, else the first."""
     sure = [one for one in found if keep_doubtful or one.doubt is None]
-    groups = ([one for one in part if one.is_to_be_tested] for part in (sure, found))
-    return next((group[0] for group in (*groups, sure) if group), None)
+    tested = (one for one in (*sure, *found) if one.is_to_be_tested)
+    return next(tested, sure[0] if sure else None)
 
 
 def _sentence(kind: str, worst: PairResponse, usual: Usual | None) -> str:

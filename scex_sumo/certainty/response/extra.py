@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra, Work
@@ -14,11 +14,14 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import Decision, Row
 from scex_sumo.results.run import REFERENCE, Run
 
+if TYPE_CHECKING:
+    from scex_sumo.certainty.response.decision import PairResponse
+
 RESPONSE: Final = "response.parquet"
 NONE: Final = "none"
 PEOPLE: Final = "people"
 HEAD: Final = "human-like, by actions and response times"
-_WORST = 3  # pairs in words
+_WORST = 3  # lines of pairs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,21 +78,29 @@ class CriticalResponse(Extra):
             return None
         from scex_sumo.certainty.response.decision import decide
 
-        return decide(run.table(RESPONSE).to_pylist())
+        return decide(run.table(RESPONSE).to_pylist(), keep_doubtful=run.keeps_doubtful)
 
     def lines(self, run: Run) -> Sequence[str]:
         """Return what it takes, of the worst pairs."""
         if not (run.folder / RESPONSE).is_file():
             return ()
-        from scex_sumo.certainty.response.answer import any_collision, once_in, said, worst_rows
+        from scex_sumo.certainty.response.answer import any_collision, once_in
+        from scex_sumo.certainty.response.words import told
 
-        table = run.table(RESPONSE)
-        worst = worst_rows(table, _WORST)
-        if not worst:
+        groups = self._groups(run)[:_WORST]
+        if not groups:
             return (f"{HEAD}: two vehicles collide less than once in a million such moments",)
-        total = any_collision(table.to_pylist())
+        total = any_collision(run.table(RESPONSE).to_pylist(), doubtful=run.keeps_doubtful)
         head = f"{HEAD}: a collision about {once_in(total)} such moments; what it takes:"
-        return (head, *(f"  {said(row)}" for row in worst))
+        return (head, *(f"  {told(group)}" for group in groups))
+
+    def _groups(self, run: Run) -> Sequence[Sequence[PairResponse]]:
+        """Return the pairs that are told, by what is said of them."""
+        from scex_sumo.certainty.response.decision import pair_responses
+        from scex_sumo.certainty.response.words import alike
+
+        found = pair_responses(run.table(RESPONSE).to_pylist())
+        return alike(one for one in found if run.keeps_doubtful or one.doubt is None)
 
     def page(self, run: Run) -> Any:
         """Return the card with what it takes, of the worst pairs; None without any."""
@@ -106,10 +117,15 @@ class CriticalResponse(Extra):
         return PagePart(cards=[element("section.card", head, soft, element("ul", *rows), id="response")])
 
     def answer(self, run: Run) -> Mapping[str, Any]:
-        """Return ``response``: P of any collision, and the rows of ``response.parquet``."""
+        """Return ``human_like``, what it takes, and ``response``, P of any collision and the table's rows."""
         if not (run.folder / RESPONSE).is_file():
-            return {"response": None}
+            return {"human_like": None, "response": None}
         from scex_sumo.certainty.response.answer import any_collision
+        from scex_sumo.certainty.response.words import told
 
         rows = run.table(RESPONSE).to_pylist()
-        return {"response": {"collision": any_collision(rows), "pairs": rows}}
+        groups = self._groups(run)
+        return {
+            "human_like": [{"pairs": [one.pair for one in group], "words": told(group)} for group in groups],
+            "response": {"collision": any_collision(rows, doubtful=run.keeps_doubtful), "pairs": rows},
+        }

@@ -28,7 +28,7 @@ from scex_sumo.page.report.tables import (
     metric_values,
     pair_events,
 )
-from scex_sumo.reports.run_table import always_critical, extra_rows, human_above
+from scex_sumo.reports.run_table import always_critical, extra_rows
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
@@ -123,7 +123,7 @@ def _words(
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
         "likely_collisions": None if run.reference is None else collision_share(run.reference),
         "always": always_critical(run),
-        "above": human_above(run),
+        "decision": None if run.decision is None else run.decision.sentence,
         "rows": extra_rows(run),
     }
 

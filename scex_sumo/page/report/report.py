@@ -61,12 +61,16 @@ def run_body(info: Mapping[str, Any], *cards: Html) -> str:
     return Template(asset("report.html")).substitute(
         name=element("span", info["name"]),
         about=joined(" · ".join(part for part in about if part)),
-        warnings=_note_card("Warnings", warnings),
+        warnings=joined(_decision_line(info), _note_card("Warnings", warnings)),
         verdict=joined(_collision_card(info), _encounter_card(info), _share_card(info)),
         recorded="" if info["has_recorded"] else " hidden",
         notes=joined(*cards, _note_card("Notes", [n for n in notes if not n.startswith(_WARNING)])),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
+
+
+def _decision_line(info: Mapping[str, Any]) -> Html:
+    return element("p", info["decision"], id="decision") if info["decision"] else Html()
 
 
 def _collision_card(info: Mapping[str, Any]) -> Html:
@@ -105,10 +109,7 @@ def _big(share: Mapping[str, Any], what: str, name: str, kind: str) -> Html:
 
 def _share_card(info: Mapping[str, Any]) -> Html:
     about = element("p.soft", _recorded_words(info["metrics"]))
-    whoever = f"Always so in this traffic: {', '.join(info['always'])}."
-    always = [element("p", whoever)] if info["always"] else []
-    always += [element("p", f"{info['above'][:1].upper()}{info['above'][1:]}.")] if info["above"] else []
-    return element("div.card", element("h2", "P(critical)"), element("div", id="shares"), about, *always)
+    return element("div.card", element("h2", "P(critical)"), element("div", id="shares"), about)
 
 
 def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:

@@ -16,13 +16,14 @@ from scex_sumo.page.study import table
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
     Meeting,
+    alike,
     driven_as,
     meetings,
     probability_in,
     worst_of,
 )
 from scex_sumo.reports.run_table import expected_injuries
-from scex_sumo.results.encounters import event_of
+from scex_sumo.results.encounters import arrows, event_of
 from scex_sumo.results.outcomes import COLLISIONS
 from scex_sumo.results.probability import Probability, critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
@@ -164,7 +165,8 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
     pairs: dict[tuple[int, int], int] = {}
     rows = []
-    worst = worst_of(found, _WORST)
+    kept = worst_of(found, doubtful=run.keeps_doubtful)
+    groups = {id(group[0]): group for group in alike(kept)[:_WORST]}
     for one, mine in zip(found, cells, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE
         pair = where[row["track_id"]], where[row["other_id"]]
@@ -179,20 +181,22 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 "human": is_human,
                 "future": row["future"] + (run.futures if is_human else 0),
                 "step": round(row["time_s"] / STEP_S),
-                "worst": one in worst,
-                **(_story(one, sets) if one in worst else {}),
+                "worst": id(one) in groups,
+                **(_story(groups[id(one)], sets) if id(one) in groups else {}),
             }
         )
     known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
     return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
 
 
-def _story(one: Meeting, both: Sequence[Run]) -> dict[str, Any]:
-    """Return what happens in a worst encounter: question, words, kind and place, drivers.
+def _story(group: Sequence[Meeting], both: Sequence[Run]) -> dict[str, Any]:
+    """Return what happens in a worst encounter: question, words, kind, place, pairs alike, drivers.
 
     ``told`` are P and its interval, or ``exact``, in words: of the stress test, then of human-like futures.
     """
+    one, more = group[0], [(like.row["track_id"], like.row["other_id"]) for like in group[1:]]
     question, happens = event_of(one.row)
+    also = [f"so {len(more)} more: {arrows(more)}"] if more else []
     exact = one.encounter.probability(question).known
     tracks = [one.row["track_id"], one.row["other_id"]]
     drivers = [
@@ -202,7 +206,7 @@ def _story(one: Meeting, both: Sequence[Run]) -> dict[str, Any]:
     return {
         "question": question,
         "happens": happens,
-        "about": ", ".join(part for part in (one.row["kind"], one.row["place"]) if part),
+        "about": ", ".join(part for part in (one.row["kind"], one.row["place"], *also) if part),
         "why": ways or f"typically {', '.join(drivers)}",
         "told": [_told(probability_in(run, one.pair, question)) for run in both],
     }
