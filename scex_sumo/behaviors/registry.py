@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object, own_error_reason, staying
@@ -21,8 +20,7 @@ from scex_sumo.behaviors.models.simple import (
     Replay,
     ReplayProfile,
 )
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.spec import ModelEntry, label_of, maker_of, parameter_texts, parameter_value
+from scex_sumo.behaviors.spec import ModelEntry, maker_of, parameter_value
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
@@ -32,18 +30,6 @@ _MIXES: Final[Mapping[str, str]] = {
     # Without learned models, so that new weights do not change default results.
     "paper": f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor",
 }
-
-T = TypeVar("T")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModelInfo:
-    """A model as ``scex-sumo models`` prints it; parameters are ``name=default``."""
-
-    name: str
-    parameters: tuple[str, ...]
-    summary: str
-
 
 _rule = partial(ModelEntry, may_fail=False, is_own=False)  # an exception is a bug of this package
 
@@ -103,39 +89,6 @@ ADAPTERS: Final = Registry(group="scex_sumo.adapters", kind="adapter of models")
 _registered: dict[str, ModelEntry] = {}
 
 
-def behavior(name: str) -> Callable[[T], T]:
-    """Register a behaviour model: ``@behavior("my_driver")`` on a class with ``plan`` or ``plan_one``.
-
-    See `Behavior` and `SingleVehicleBehavior`. Keyword arguments of the constructor are the parameters. A
-    function of a vehicle's ``history`` becomes a `Predictor`.
-
-    Raises:
-        UsageError: the name is taken or cannot be written on a command line.
-
-    Example:
-        >>> @scex.behavior("parked")
-        ... class Parked:
-        ...     def plan(self, history, road, who, rng):
-        ...         now = history.now[who.future, who.vehicle]
-        ...         x, y, heading = (np.repeat(a[:, None], 30, axis=1) for a in (now.x, now.y, now.heading))
-        ...         return scex.Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
-        >>> [str(model) for model in scex.parse_models("parked")]
-        ['parked']
-    """
-
-    def register(constructor: T) -> T:
-        if name in {*_CORE, SUMO, *_MIXES} or EXTENSIONS.is_ours(name) or MIXES.is_ours(name):
-            raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
-        if not name or any(c in name for c in ",:@= \t\n"):
-            raise UsageError(f"behavior {name!r}: a name must not contain , : @ = or spaces")
-        if not callable(constructor):
-            raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
-        _registered[name] = _entry(constructor, name)
-        return constructor
-
-    return register
-
-
 def is_own(spec: ModelSpec) -> bool:
     """Return whether a model is the user's."""
     return _entry_for(spec).is_own
@@ -148,29 +101,8 @@ def mixes() -> dict[str, str]:
 
 def known_names() -> list[str]:
     """Return the names that `build` accepts, ``sumo:<model>`` among them."""
-    return list(known_entries())
-
-
-def known_models() -> list[ModelInfo]:
-    """Return all models."""
-    return [
-        ModelInfo(name=name, parameters=parameter_texts(entry.defaults), summary=entry.summary)
-        for name, entry in known_entries().items()
-    ]
-
-
-def known_entries() -> dict[str, ModelEntry]:
-    """Return the entries of all models; one that cannot be loaded says why in its summary."""
-    found = dict(_CORE)
-    for model in (*SUMO_MODELS, OWN_MODEL):
-        found[f"{SUMO}:{model}"] = entry_of(f"{SUMO}:{model}")
-    for name in sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *_MIXES}):
-        try:
-            found[name] = entry_of(name)
-        except UsageError as error:  # a broken package does not hide the other models
-            summary = str(error).removeprefix(f"{name}: ")
-            found[name] = ModelEntry(make=dict, summary=summary, takes_guard=False)
-    return dict(sorted(found.items(), key=lambda item: item[1].place))
+    sumo = [f"{SUMO}:{model}" for model in (*SUMO_MODELS, OWN_MODEL)]
+    return [*_CORE, *sumo, *sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *_MIXES})]
 
 
 def entry_of(name: str) -> ModelEntry:
@@ -178,6 +110,8 @@ def entry_of(name: str) -> ModelEntry:
     if name in _CORE:
         return _CORE[name]
     if name.startswith(f"{SUMO}:"):
+        from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+
         return _rule(
             make=SumoDriver,
             parameters={"path": "straight"},
@@ -268,7 +202,11 @@ def model_specs(given: Any) -> tuple[ModelSpec, ...]:
             f"got {reprlib.repr(given)} as a model; give its name, e.g. standard_driver, a class with plan "
             "or plan_one, an object of it, or a function of history"
         )
-    spec = given if isinstance(given, ModelSpec) else ModelSpec(name=label_of(given), model=given)
+    spec = given
+    if not isinstance(given, ModelSpec):
+        from scex_sumo.behaviors.objects import label_of
+
+        spec = ModelSpec(name=label_of(given), model=given)
     _maker(spec)  # raises for what cannot be made
     return (spec,)
 

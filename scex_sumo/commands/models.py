@@ -7,7 +7,8 @@ def models_command() -> None:
     """List the behaviour models and their parameters."""
     from rich.table import Table
 
-    from scex_sumo.behaviors.registry import known_models, mixes
+    from scex_sumo.behaviors.listing import known_models
+    from scex_sumo.behaviors.registry import mixes
     from scex_sumo.commands.console import output_console
 
     table = Table(show_lines=False, box=None, pad_edge=False)

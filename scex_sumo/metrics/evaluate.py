@@ -14,7 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.base.errors import InputError, ScexError
 from scex_sumo.base.importing import own_error_reason
-from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, Rows, SceneTracks
+from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.pairs.leaders import preset_named
 from scex_sumo.metrics.pairs.scenes import Entries, Preset, Samples, Scenes, TrackPairs
@@ -43,17 +43,6 @@ class ScenarioValues:
         return self.values[:, index], self.defined[:, index]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PairValues(Rows):
-    """Nanoscopic values of one metric, one row per ordered pair (or vehicle) where defined."""
-
-    future: IntArray
-    step: IntArray  # on the step axis of the tracks, history included
-    vehicle: IntArray
-    other: IntArray | None  # the second vehicle; None for metrics of single vehicles
-    value: FloatArray  # ``ttc`` in s, not inverted; inf is a value
-
-
 def evaluate(
     tracks: SceneTracks,
     planned: PlannedPaths | None,
@@ -79,9 +68,9 @@ def evaluate(
         own = scenes if vehicles is None else scenes.of_vehicles(vehicles)
         for metric in chosen:
             if vehicles is None or metric.quick is not None:
-                samples = _samples(metric, own, quick=True)
+                samples = samples_of(metric, own, quick=True)
             else:  # leaders and traffic quality depend on all vehicles
-                samples = _of_vehicles(_samples(metric, scenes, quick=False), vehicles, scenes)
+                samples = _of_vehicles(samples_of(metric, scenes, quick=False), vehicles, scenes)
             parts[metric.name].append(extrema(metric, samples, scenes))
         if also is not None:
             also(start, scenes)
@@ -101,24 +90,6 @@ def evaluate(
         worst=worst,
         preset=preset,
     )
-
-
-def evaluate_pairs(
-    tracks: SceneTracks,
-    planned: PlannedPaths | None,
-    *,
-    preset: str = PAPER_PRESET,
-    parameters: MetricParameters = PAPER,
-    metrics: Sequence[str | Metric] | None = None,
-) -> dict[str, PairValues]:
-    """Evaluate all pairs by metric, sorted by future, step, vehicle, other; see `evaluate`."""
-    chosen = metrics_named(metrics)
-    parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
-    for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
-        for metric in chosen:
-            samples = _samples(metric, scenes, quick=False)
-            parts[metric.name].append(_rows(_dense(samples, scenes), start, tracks.first))
-    return {name: PairValues.join(part) for name, part in parts.items()}
 
 
 def scene_batches(
@@ -207,7 +178,8 @@ def _plans_of(planned: PlannedPaths, future: IntArray, vehicle: IntArray) -> Pla
     return replace(planned, x=x, y=y)
 
 
-def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
+def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
+    """Return the values of a metric, checked; ``quick`` allows fewer pairs with the same extrema."""
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
     seen = scenes if metric.preset is None else scenes.under(preset_named(metric.preset))
     try:
@@ -229,12 +201,13 @@ def _samples(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entrie
     return samples
 
 
-def _dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
+def dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
+    """Return values of all pairs at all steps."""
     return scenes.scattered(samples.where, samples.value) if isinstance(samples, Entries) else samples
 
 
 def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: Scenes) -> Samples:
-    samples = _dense(samples, scenes)
+    samples = dense(samples, scenes)
     wanted = np.array(sorted(vehicles), dtype=np.int64)
     keep: BoolArray = np.isin(samples.row, wanted)
     if samples.other is not None:
@@ -246,18 +219,3 @@ def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: 
         row=samples.row[keep],
         other=None if samples.other is None else samples.other[keep],
     )
-
-
-def _rows(samples: Samples, first_future: int, first_step: int) -> PairValues:
-    entry, future, step = np.nonzero(samples.defined)
-    value = samples.value[entry, future, step]
-    vehicle = samples.row[entry]
-    other = None if samples.other is None else samples.other[entry]
-    if samples.symmetric and other is not None:
-        vehicle, other = np.concatenate([vehicle, other]), np.concatenate([other, vehicle])
-        future, step, value = np.tile(future, 2), np.tile(step, 2), np.tile(value, 2)
-    keys = (vehicle, step, future) if other is None else (other, vehicle, step, future)
-    rows = PairValues(
-        future=future + first_future, step=step + first_step, vehicle=vehicle, other=other, value=value
-    )
-    return rows.take(np.lexsort(keys))

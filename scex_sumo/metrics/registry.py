@@ -8,11 +8,10 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import inspect
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object, own_error_reason
@@ -100,8 +99,6 @@ def _no_formula(scenes: Scenes) -> Samples | Entries:
     raise UsageError("metrics: this metric is known from a result only; register its function to evaluate it")
 
 
-F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
-
 _PTTC = Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, harmonic=True, label="PTTC")
 _TTC = Metric(
     name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True, threshold=1 / 1.5, label="1/TTC"
@@ -173,64 +170,6 @@ _registered: dict[str, Metric] = {}
 _described: dict[str, Metric] = {  # columns of results without a function here
     COLLISION: Metric.described({"name": COLLISION, "critical": "max", "threshold": 1.0})
 }
-
-
-def metric(
-    name: str,
-    *,
-    critical: Literal["min", "max"],
-    unit: str = "",
-    threshold: float | None = None,
-    label: str | None = None,
-    inverse: bool = False,
-    finite: bool = False,
-) -> Callable[[F], F]:
-    """Register a function of `Scenes` that returns `Samples` as a metric: ``@metric("my_metric", ...)``.
-
-    Args:
-        critical: ``min`` if small values are critical, else ``max``.
-        unit: of the function's values.
-        threshold: value from which a future is critical.
-        inverse: aggregate 1 / value; ``critical`` and ``threshold`` refer to it.
-        finite: leave infinite values out of the aggregates.
-
-    Raises:
-        UsageError: the name is taken or cannot be written on a command line, or the side is unknown.
-
-    Example:
-        >>> scene = scex.read_seed(scex.example_path("roundabout"))
-        >>> @scex.metric("slowest", critical="min", unit="m/s")
-        ... def slowest(scenes):
-        ...     first, second = scenes.pairs
-        ...     return scenes.unordered(np.minimum(scenes.speed[first], scenes.speed[second]))
-        >>> scex.extrapolate(scene, futures=2, metrics=["slowest"]).metrics.column_names
-        ['future', 'slowest', 'slowest_mean', 'collision']
-    """
-    if name in METRICS or name in _TAKEN:
-        raise UsageError(f"metric {name!r}: the name is taken; choose another one")
-    if not name or name.endswith("_mean") or any(c in name for c in ",:@=. \t\n"):
-        raise UsageError(f"metric {name!r}: a name must not contain , : @ = . or spaces, nor end with _mean")
-    if critical not in ("min", "max"):
-        raise UsageError(f"metric {name!r}: critical={critical!r}; choose min or max")
-    if threshold is not None and not math.isfinite(threshold):
-        raise UsageError(f"metric {name!r}: threshold {threshold} is not a finite number")
-
-    def register(function: F) -> F:
-        made = Metric(
-            name=name,
-            unit=unit,
-            critical=critical,
-            evaluate=function,
-            inverse=inverse,
-            finite=finite,
-            threshold=threshold,
-            label=label or "",
-        )
-        _registered[name] = made
-        function.__scex_metric__ = made  # type: ignore[attr-defined]
-        return function
-
-    return register
 
 
 def known_metrics() -> tuple[str, ...]:

@@ -23,7 +23,7 @@ WORLDS = Registry(
     builtin={
         "sumo": "scex_sumo.world.sumo:SumoSimulator",
         "plain": "scex_sumo.world.plain:PlainSimulator",
-        "checked": "scex_sumo.world.plain:CheckedSimulator",
+        "checked": "scex_sumo.world.checked:CheckedSimulator",
     },
 )
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.registry import behavior
+from scex_sumo.behaviors.own import behavior
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.guard.guarded import Guarded

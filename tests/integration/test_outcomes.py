@@ -25,7 +25,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def test_collisions_encounters_and_shares_say_the_same(run: Run) -> None:
     hit = np.asarray(run.metrics["collision"])
     assert set(run.collisions["future"].to_pylist()) == set(np.flatnonzero(hit).tolist())
-    share = run.p_collision
+    share = run.collision.estimate
     assert 0 < share.low < share.value == hit.mean() < share.high < 1
     assert max(row["collision"] for row in run.encounters.to_pylist()) <= share.value
     first = run.encounters.to_pylist()[0]

@@ -96,7 +96,7 @@ def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
         share = run.p_critical(column)
         assert (row[f"p_{column}_low"], row[f"p_{column}_high"]) == (share.low, share.high)
         assert row[f"p_{column}"] == share.value
-    outcome = run.p_collision
+    outcome = run.collision.estimate
     assert (row["p_collision"], row["p_collision_low"], row["p_collision_high"]) == (
         outcome.value,
         outcome.low,

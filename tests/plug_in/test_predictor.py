@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.registry import build, known_models, parse_models
+from scex_sumo.behaviors.listing import known_models
+from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.learned.scene_graph.graph import SceneGraph, scene_graph
 from scex_sumo.plug_in.predictor import (

@@ -5,7 +5,7 @@ Metrics count pairs with such a vehicle. In the baseline they have drawn models 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,7 +17,6 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import COLLISION, column_named, side_of
 from scex_sumo.results.design import is_critical, metric_density
 from scex_sumo.results.run import UNDER_TEST, Run
-from scex_sumo.results.tables import own_injuries, with_own_collisions
 from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.under_test.paired import mcnemar, signed_rank, signs
@@ -100,13 +99,13 @@ class UnderTest:
             raise ResultError(f"{run.folder}: its baseline was not run; run again without --no-baseline")
         driven: dict[Driven, Run] = {"under_test": run, "baseline": run.baseline}
         tested, without = (
-            with_own_collisions(one.table(UNDER_TEST), one.collisions, known) for one in driven.values()
+            _with_own_collisions(one.table(UNDER_TEST), one.collisions, known) for one in driven.values()
         )
         if without["future"] != tested["future"]:
             raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
         injuries = None
         if "p_mais3" in run.collisions.column_names:
-            injuries = {k: own_injuries(one.collisions, known, one.futures) for k, one in driven.items()}
+            injuries = {k: _own_injuries(one.collisions, known, one.futures) for k, one in driven.items()}
         return cls(
             {int(track): model for track, model in known.items()},
             tested,
@@ -179,3 +178,21 @@ class UnderTest:
 
 def _median(values: FloatArray) -> float:
     return float(np.median(values)) if len(values) else float("nan")
+
+
+def _with_own_collisions(table: pa.Table, collisions: pa.Table, vehicles: Iterable[str]) -> pa.Table:
+    """Add the column ``collision`` of some vehicles to the metrics of their pairs."""
+    own = [int(track) for track in vehicles]
+    either = [np.isin(np.asarray(collisions[name]), own) for name in ("track_id", "other_id")]
+    struck = np.asarray(collisions["future"])[either[0] | either[1]]
+    hit = np.isin(np.asarray(table["future"]), struck).astype(np.float64)
+    return table.add_column(1, COLLISION, pa.array(hit))
+
+
+def _own_injuries(collisions: pa.Table, vehicles: Iterable[str], futures: int) -> FloatArray:
+    """Return (C,) expected severe injuries in the collisions of some vehicles."""
+    own = np.array([int(track) for track in vehicles])
+    mine = np.isin([np.asarray(collisions[name]) for name in ("track_id", "other_id")], own).any(axis=0)
+    risks = [np.asarray(collisions[name].fill_null(0.0)) for name in ("p_mais3", "p_mais3_other")]
+    future, risk = np.asarray(collisions["future"])[mine], np.sum(risks, axis=0)[mine]
+    return np.bincount(future, risk, minlength=futures).astype(np.float64)

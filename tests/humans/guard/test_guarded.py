@@ -12,7 +12,8 @@ import pytest
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile, Replay, ReplayProfile
-from scex_sumo.behaviors.registry import ModelSpec, behavior, build, parse_models
+from scex_sumo.behaviors.own import behavior
+from scex_sumo.behaviors.registry import ModelSpec, build, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.extrapolation.models import ModelSet
