@@ -9,7 +9,7 @@ Seed scenes of the part of the time split are driven for 3 s in a world without 
 - cover, least: share of recorded values within 5-95 % of the futures, mean and smallest of the 24 values;
 - P(coll): mean share of futures with a collision, over scenes in which no recorded boxes overlap;
 - error: position error of moving vehicles after 3 s (mean future) against that of constant velocity;
-- along: share of moving vehicles within 5-95 % along the road after 3 s;
+- along, across: share of moving vehicles within 5-95 % along and across the road after 3 s;
 - starts: standing vehicles that move more than 1 m in 3 s, share within 5-95 %, and mean error, m;
 - stands: mean error of the vehicles that stay, m;
 - realism: score of the Waymo Sim Agents Challenge, of 3 s and without lights;
@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from recorded_scenes import NGSIM_TEST
+from recorded_scenes import INTERACTION, INTERACTION_SITES, NGSIM_TEST
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.registry import build, parse_models
@@ -54,11 +54,21 @@ STEPS, REPLAN = 30, 5
 HARD_MPS2, OVER_STEPS = 3.0, 5
 STANDING_MPS, STARTED_M = 0.5, 1.0
 SETTINGS = RunSettings(futures=1, preset="both")
-DATASETS = ("mona", "taf_bw", "ngsim", "av2", "scenarionet")
+DATASETS = ("mona", "taf_bw", "ngsim", str(INTERACTION), "av2", "scenarionet")
 UNSEEN = ("av2", "nuscenes")  # nothing of them is fitted to: test parts
-SITES = ("MONA-East", "MONA-Merge", "MONA-West", "k729", "k733", "Lanker", "Peach", *UNSEEN)
-COLUMNS = ("vehicles", "brier", "cv", "base", "cover", "least", "P(coll)", "error", "along", "starts", "n",
-           "bias", "stands", "brake", "rec", "realism")  # fmt: skip
+SITES = (
+    "MONA-East",
+    "MONA-Merge",
+    "MONA-West",
+    "k729",
+    "k733",
+    "Lanker",
+    "Peach",
+    *INTERACTION_SITES,
+    *UNSEEN,
+)
+COLUMNS = ("vehicles", "brier", "cv", "base", "cover", "least", "P(coll)", "error", "along", "across",
+           "starts", "n", "bias", "stands", "brake", "rec", "realism")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +102,8 @@ def cases(data: Path, part: Part, most: int) -> Iterator[Case]:
     """The seed scenes of each site, evenly thinned, at most some per site."""
     chosen: dict[str, list[tuple[object, float]]] = {}
     for recording in find_recordings([data / name for name in DATASETS if (data / name).exists()]):
-        unseen, ngsim = site_of(recording.name) in UNSEEN, "USA_" in recording.name
+        unseen = site_of(recording.name) in UNSEEN
+        ngsim = site_of(recording.name) in ("Lanker", "Peach")
         test = unseen or any(file in recording.name for file in NGSIM_TEST)
         if (unseen or ngsim) and test != (part == "test"):
             continue
@@ -206,7 +217,7 @@ def row_of(found: list[Figures]) -> dict[str, float]:
         drive, truth = braking(f)
         hard.append(drive)
         hard_real.append(truth)
-    motion = np.array(moving).reshape(-1, 3)
+    motion = np.array(moving).reshape(-1, 4)
     start = np.array(starts).reshape(-1, 2)
     return {
         "vehicles": sum(f.case.scene.vehicles for f in found),
@@ -222,6 +233,7 @@ def row_of(found: list[Figures]) -> dict[str, float]:
         ),
         "error": float(motion[:, 0].mean() / motion[:, 1].mean()) if len(motion) else np.nan,
         "along": float(motion[:, 2].mean()) if len(motion) else np.nan,
+        "across": float(motion[:, 3].mean()) if len(motion) else np.nan,
         "starts": float(start[:, 0].mean()) if len(start) else np.nan,
         "n": len(start),
         "bias": float(start[:, 1].mean()) if len(start) else np.nan,
@@ -240,7 +252,9 @@ def _realism(f: Figures) -> float:
     return realism_score(realism(f.states, after, scene.length, scene.width, whole, scene.road))
 
 
-def positions(f: Figures) -> tuple[list[tuple[float, float, bool]], list[tuple[bool, float]], list[float]]:
+def positions(
+    f: Figures,
+) -> tuple[list[tuple[float, float, bool, bool]], list[tuple[bool, float]], list[float]]:
     """Errors after 3 s: of moving vehicles, of those that start from standing, and of those that stay."""
     scene, last = f.case.scene, STEPS - 1
     assert scene.future is not None and scene.future_valid is not None
@@ -250,11 +264,14 @@ def positions(f: Figures) -> tuple[list[tuple[float, float, bool]], list[tuple[b
         x, y, heading = (float(a[v, last]) for a in (scene.future.x, scene.future.y, scene.future.heading))
         dx, dy = f.states.x[:, last, v] - x, f.states.y[:, last, v] - y
         sx, sy = f.seen_states.x[:, last, v] - x, f.seen_states.y[:, last, v] - y
-        along = np.cos(heading) * sx + np.sin(heading) * sy
+        along, across = (
+            np.cos(heading) * sx + np.sin(heading) * sy,
+            np.cos(heading) * sy - np.sin(heading) * sx,
+        )
         plain = np.hypot(f.case.straight_states.x[0, last, v] - x, f.case.straight_states.y[0, last, v] - y)
         error = float(np.hypot(dx.mean(), dy.mean()))
         if scene.now.speed[v] > STANDING_MPS:
-            moving.append((error, float(plain), covered(along, 0.0)))
+            moving.append((error, float(plain), covered(along, 0.0), covered(across, 0.0)))
         elif np.hypot(x - scene.now.x[v], y - scene.now.y[v]) > STARTED_M:
             way = float(np.mean(np.cos(heading) * dx + np.sin(heading) * dy))
             starts.append((covered(along, 0.0), way))
@@ -279,7 +296,7 @@ def braking(f: Figures) -> tuple[np.ndarray, np.ndarray]:
 
 
 def table(rows: dict[str, dict[str, float]]) -> str:
-    lines = [f"{'site':12}" + "".join(f"{name:>9}" for name in COLUMNS) + "  worst value"]
+    lines = [f"{'site':24}" + "".join(f"{name:>9}" for name in COLUMNS) + "  worst value"]
     for site, row in rows.items():
         cells = "".join(
             f"{row[name]:9.3f}" if isinstance(row[name], float) else f"{row[name]:9}" for name in COLUMNS

@@ -46,13 +46,19 @@ def recorded(
 # Files of NGSIM are too short to be cut by time: these are kept for tests, the others are fitted to.
 NGSIM_TEST = ("Lanker-2_20", "Lanker-2_21", "Lanker-2_24", "Peach-3_1", "Peach-3_2")
 NGSIM_VALIDATION = ("Lanker-2_16",)
-EVERY_S = {"taf_bw": 2.0, "mona": 5.0, "ngsim": 1.5}
+INTERACTION = Path("interaction", "recorded_trackfiles")
+INTERACTION_SITES = tuple(
+    f"DR_{site}" for site in ("DEU_Roundabout_OF", "USA_Roundabout_FT", "USA_Roundabout_SR",
+                              "USA_Intersection_EP0", "USA_Intersection_GL")
+)  # fmt: skip
+EVERY_S = {"taf_bw": 2.0, "mona": 5.0, "ngsim": 1.5} | dict.fromkeys(INTERACTION_SITES, 12.0)
 MIN_MOVING = 2
 
 
 def recorded_parts(data: Path, name: str, part: Part) -> Iterator[SeedScene]:
-    """Moments of a part of a data set: TAF-BW and MONA are split by time, NGSIM by file."""
-    for recording in find_recordings([data / name]):
+    """Moments of a part of a set, one site of INTERACTION each: NGSIM is split by file, others by time."""
+    folder = INTERACTION / name if name in INTERACTION_SITES else Path(name)
+    for recording in find_recordings([data / folder]):
         if name == "ngsim" and part != ngsim_part(recording.name):
             continue
         loaded = load_recording(recording)
