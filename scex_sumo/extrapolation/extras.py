@@ -40,6 +40,11 @@ class Work:
     settled: Any = None
     progress: Progress | None = None
 
+    @property
+    def is_reference(self) -> bool:
+        """Whether these are the human-like futures beside a run."""
+        return self.options.is_reference
+
     def bar_of_repeat(self, label: str) -> AbstractContextManager[Progress | None]:
         """Open the part of the run's progress bar for a further run."""
         return nullcontext(self.progress)

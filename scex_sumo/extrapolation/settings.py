@@ -328,6 +328,7 @@ class RunOptions:
         bar: opens a progress bar by its label; yields a function of (done, total), or None.
         command: the command line, for ``run.json``.
         compared: compare a checked world with SUMO's.
+        is_reference: it is the human-like reference of another run.
 
     Raises:
         UsageError: an option makes no sense.
@@ -348,6 +349,7 @@ class RunOptions:
     bar: Callable[[str], AbstractContextManager[Progress | None]] = lambda label: nullcontext()
     command: Sequence[str] | None = None
     compared: bool = True
+    is_reference: bool = False
 
     def __post_init__(self) -> None:
         if self.batch is not None and self.batch < 1:

@@ -52,6 +52,7 @@ class HumanReference(Extra):
             batch=None,
             gui=False,
             overwrite=True,
+            is_reference=True,
             out=run.folder / REFERENCE,
             bar=lambda label: work.options.bar("reference"),
         )

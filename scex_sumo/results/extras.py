@@ -68,6 +68,7 @@ class Decision:
         expected_mais3: severe injuries that are to be expected.
         preventable: by a careful and competent driver (UN R157), always.
         doubt: why the data of the pair are doubtful; None if they are not.
+        least: least P of a collision with boxes 0.3 m or headings 2° off; so ``most``. None if not asked for.
 
     Example:
         >>> run.decision is None or run.decision.kind in ("test", "nothing", "doubtful")
@@ -84,6 +85,8 @@ class Decision:
     expected_mais3: float = 0.0
     preventable: bool = True
     doubt: str | None = None
+    least: float | None = None
+    most: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -166,11 +166,11 @@ def pairs_of(expected: Expected) -> Pairs:
     )
 
 
-def cases_of(pairs: Pairs) -> Cases:
-    """Return all actions that can happen in pairs."""
+def cases_of(pairs: Pairs, only: BoolArray | None = None) -> Cases:
+    """Return all actions that can happen in pairs, or in (n,) some of them."""
     scene, i = pairs.expected.scene, pairs.initiator
     possible = _possible(pairs)
-    chosen = [np.flatnonzero(mask) for mask in possible]
+    chosen = [np.flatnonzero(mask if only is None else mask & only) for mask in possible]
     pair = np.concatenate([np.repeat(index, LEVELS) for index in chosen])
     action = np.repeat(np.arange(len(ACTIONS)), [LEVELS * len(index) for index in chosen])
     value = np.concatenate(

@@ -73,8 +73,11 @@ def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> p
 
 @owner_cache
 def _table(scene: SeedScene, file: Path | None) -> pa.Table:
-    people, pairs = people_of(file), pairs_of(expected_motion(scene))
-    cases = cases_of(pairs)
+    return table_of(cases_of(pairs_of(expected_motion(scene))), people_of(file))
+
+
+def table_of(cases: Cases, people: People) -> pa.Table:
+    """Return the table of `critical_responses` for some cases."""
     columns = _columns(cases, people) if len(cases) else {}
     arrays = [pa.array(list(columns.get(field.name, ())), field.type) for field in SCHEMA]
     return pa.table(arrays, schema=SCHEMA)

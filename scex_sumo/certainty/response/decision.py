@@ -8,7 +8,7 @@ the reasons.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -63,7 +63,7 @@ class PairResponse:
 def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
     """Return the pairs of rows of ``response.parquet``.
 
-    Those to be tested come first, then those with the most expected severe injuries.
+    Those to be tested come first, the most expected severe injuries before others; then the most probable.
     """
     pairs: dict[frozenset[int], list[Mapping[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: -float(row["probability"])):
@@ -79,11 +79,18 @@ def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
         )
         for own in pairs.values()
     ]
-    return sorted(found, key=lambda one: (not one.is_to_be_tested, -one.expected_mais3))
+    return sorted(
+        found,
+        key=lambda one: (-one.expected_mais3 if one.is_to_be_tested else 0.0, -one.probability),
+    )
 
 
 def decide(
-    rows: Iterable[Mapping[str, Any]], usual: Usual | None = None, *, keep_doubtful: bool = False
+    rows: Iterable[Mapping[str, Any]],
+    usual: Usual | None = None,
+    *,
+    keep_doubtful: bool = False,
+    varied: Callable[[tuple[int, int]], Sequence[PairResponse]] = lambda pair: (),
 ) -> Decision:
     """Return what to test in a moment.
 
@@ -91,6 +98,7 @@ def decide(
         rows: of ``response.parquet``, of one moment.
         usual: what is usual for the pair that decides, see `deciding`.
         keep_doubtful: doubtful pairs count, too.
+        varied: returns the pair that decides as it is with errors of its data, see `sensitivity.varied`.
     """
     found = pair_responses(rows)
     worst = deciding(found, keep_doubtful=keep_doubtful)
@@ -99,10 +107,11 @@ def decide(
     kind = NOTHING
     if worst.is_to_be_tested:
         kind = TEST if keep_doubtful or worst.doubt is None else DOUBTFUL
-    row = worst.row
+    row, others = worst.row, [] if kind == DOUBTFUL else varied(worst.pair)
+    chances = sorted(one.probability for one in others)
     return Decision(
         kind=kind,
-        sentence=_sentence(kind, worst, usual),
+        sentence=_sentence(kind, worst, usual) + _depends(worst, others),
         pair=worst.pair,
         place=row["kind"],
         time_s=row["time_s"],
@@ -111,7 +120,19 @@ def decide(
         expected_mais3=worst.expected_mais3,
         preventable=worst.preventable,
         doubt=worst.doubt,
+        least=chances[0] if chances else None,
+        most=chances[-1] if chances else None,
     )
+
+
+def _depends(worst: PairResponse, others: Sequence[PairResponse]) -> str:
+    """Return a sentence if errors of the data change what is to be tested; else nothing."""
+    changed = [one.probability for one in others if one.is_to_be_tested != worst.is_to_be_tested]
+    if not changed:
+        return ""
+    often = once_in(min(changed) if worst.is_to_be_tested else max(changed))
+    now = "nothing to test" if worst.is_to_be_tested else "to be tested"
+    return f" This depends on the data: {often}, {now}, if boxes are 0.3 m or headings 2° off."
 
 
 def deciding(found: Sequence[PairResponse], *, keep_doubtful: bool = False) -> PairResponse | None:

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
@@ -56,6 +57,7 @@ class Expected:
         return {"s": way, "speed": v + share * (later - v), "acceleration": (later - v) / STEP_S}
 
 
+@owner_cache
 def expected_motion(scene: SeedScene) -> Expected:
     """Return the expected motion of a seed scene that has a road."""
     assert scene.road is not None

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
+from scex_sumo.base.errors import ResultError
 from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import Decision, Row
-from scex_sumo.results.run import REFERENCE, Run
+from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
     from scex_sumo.certainty.response.decision import PairResponse
 
 RESPONSE: Final = "response.parquet"
+DECISION: Final = "decision.json"
 NONE: Final = "none"
 PEOPLE: Final = "people"
 HEAD: Final = "human-like, by actions and response times"
@@ -29,7 +33,7 @@ class CriticalResponse(Extra):
     """What it takes until two vehicles collide, and how often people let it happen, see docs/response.md."""
 
     order: ClassVar[int] = 15
-    files: ClassVar[tuple[str, ...]] = (RESPONSE,)
+    files: ClassVar[tuple[str, ...]] = (RESPONSE, DECISION)
 
     response: str | None = option(
         "How people act and respond, or a file.",
@@ -54,31 +58,46 @@ class CriticalResponse(Extra):
         return None if self.response == PEOPLE else Path(str(self.response))
 
     def after(self, work: Work) -> Sequence[Row]:
-        """Write the table; return P of any collision for the human-like futures."""
-        human = work.job.folder.name == REFERENCE
-        file = work.job.folder / RESPONSE
-        file.unlink(missing_ok=True)
+        """Write the table and the decision; return P of any collision for the human-like futures."""
+        for name in self.files:
+            (work.job.folder / name).unlink(missing_ok=True)
         if not self._wanted:
             return ()
-        import pyarrow.parquet as pq
-
-        from scex_sumo.base.files import replacing
         from scex_sumo.certainty.response.answer import any_collision, critical_responses
 
         table = critical_responses(work.job.scene, file=self._file)
-        if not human:
-            with replacing(file) as temporary:
-                pq.write_table(table, temporary)
-        value = any_collision(table.to_pylist()) if human else None
+        keep = work.options.keep_doubtful
+        if not work.is_reference:
+            self._write(work, table)
+        value = any_collision(table.to_pylist(), doubtful=keep) if work.is_reference else None
         return (Row(name="critical response", value=value),)
+
+    def _write(self, work: Work, table: Any) -> None:
+        import pyarrow.parquet as pq
+
+        from scex_sumo.base.files import replacing, write_atomic
+        from scex_sumo.certainty.response.decision import decide
+        from scex_sumo.certainty.response.sensitivity import varied
+
+        with replacing(work.job.folder / RESPONSE) as temporary:
+            pq.write_table(table, temporary)
+        decision = decide(
+            table.to_pylist(),
+            keep_doubtful=work.options.keep_doubtful,
+            varied=lambda pair: varied(work.job.scene, pair, self._file),
+        )
+        write_atomic(work.job.folder / DECISION, json.dumps(dataclasses.asdict(decision)).encode())
 
     def decision(self, run: Run) -> Decision | None:
         """Return what to test."""
-        if not (run.folder / RESPONSE).is_file():
+        file = run.folder / DECISION
+        if not file.is_file():
             return None
-        from scex_sumo.certainty.response.decision import decide
-
-        return decide(run.table(RESPONSE).to_pylist(), keep_doubtful=run.keeps_doubtful)
+        try:
+            content = json.loads(file.read_bytes())
+            return Decision(**content | {"pair": content["pair"] and tuple(content["pair"])})
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise ResultError(f"{file}: cannot be read ({str(error)[:80]}); run again") from None
 
     def lines(self, run: Run) -> Sequence[str]:
         """Return what it takes, of the worst pairs."""

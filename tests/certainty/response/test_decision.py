@@ -6,8 +6,11 @@ from typing import Any
 
 import pytest
 
+import scex_sumo as scex
 from scex_sumo.certainty.response.decision import HARD, SEVERE, UNAVOIDED, decide, pair_responses
+from scex_sumo.certainty.response.sensitivity import varied
 from scex_sumo.certainty.response.usual import Usual
+from tests.certainty.queues import queues
 
 
 def row(one: int, other: int, **values: Any) -> dict[str, Any]:
@@ -72,3 +75,26 @@ def test_without_encounters_there_is_nothing_to_test() -> None:
     found = decide([])
     assert found.kind == "nothing" and found.pair is None
     assert found.sentence == "Nothing to test: no two vehicles come near each other."
+
+
+def test_an_error_of_the_data_is_told_where_it_changes_the_decision() -> None:
+    rows, other = [dangerous(1, 2)], pair_responses([row(1, 2, probability=1 / 9000)])
+    found = decide(rows, varied=lambda pair: [*pair_responses(rows), *other])
+    assert found.sentence.endswith(
+        "once in 70. This depends on the data: once in 9 000, nothing to test, if boxes are 0.3 m or "
+        "headings 2° off."
+    )
+    assert (found.least, found.most) == pytest.approx((1 / 9000, 1 / 70))
+    assert "depends" not in decide(rows, varied=lambda pair: pair_responses(rows)).sentence
+    assert (
+        "once in 70, to be tested" in decide([row(1, 2)], varied=lambda pair: pair_responses(rows)).sentence
+    )
+
+
+def test_a_larger_box_makes_a_collision_more_probable() -> None:
+    scene = queues(2, gap_m=5.0)
+    (usual,) = pair_responses(scex.critical_responses(scene).to_pylist())
+    smaller, larger, left, right = varied(scene, usual.pair)
+    assert smaller.probability < usual.probability < larger.probability
+    assert left.probability == pytest.approx(usual.probability, rel=0.2)
+    assert left.probability == pytest.approx(right.probability, rel=0.01)  # a straight lane has no sides
