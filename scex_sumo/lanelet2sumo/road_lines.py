@@ -7,7 +7,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.files import points_of
+from scex_sumo.converters.net.reading import points_of
 from scex_sumo.converters.net.sumo_net import net_file
 from scex_sumo.lanelet2sumo.reader import read_net
 

@@ -9,8 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.files import DECIMALS, shape_text
-from scex_sumo.converters.net.lanelets import KEY, parts_text
+from scex_sumo.converters.net.text import DECIMALS, KEY, parts_text, shape_text
 from scex_sumo.lanelet2sumo.plan.elements import (
     WALKING_SPEED_MPS,
     Connection,

@@ -210,7 +210,7 @@ class Run:
     @cached_property
     def net(self) -> SumoNet:
         """The SUMO net that the run used."""
-        from scex_sumo.converters.net.sumo_net import open_net
+        from scex_sumo.converters.net.reading import open_net
 
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
 

@@ -6,17 +6,8 @@ files.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
-
-from scex_sumo.base.errors import MapError, ScexError, listed
-from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.net.files import unpacked, xml_root
 
 _ATTRIBUTES = {
     "net": "version junctionCornerDetail junctionLinkDetail lefthand rectangularLaneCut walkingareas"
@@ -73,23 +64,6 @@ _LIGHT_PARAMETERS = (
     " total-cycle-length ring1 ring2 barrierPhases barrier2Phases coordinatePhases offset cabinetType"
 )
 
-_MARKUP = re.compile(rb"<!(DOCTYPE|ENTITY)|<\?xml-", re.IGNORECASE)
-_ENCODING = re.compile(rb"""<\?xml[^>]*encoding\s*=\s*["']([^"']*)""")
-_SCHEMA = re.compile(rb"""schemaLocation\s*=\s*["'](?!https?://sumo[./-])""", re.IGNORECASE)
-
-
-def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
-    """Return a net or drawing reduced to what is allowed, and what was left out, e.g. ``2 <inductionLoop>``.
-
-    A file that is allowed as a whole keeps its bytes.
-    """
-    content = unpacked(path)
-    root = xml_root(path, content)
-    left_out = prune(root)
-    if left_out or not _plain(content):
-        content = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    return content, left_out
-
 
 def prune(root: Element) -> tuple[str, ...]:
     """Remove everything that is not allowed from a net, in place; returns what it was, with numbers."""
@@ -121,29 +95,3 @@ def _prune(element: Element, left_out: Counter[str]) -> None:
 
 def _light_parameter(param: Element) -> bool:
     return param.get("key", "").partition(":")[0] in _LIGHT_PARAMETERS.split()
-
-
-def _plain(content: bytes) -> bool:
-    encoding = _ENCODING.search(content[:1000])
-    if b"\0" in content or (encoding is not None and encoding[1].lower() not in (b"utf-8", b"us-ascii")):
-        return False
-    return not _MARKUP.search(content) and not _SCHEMA.search(content)
-
-
-@contextmanager
-def allowed_copy(path: Path) -> Iterator[Path]:
-    """Give SUMO a temporary copy of what is allowed in a net; errors name the net itself."""
-    content, _ = allowed_content(path)
-    with TemporaryFolder() as folder:
-        copy = Path(folder) / "allowed.net.xml"
-        copy.write_bytes(content)
-        try:
-            yield copy
-        except ScexError as error:
-            raise type(error)(str(error).replace(str(copy), str(path))) from None
-
-
-def refuse_outputs(path: Path) -> None:
-    """Refuse a file that this project once wrote and that now holds more than roads."""
-    if left_out := allowed_content(path)[1]:
-        raise MapError(f"{path}: changed since it was written: {listed(left_out)} in it; run again elsewhere")

@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from scex_sumo.base.errors import listed
-from scex_sumo.converters.net.allowed import allowed_content
 from scex_sumo.converters.net.drawing import extras_text
-from scex_sumo.converters.net.files import net_root
-from scex_sumo.converters.net.lanelets import lane_places
-from scex_sumo.converters.net.sumo_net import WrittenNet, lane_table, read_ends
+from scex_sumo.converters.net.reading import allowed_content, lane_places, net_root, read_ends
+from scex_sumo.converters.net.sumo_net import WrittenNet, lane_table
 from scex_sumo.road import Road
 
 

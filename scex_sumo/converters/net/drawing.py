@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr as quoted
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.files import shape_text
+from scex_sumo.converters.net.text import shape_text
 from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Marking, Road
 

@@ -10,11 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias, TypeVar
-from xml.etree.ElementTree import Element
 
-from scex_sumo.base.errors import InputError, MapError
-from scex_sumo.converters.net.allowed import refuse_outputs
-from scex_sumo.converters.net.files import net_root
 from scex_sumo.road import MapLoss
 
 
@@ -54,18 +50,6 @@ class WrittenNet:
     ends: Mapping[str, tuple[str, str]]
     notes: tuple[str, ...] = ()
     losses: tuple[MapLoss, ...] = ()
-
-
-def open_net(net_path: Path) -> SumoNet:
-    """Open a net that `convert` wrote, with the files beside it."""
-    table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
-    for file in (net_path, table):
-        if not file.is_file():
-            raise MapError(f"{file}: no such file; convert the map again")
-    for file in (net_path, extras):
-        if file.is_file():
-            refuse_outputs(file)
-    return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=LaneTable.read(table))
 
 
 def net_file(net_path: Path, suffix: str) -> Path:
@@ -161,32 +145,6 @@ class LaneTable:
         writer.writerow(HEADER)
         writer.writerows(self.rows)
         path.write_text(buffer.getvalue(), encoding="utf-8")
-
-    @classmethod
-    def read(cls, path: Path) -> LaneTable:
-        """Read NET.lanes.csv, and the edges around junctions from NET.net.xml beside it, if it is there."""
-        with path.open(encoding="utf-8", newline="") as file:
-            reader = csv.reader(file)
-            if next(reader, None) != HEADER:
-                raise InputError(f"{path}: not a lane table; its first line must be {','.join(HEADER)}")
-            rows = [(int(lanelet), sumo_lane) for lanelet, sumo_lane in reader]
-        net = path.with_name(path.name.removesuffix(".lanes.csv") + ".net.xml")
-        return cls(rows, read_ends(net_root(net)) if net.is_file() else None)
-
-
-def read_ends(root: Element) -> dict[str, tuple[str, str]]:
-    """Return the edges before and after each internal SUMO lane of a net."""
-    ends, within = {}, []
-    for connection in root.iter("connection"):
-        via = connection.get("via")
-        before, after = connection.get("from", ""), connection.get("to", "")
-        if via and not before.startswith(":"):
-            ends[via] = (before, after)
-        elif via:
-            within.append((f"{before}_{connection.get('fromLane', '0')}", via))
-    # Where a vehicle waits within a junction, netconvert cuts its internal lane in two.
-    ends.update({second: ends[first] for first, second in within if first in ends})
-    return ends
 
 
 def lane_table(

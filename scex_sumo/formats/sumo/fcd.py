@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.naming import open_binary
-from scex_sumo.converters.net.files import unpacked
+from scex_sumo.converters.net.reading import unpacked
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable, track_table

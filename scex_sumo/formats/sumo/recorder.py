@@ -26,9 +26,7 @@ from scex_sumo.base.errors import listed
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.programs import usable_parameters
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS
-from scex_sumo.converters.net.files import net_root
-from scex_sumo.converters.net.lanelets import lane_places
-from scex_sumo.converters.net.sumo_net import read_ends
+from scex_sumo.converters.net.reading import lane_places, net_root, read_ends
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.imported import kept_net

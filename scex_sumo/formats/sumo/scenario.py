@@ -19,8 +19,7 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.programs import checked_path, environment, program, user_sumo
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.naming import map_name, open_binary
-from scex_sumo.converters.net.allowed import allowed_content
-from scex_sumo.converters.net.files import unpacked
+from scex_sumo.converters.net.reading import allowed_content, unpacked
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.extrapolation.pool import in_other_process

@@ -111,14 +111,14 @@ def _convert(road: Road, out: Path | None, signals: Path | None) -> SumoNet:
 
 
 def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
-    from scex_sumo.converters.net.allowed import allowed_copy
-    from scex_sumo.converters.net.sumo_net import LaneTable, net_file
+    from scex_sumo.converters.net.reading import allowed_copy, read_lane_table
+    from scex_sumo.converters.net.sumo_net import net_file
     from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 
     if not net_path.is_file():
         raise MapError(f"{net_path}: no such file; give the SUMO net to judge")
     table_path = net_file(net_path, ".lanes.csv")
-    table = LaneTable.read(table_path) if table_path.is_file() else None
+    table = read_lane_table(table_path) if table_path.is_file() else None
     with allowed_copy(net_path) as allowed:
         report = check_net(allowed, road, table)
         report.figures["net"] = net_path.name

@@ -9,7 +9,7 @@ import shapely
 from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.lanelets import BEYOND, JOINT_M, LaneletPart
+from scex_sumo.converters.net.text import BEYOND, JOINT_M, LaneletPart
 from scex_sumo.geometry.polylines import (
     along,
     bend,

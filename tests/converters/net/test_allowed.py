@@ -11,9 +11,8 @@ import pytest
 from scex_sumo.base.errors import MapError, SimulationError
 from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.allowed import allowed_content, allowed_copy, refuse_outputs
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.converters.net.sumo_net import open_net
+from scex_sumo.converters.net.reading import allowed_content, allowed_copy, open_net, refuse_outputs
 from scex_sumo.world.tiles import TileTemplate
 from tests.command import scex
 

@@ -8,6 +8,7 @@ import pytest
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.reading import read_lane_table
 from scex_sumo.converters.net.sumo_net import LaneTable
 from tests.converters.sumo_roads import lane, road
 
@@ -50,7 +51,7 @@ def test_unknown_names_have_nothing(table: LaneTable) -> None:
 
 
 def test_a_written_table_reads_the_same(table: LaneTable, tmp_path: Path) -> None:
-    again = LaneTable.read(tmp_path / "net.lanes.csv")
+    again = read_lane_table(tmp_path / "net.lanes.csv")
     assert (tmp_path / "net.lanes.csv").read_text().splitlines()[0] == "lanelet_id,lane_id"
     for lanelet in (1, 2, 3, 9):
         assert again.sumo_lanes(lanelet) == table.sumo_lanes(lanelet)
@@ -69,7 +70,7 @@ def test_a_route_that_begins_inside_a_junction_begins_on_the_road_before_it(tmp_
     )
     net = convert(drawn, str(tmp_path / "net.net.xml"))
     assert all(name.startswith(":") for name in net.lanes.sumo_lanes(2))
-    for table in (net.lanes, LaneTable.read(tmp_path / "net.lanes.csv")):
+    for table in (net.lanes, read_lane_table(tmp_path / "net.lanes.csv")):
         assert table.edges([2]) == table.edges([1, 2, 3])
         assert table.edges([2, 3]) == table.edges([1, 2, 3])
 
@@ -78,4 +79,4 @@ def test_another_csv_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "tracks.csv"
     path.write_text("track_id,frame_id\n1,2\n")
     with pytest.raises(InputError, match="lanelet_id,lane_id"):
-        LaneTable.read(path)
+        read_lane_table(path)

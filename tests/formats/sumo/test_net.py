@@ -13,7 +13,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.converters.net.sumo_net import open_net
+from scex_sumo.converters.net.reading import open_net
 from scex_sumo.formats.sumo.net import beside
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.road import Road

@@ -1,0 +1,191 @@
+"""SUMO nets read from files: what is allowed of them, lanelets under their lanes, lane tables."""
+
+from __future__ import annotations
+
+import csv
+import re
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeAlias
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import InputError, MapError, ScexError, listed
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.converters.naming import open_binary
+from scex_sumo.converters.net.allowed import prune
+from scex_sumo.converters.net.sumo_net import HEADER, LaneTable, SumoNet, net_file
+from scex_sumo.converters.net.text import BEYOND, JOINT_M, KEY, LaneletPart
+from scex_sumo.geometry.polylines import length_of
+
+CHANGED_M = 1e-3  # difference of lengths from which a lane was changed
+GAP_M = 0.1  # between road beyond the border and a lane
+_DRIVEN = ("normal", "", None, "internal")  # functions of edges
+_MARKUP = re.compile(rb"<!(DOCTYPE|ENTITY)|<\?xml-", re.IGNORECASE)
+_ENCODING = re.compile(rb"""<\?xml[^>]*encoding\s*=\s*["']([^"']*)""")
+_SCHEMA = re.compile(rb"""schemaLocation\s*=\s*["'](?!https?://sumo[./-])""", re.IGNORECASE)
+
+Named: TypeAlias = Mapping[str, tuple[LaneletPart, ...]]
+
+
+def unpacked(path: Path) -> bytes:
+    """Read a net or another file of SUMO's, gzipped or not."""
+    try:
+        with open_binary(path) as file:
+            return file.read()
+    except FileNotFoundError:
+        raise MapError(f"{path}: no such net; convert the map first") from None
+    except (OSError, EOFError, zlib.error) as error:
+        raise MapError(f"{path}: cannot be read: {error}; check the path of the net") from None
+
+
+def xml_root(path: Path, content: bytes) -> Element:
+    """Parse the content of a net or another file of SUMO's."""
+    try:
+        return ElementTree.fromstring(content)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
+        raise MapError(f"{path}: not XML ({error}); build the net again with netconvert") from None
+
+
+def net_root(path: Path) -> Element:
+    """Return the XML root element of a net."""
+    root = xml_root(path, unpacked(path))
+    if root.tag != "net":
+        raise MapError(f"{path}: no SUMO net, its root element is <{root.tag}>; give a SUMO .net.xml")
+    return root
+
+
+def points_of(shape: str) -> FloatArray:
+    """Return the points (P, 2) of a shape; SUMO may mix points with and without a height."""
+    return np.array([point.split(",")[:2] for point in shape.split()], dtype=np.float64).reshape(-1, 2)
+
+
+def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
+    """Return a net or drawing reduced to what is allowed, and what was left out, e.g. ``2 <inductionLoop>``.
+
+    A file that is allowed as a whole keeps its bytes.
+    """
+    content = unpacked(path)
+    root = xml_root(path, content)
+    left_out = prune(root)
+    if left_out or not _plain(content):
+        content = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return content, left_out
+
+
+def _plain(content: bytes) -> bool:
+    encoding = _ENCODING.search(content[:1000])
+    if b"\0" in content or (encoding is not None and encoding[1].lower() not in (b"utf-8", b"us-ascii")):
+        return False
+    return not _MARKUP.search(content) and not _SCHEMA.search(content)
+
+
+@contextmanager
+def allowed_copy(path: Path) -> Iterator[Path]:
+    """Give SUMO a temporary copy of what is allowed in a net; errors name the net itself."""
+    content, _ = allowed_content(path)
+    with TemporaryFolder() as folder:
+        copy = Path(folder) / "allowed.net.xml"
+        copy.write_bytes(content)
+        try:
+            yield copy
+        except ScexError as error:
+            raise type(error)(str(error).replace(str(copy), str(path))) from None
+
+
+def refuse_outputs(path: Path) -> None:
+    """Refuse a file that this project once wrote and that now holds more than roads."""
+    if left_out := allowed_content(path)[1]:
+        raise MapError(f"{path}: changed since it was written: {listed(left_out)} in it; run again elsewhere")
+
+
+def open_net(net_path: Path) -> SumoNet:
+    """Open a net that `convert` wrote, with the files beside it."""
+    table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
+    for file in (net_path, table):
+        if not file.is_file():
+            raise MapError(f"{file}: no such file; convert the map again")
+    for file in (net_path, extras):
+        if file.is_file():
+            refuse_outputs(file)
+    return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=read_lane_table(table))
+
+
+def read_lane_table(path: Path) -> LaneTable:
+    """Read NET.lanes.csv, and the edges around junctions from NET.net.xml beside it, if it is there."""
+    with path.open(encoding="utf-8", newline="") as file:
+        reader = csv.reader(file)
+        if next(reader, None) != HEADER:
+            raise InputError(f"{path}: not a lane table; its first line must be {','.join(HEADER)}")
+        rows = [(int(lanelet), sumo_lane) for lanelet, sumo_lane in reader]
+    net = path.with_name(path.name.removesuffix(".lanes.csv") + ".net.xml")
+    return LaneTable(rows, read_ends(net_root(net)) if net.is_file() else None)
+
+
+def read_ends(root: Element) -> dict[str, tuple[str, str]]:
+    """Return the edges before and after each internal SUMO lane of a net."""
+    ends, within = {}, []
+    for connection in root.iter("connection"):
+        via = connection.get("via")
+        before, after = connection.get("from", ""), connection.get("to", "")
+        if via and not before.startswith(":"):
+            ends[via] = (before, after)
+        elif via:
+            within.append((f"{before}_{connection.get('fromLane', '0')}", via))
+    # Where a vehicle waits within a junction, netconvert cuts its internal lane in two.
+    ends.update({second: ends[first] for first, second in within if first in ends})
+    return ends
+
+
+def named_parts(root: ElementTree.Element) -> dict[str, tuple[LaneletPart, ...]] | None:
+    """Return the stretches under each lane of a net.
+
+    None if the net was changed since its conversion; empty if `convert` did not write it.
+    """
+    found: dict[str, tuple[LaneletPart, ...]] = {}
+    for lane in root.iter("lane"):
+        text = next((p.get("value", "") for p in lane.iter("param") if p.get("key") == KEY), "")
+        if not text:
+            continue
+        try:
+            points = points_of(lane.get("shape", ""))
+            stretches = tuple(_stretch(part) for part in text.split())
+            allowed = CHANGED_M + GAP_M * any(s.lanelet == BEYOND for s in stretches)
+            changed = abs(length_of(points) - sum(s.end - s.start for s in stretches)) > allowed
+        except (ValueError, IndexError, TypeError):
+            changed = True
+        if changed:
+            return None
+        found[lane.get("id", "")] = stretches
+    return found
+
+
+def _stretch(text: str) -> LaneletPart:
+    lanelet, *numbers = text.split(",")
+    return LaneletPart(int(lanelet), *map(float, numbers))
+
+
+def lanelet_places(named: Named, name: str) -> list[tuple[int, float]]:
+    """Return a lane's lanelets and the arc lengths where it begins on them, m, without mere joints."""
+    stretches = [s for s in named[name] if s.lanelet != BEYOND]
+    long = [s for s in stretches if s.end - s.start > JOINT_M * 1.001]
+    return list({s.lanelet: s.start for s in reversed(long or stretches)}.items())[::-1]
+
+
+def lane_names(root: ElementTree.Element) -> list[str]:
+    """Return SUMO's lanes of a net that become lanes of its road, in the order of the file."""
+    edges = (edge for edge in root.iter("edge") if edge.get("function") in _DRIVEN)
+    return [lane.get("id", "") for edge in edges for lane in edge.iter("lane")]
+
+
+def lane_places(root: ElementTree.Element) -> list[tuple[str, list[tuple[int, float]]]]:
+    """Return each lane of a net with (lane of its road under it, arc length in m where it begins there)."""
+    named = named_parts(root)
+    if named:
+        return [(name, under) for name in named if (under := lanelet_places(named, name))]
+    return [(name, [(k + 1, 0.0)]) for k, name in enumerate(lane_names(root))]
