@@ -24,11 +24,14 @@ def seed_scene(map_path: Path, options: SeedOptions, *, seed: int, cache: bool =
         TrackError: over half of the vehicles are on no mapped lane, without ``force``.
         ScexError: map or tracks cannot be read.
     """
-    from scex_sumo.converters.datasets.find import beside_tracks, map_and_tracks
+    from scex_sumo.converters.datasets.interaction import beside_tracks
 
-    map_path, tracks = map_and_tracks(map_path, options.source)
-    if tracks != options.source and options.synthetic is None:
-        options = replace(options, tracks=tracks)
+    if map_path.is_dir():
+        from scex_sumo.converters.datasets.find import map_and_tracks
+
+        map_path, tracks = map_and_tracks(map_path, options.source)
+        if tracks != options.source and options.synthetic is None:
+            options = replace(options, tracks=tracks)
     scene = (_recorded if options.synthetic is None else _populated)(map_path, options, seed, cache)
     assert scene.road is not None
     warn(_brief(note) for note in (*scene.road.notes, *scene.notes))

@@ -28,7 +28,7 @@ MAPS = Registry(
 DATASETS = Registry(
     group="scex_sumo.datasets",
     kind="dataset",
-    builtin={"interaction": "scex_sumo.converters.datasets.find:INTERACTION"},
+    builtin={"interaction": "scex_sumo.converters.datasets.interaction:INTERACTION"},
 )
 SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
 

@@ -1,4 +1,4 @@
-"""Recordings in folders, and the recording of a map, by the layouts of datasets; INTERACTION and TAF-BW."""
+"""Recordings of all datasets in folders."""
 
 from __future__ import annotations
 
@@ -10,21 +10,15 @@ from pathlib import Path
 
 from scex_sumo.base.errors import MapError, TrackError, listed, warn_notes
 from scex_sumo.base.files import identity_in
-from scex_sumo.converters.lanelet.origin import META_DATA
-from scex_sumo.converters.naming import all_plain_or_packed, map_name, plain_or_packed, unpacked_name
+from scex_sumo.converters.datasets.interaction import tracks_of_map
+from scex_sumo.converters.naming import unpacked_name
 from scex_sumo.converters.registries import (
     Dataset,
     Recording,
     dataset_of,
     is_map,
-    map_format,
-    recording_name,
-    refuse_folder,
 )
-from scex_sumo.converters.tracks.reader import read_tracks
-from scex_sumo.converters.tracks.rows import TrackTable
 
-TRACKS = "vehicle_tracks_*.csv"
 _RESULTS = ("run.json", "rank.json", "validate.json", "incomplete.json")
 _AS_PUBLISHED = {
     "sample_annotation.json": "nuScenes",
@@ -119,45 +113,6 @@ def _left_out(results: Sequence[Path]) -> list[str]:
     return [f"results of this program are left out: {listed(results)}"] if results else []
 
 
-def find_tracks(map_path: str | Path) -> Path:
-    """Find the recording of a map, plain or packed.
-
-    The first that exists: ``MAP.csv`` beside the map; the recording of the map's own format; INTERACTION's
-    layouts in the folder above ``maps/``.
-    """
-    path = Path(map_path)
-    if not path.exists():
-        raise MapError(f"{path}: no such file; check the path of the map")
-    refuse_folder(path)
-    name = Path(unpacked_name(path)).stem
-    looked = [path.with_name(f"{name}.csv")]
-    if unpacked_name(path) != looked[0].name and (beside := plain_or_packed(looked[0])) is not None:
-        return beside
-    if (own := map_format(path).tracks(path)) is not None:
-        return own
-    above = path.parent.parent if path.parent.name else path.parent.resolve().parent
-    for folder in (above, path.parent):
-        recordings = folder / "recorded_trackfiles" / name
-        if files := all_plain_or_packed(recordings, TRACKS):
-            return files[0]
-        splits = [folder / split / f"{name}_{split}.csv" for split in ("train", "val")]
-        if there := [file for file in map(plain_or_packed, splits) if file is not None]:
-            return there[0]
-        looked += [recordings / TRACKS, *splits]
-    places = ", ".join(str(place) for place in looked[:4])
-    raise TrackError(
-        f"{path}: no tracks found; looked for {places}; give {map_format(path).asks_for}, or --synthetic N "
-        "for N vehicles placed by SUMO"
-    )
-
-
-def beside_tracks(map_path: str | Path) -> int:
-    """Return how many recordings of a map `find_tracks` leaves for the one that it takes."""
-    tracks = find_tracks(map_path)
-    files = all_plain_or_packed(tracks.parent, TRACKS)
-    return len(files) - 1 if tracks in files else 0
-
-
 def _below(roots: Sequence[str | Path]) -> tuple[list[Path], list[Path]]:
     """Return the files below folders, each once, and the folders of results, without the files in them."""
     files: list[Path] = []
@@ -193,52 +148,3 @@ def _with_unique_names(recordings: list[Recording]) -> Iterator[Recording]:
             name = f"{safe}-{count}"
         used.add(name)
         yield replace(recording, name=name)
-
-
-def tracks_of_map(map_path: Path) -> list[Path]:
-    """All track files where the layouts have those of a map."""
-    name, above = map_name(map_path), map_path.parent.parent
-    beside = [map_path.with_name(f"{name}.csv"), *(above / s / f"{name}_{s}.csv" for s in ("train", "val"))]
-    files = all_plain_or_packed(above / "recorded_trackfiles" / name, TRACKS)
-    return [*files, *(file for file in map(plain_or_packed, beside) if file is not None)]
-
-
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    table = read_tracks(paths[0])
-    return table, table.notes
-
-
-def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
-    for path in files:
-        map_path = _map_of(path) if unpacked_name(path).endswith(".csv") else None
-        if map_path is not None:
-            yield Recording(
-                name=recording_name(map_path, (path,)),
-                site=map_name(map_path),
-                dataset="taf_bw" if path.with_name(META_DATA).is_file() else "interaction",
-                map_path=map_path,
-                track_paths=(path,),
-            )
-
-
-def _map_of(path: Path) -> Path | None:
-    folder, stem = path.parent, Path(unpacked_name(path)).stem
-    if path.name.startswith("vehicle_tracks_"):
-        map_path = folder.parent.parent / "maps" / f"{folder.name}.osm"
-        only = [*folder.glob("*.osm")]  # somebody's own folder
-        beside = plain_or_packed(path.with_name(f"{folder.name}.osm")) or (
-            only[0] if len(only) == 1 else None
-        )
-        return plain_or_packed(map_path) or beside or map_path
-    if folder.name in ("train", "val") and stem.endswith(f"_{folder.name}"):
-        map_path = folder.parent / "maps" / f"{stem.removesuffix(f'_{folder.name}')}.osm"
-        return plain_or_packed(map_path) or map_path
-    return plain_or_packed(path.with_name(f"{stem}.osm"))
-
-
-def _siblings(path: Path) -> Sequence[Path]:
-    own_folder = path.name.startswith("vehicle_tracks_")
-    return all_plain_or_packed(path.parent, TRACKS) if own_folder else ()
-
-
-INTERACTION = Dataset(is_mine=lambda path: True, read=_read, recordings=_recordings, siblings=_siblings)

@@ -12,7 +12,7 @@ import numpy as np
 from scex_sumo.base.errors import TrackError, listed
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.datasets.checks import doubts, refuse_implausible
-from scex_sumo.converters.datasets.find import find_tracks
+from scex_sumo.converters.datasets.interaction import find_tracks
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.datasets.repairs import doubt_place, explain_mismatch
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS, take_scene

@@ -21,8 +21,6 @@ from scex_sumo.converters.tracks.check import (
     MISSING,
     SHAPE_COLUMNS,
     check_header,
-    explain_bad_values,
-    explain_parse_error,
 )
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import (
@@ -241,6 +239,8 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
                 ),
             )
     except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
+        from scex_sumo.converters.tracks.faults import explain_parse_error
+
         raise explain_parse_error(path, header, numbers, str(error)) from None
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise TrackError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
@@ -279,6 +279,8 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
     if missing.mean() > MAX_MISSING:
         wrong |= missing
     if wrong.any():
+        from scex_sumo.converters.tracks.faults import explain_bad_values
+
         raise explain_bad_values(path, header, int(np.argmax(wrong)), MOTOR_TYPES)
     # A comparison with nan is False, too.
     if "frame_id" not in columns or not (np.abs(columns["frame_id"]) <= MAX_FRAME).all():

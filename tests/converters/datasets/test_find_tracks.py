@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.datasets.find import beside_tracks, find_tracks
+from scex_sumo.converters.datasets.interaction import beside_tracks, find_tracks
 from scex_sumo.converters.maps import read_map
 
 

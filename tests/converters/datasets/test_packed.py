@@ -13,7 +13,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.datasets.find import find_tracks
+from scex_sumo.converters.datasets.interaction import find_tracks
 
 DATA = Path(scex.__file__).parent / "scenarios/data"
 
