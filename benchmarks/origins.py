@@ -19,7 +19,8 @@ import scex_sumo
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.tracks.evidence import evidence, on_lanes
 from scex_sumo.formats.cleaning.align import align_tracks
-from scex_sumo.formats.cleaning.mismatch import doubt_place, find_shift
+from scex_sumo.formats.cleaning.mismatch import doubt_place
+from scex_sumo.formats.cleaning.shift import find_shift
 
 MOVED_M = (0, 2, 4, 6, 8, 12)
 

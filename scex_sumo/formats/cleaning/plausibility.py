@@ -6,18 +6,18 @@ Measured before repairs, over strides of one second, which the noise of single s
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.datasets.checks import Check, Verdict, twice
+from scex_sumo.converters.datasets.checks import Check, twice
 from scex_sumo.converters.datasets.repairs import Repair
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackRows, number_of
 from scex_sumo.formats.cleaning.heading import SIDEWAYS_RAD
-from scex_sumo.formats.cleaning.smooth import position_noise
+from scex_sumo.formats.cleaning.motion import position_noise
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.road import Road
@@ -135,31 +135,30 @@ class _Strides:
 
 
 def _speeds(strides: _Strides) -> Check:
-    name, usual = "speed of positions / of velocities", f"{1 / FACTOR:.2f} to {FACTOR:.2f}"
+    check = Check(
+        name="speed of positions / of velocities", value="-", usual=f"{1 / FACTOR:.2f} to {FACTOR:.2f}"
+    )
     track, tracks = strides.rows.track[strides.first], strides.rows.tracks
     moved, said = (np.bincount(track, np.hypot(*way.T), tracks) for way in (strides.moved, strides.said))
     judged = np.maximum(moved, said) > PATH_M
     if not judged.any():
-        return Check(name=name, value="-", usual=usual)
+        return check
     factor = float(np.median(moved[judged] / np.maximum(said[judged], 1e-3)))
+    check = replace(check, value=f"{factor:.2f}")
     if 1 / FACTOR <= factor <= FACTOR:
-        return Check(name=name, value=f"{factor:.2f}", usual=usual)
-    step_s = factor * strides.step_s
-    if abs(step_s / STEP_S - 1.0) < STEP_FITS:
+        return check
+    if abs(factor * strides.step_s / STEP_S - 1.0) < STEP_FITS:
         problem = (
             f"time stamps are probably wrong: velocities and positions fit if a step lasts {STEP_S:g} s, not "
             f"{strides.step_s:g} s; multiply the stamps by {factor:.3g}"
         )
-        value = f"{factor:.2f}"
-        return Check(
-            name=name, value=value, usual=usual, verdict="warning", problem=problem, explains=_VELOCITIES
-        )
+        return replace(check, verdict="warning", problem=problem, explains=_VELOCITIES)
     problem = f"velocities do not fit the positions ({factor:.2f} x), which are taken"
-    return Check(name=name, value=f"{factor:.2f}", usual=usual, verdict="repaired", problem=problem)
+    return replace(check, verdict="repaired", problem=problem)
 
 
 def _limits(strides: _Strides, road: Road) -> Check:
-    name, usual = "speed / speed limit, median", f"up to {LIMITS:g}"
+    check = Check(name="speed / speed limit, median", value="-", usual=f"up to {LIMITS:g}")
     chosen = np.flatnonzero(strides.driving)
     chosen = (
         chosen[np.unique(np.linspace(0, len(chosen) - 1, MATCHED).astype(int))] if len(chosen) else chosen
@@ -169,15 +168,16 @@ def _limits(strides: _Strides, road: Road) -> Check:
     best = np.append(True, np.diff(matches.vehicle) != 0)[: len(matches.vehicle)]
     limit = np.array([road.lanes[int(i)].speed_limit_mps for i in matches.lane_id[best]])
     if len(limit) < MIN_STRIDES:
-        return Check(name=name, value="-", usual=usual)
+        return check
     share = float(np.median(strides.speed[chosen][matches.vehicle[best]] / limit))
+    check = replace(check, value=f"{share:.2f}")
     if share <= LIMITS:
-        return Check(name=name, value=f"{share:.2f}", usual=usual)
+        return check
     problem = (
         f"half of the driving is over {share:.1f} x the speed limit: time stamps, or the unit of positions "
         "or limits, are probably wrong"
     )
-    return Check(name=name, value=f"{share:.2f}", usual=usual, verdict="warning", problem=problem)
+    return replace(check, verdict="warning", problem=problem)
 
 
 _TURNS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
@@ -194,55 +194,53 @@ _TURNS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
 
 
 def _headings(strides: _Strides) -> Check:
-    name, usual = "driving with heading over 45° off", f"up to {SOME_TURNED:.0%}"
+    check = Check(name="driving with heading over 45° off", value="-", usual=f"up to {SOME_TURNED:.0%}")
     driving = strides.driving
     if driving.sum() < MIN_STRIDES:
-        return Check(name=name, value="-", usual=usual)
+        return check
     psi, course = strides.rows.psi_rad[strides.middle][driving], strides.course[driving]
     turned = float((np.abs(wrap(psi - course)) > SIDEWAYS_RAD).mean())
+    check = replace(check, value=f"{turned:.0%}")
     if turned <= SOME_TURNED:
-        return Check(name=name, value=f"{turned:.0%}", usual=usual)
+        return check
     off = {cause: float(np.median(np.abs(wrap(right(psi) - course)))) for cause, right in _TURNS.items()}
     cause = min(off, key=lambda words: off[words])
-    verdict: Verdict = "warning"
+    if turned > MOST_TURNED and off[cause] < FITS_RAD:
+        return replace(check, verdict="error", problem=f"headings {cause}")
     problem = (
         f"headings of {turned:.0%} of the driving contradict the motion: of slow vehicles they stay wrong"
     )
-    if turned > MOST_TURNED and off[cause] < FITS_RAD:
-        verdict, problem = "error", f"headings {cause}"
-    return Check(name=name, value=f"{turned:.0%}", usual=usual, verdict=verdict, problem=problem)
+    return replace(check, verdict="warning", problem=problem)
 
 
 def _accelerations(strides: _Strides) -> Check:
-    name, usual = "acceleration, 99 % within, m/s²", f"up to {TYRES_MPS2:g}"
+    check = Check(name="acceleration, 99 % within, m/s²", value="-", usual=f"up to {TYRES_MPS2:g}")
     here = np.flatnonzero(strides.next)
     if len(here) < MIN_STRIDES:
-        return Check(name=name, value="-", usual=usual)
+        return check
     velocity = strides.moved / strides.seconds[:, None]
     change = np.hypot(*(velocity[here + 1] - velocity[here]).T) / strides.seconds[here]
     most = float(np.percentile(change, 99.0))
+    check = replace(check, value=f"{most:.1f}")
     if most <= TYRES_MPS2:
-        return Check(name=name, value=f"{most:.1f}", usual=usual)
+        return check
     problem = (
         f"accelerations reach {most:.0f} m/s², more than tyres can do: time stamps, or the unit of "
         "positions, are probably wrong"
     )
-    return Check(name=name, value=f"{most:.1f}", usual=usual, verdict="warning", problem=problem)
+    return replace(check, verdict="warning", problem=problem)
 
 
 def _noise(rows: TrackRows) -> Check:
-    name, usual = "noise of positions, m", f"up to {NOISE_M:g}"
     noise = position_noise(np.stack((rows.x, rows.y), axis=1), rows.timestamp_ms / 1000.0, rows.segment)
+    check = Check(name="noise of positions, m", value=f"{noise:.2f}", usual=f"up to {NOISE_M:g}")
     if noise <= NOISE_M:
-        return Check(name=name, value=f"{noise:.2f}", usual=usual)
+        return check
     problem = (
         f"positions scatter by {noise:.1f} m from sample to sample: a run begins with other speeds and "
         "distances than the traffic had; take the tracks of a better tracker"
     )
-    value = f"{noise:.2f}"
-    return Check(
-        name=name, value=value, usual=usual, verdict="warning", problem=problem, explains=_VELOCITIES
-    )
+    return replace(check, verdict="warning", problem=problem, explains=_VELOCITIES)
 
 
 def _sizes(rows: TrackRows) -> Check:
@@ -285,7 +283,6 @@ def _why(kind: str, length: float, width: float) -> str:
 
 
 def _doubles(rows: TrackRows) -> Check:
-    name, usual = "vehicles within another one", "0"
     stamps = rows.stamps_ms
     slots = np.unique(np.floor(stamps / (1000.0 * GRID_S)), return_index=True)[1]
     at = np.flatnonzero(np.isin(rows.timestamp_ms, stamps[slots]))
@@ -298,12 +295,11 @@ def _doubles(rows: TrackRows) -> Check:
         here, there = (rows.timestamp_ms[at[rows.track[at] == k]] for k in (a, b))
         if count >= max(DOUBLED_TIMES, DOUBLED_SHARE * len(np.intersect1d(here, there))):
             doubled.append((str(number_of(rows.labels[a])), str(number_of(rows.labels[b]))))
-    verdict: Verdict = "warning" if doubled else ""
     return Check(
-        name=name,
+        name="vehicles within another one",
         value=str(len(doubled)),
-        usual=usual,
-        verdict=verdict,
+        usual="0",
+        verdict="warning" if doubled else "",
         problem=twice(doubled),
         pairs=tuple(doubled),
     )

@@ -7,7 +7,8 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.formats.cleaning.smooth import JERK_DENSITY, derivative, position_noise, smooth
+from scex_sumo.formats.cleaning.motion import position_noise
+from scex_sumo.formats.cleaning.smooth import JERK_DENSITY, derivative, smooth
 
 UNEVEN = np.cumsum(np.random.default_rng(1).uniform(0.05, 0.2, 40))
 
