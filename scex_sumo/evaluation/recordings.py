@@ -10,9 +10,9 @@ from pathlib import Path
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.checks import Check, doubts, refuse_implausible
 from scex_sumo.converters.datasets.moment import Moment, find_moments
+from scex_sumo.converters.datasets.off_lanes import MIN_SHARE_ON_LANES, on_closed_lanes
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.datasets.recordings import (
-    MIN_SHARE_ON_LANES,
     doubts_of_place,
     labels_of,
     window_with_history,
@@ -23,7 +23,7 @@ from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.maps import LANELET2, read_map
 from scex_sumo.converters.registries import Recording, map_format, place_name
-from scex_sumo.converters.tracks.evidence import evidence, on_closed_lanes, on_lanes
+from scex_sumo.converters.tracks.evidence import evidence, on_lanes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
@@ -338,17 +336,3 @@ def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tu
     edge[1] += max(start + length - arc[-1], 0.0) * last / np.hypot(*last)
     cut = np.vstack([edge[:1], points[inside], edge[1:]])
     return cut, np.concatenate([owner[at[:1]], owner[inside], owner[at[1:]]])
-
-
-def lanes_ahead(lanes: Mapping[int, Lane], ids: Iterable[int], reach_m: float) -> Iterator[int]:
-    """Yield some lanes, then those that begin within ``reach_m`` behind their beginnings, nearest first."""
-    queue = sorted((0.0, i) for i in ids)
-    reached: set[int] = set()
-    while queue:
-        start, i = heapq.heappop(queue)
-        if i in lanes and i not in reached and start <= reach_m:
-            reached.add(i)
-            yield i
-            end = start + length_of(lanes[i].centreline)
-            for j in lanes[i].successors:
-                heapq.heappush(queue, (end, j))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +12,10 @@ import numpy as np
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.datasets.reader import read_recorded
-from scex_sumo.converters.tracks.evidence import evidence, lane_distance
+from scex_sumo.converters.tracks.evidence import Evidence, evidence, thinned
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackRows
 from scex_sumo.evaluation.recordings import LoadedRecording, load_recording
+from scex_sumo.formats.cleaning.fit import nearest_lanes
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 
@@ -61,7 +63,7 @@ def track_quality(rows: TrackRows, road: Road) -> TrackQuality:
         braking=float(low),
         accelerating=float(high),
         turned=float(np.median(np.abs(wrap(heading - np.arctan2(dy, dx)))[fast])),
-        off_lane=lane_distance(evidence(rows), road),
+        off_lane=_lane_distance(evidence(rows), road),
     )
 
 
@@ -106,3 +108,10 @@ def _row(loaded: LoadedRecording) -> str:
         f"{before.off_lane:.2f} → {after.off_lane:.2f}",
     ]
     return f"| {' | '.join(columns)} |"
+
+
+def _lane_distance(samples: Evidence, road: Road) -> float:
+    """Return the median distance of samples to the middle of their lanes, m; nan without any."""
+    few = thinned(samples)
+    offsets = nearest_lanes(road, few.x, few.y, few.heading)[2] if len(few.x) else np.zeros(0)
+    return float(np.median(np.abs(offsets))) if len(offsets) else math.nan

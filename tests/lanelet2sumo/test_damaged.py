@@ -12,7 +12,7 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.judge.conflicts import find_conflicts
 from scex_sumo.lanelet2sumo.topology.graph import MAX_LINKS
 from scex_sumo.road import Regulation, Road
-from scex_sumo.roads.routes import lanes_ahead
+from scex_sumo.roads.ahead import lanes_ahead
 from tests.converters.sumo_roads import lane, road
 
 

@@ -7,22 +7,18 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from scex_sumo.base.errors import TrackError, listed
+from scex_sumo.base.errors import listed
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.datasets.checks import doubts, refuse_implausible
 from scex_sumo.converters.datasets.interaction import find_tracks
 from scex_sumo.converters.datasets.reader import read_clean
-from scex_sumo.converters.datasets.repairs import doubt_place, explain_mismatch
+from scex_sumo.converters.datasets.repairs import doubt_place
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS, take_scene
 from scex_sumo.converters.registries import Recording, Window, dataset_of, place_name
-from scex_sumo.converters.tracks.evidence import Evidence, evidence, on_closed_lanes, on_lanes
+from scex_sumo.converters.tracks.evidence import Evidence, evidence
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
-
-MIN_SHARE_ON_LANES = 0.1  # a recording with less of its driving on lanes does not belong to its map
 
 
 def recorded_scene(
@@ -83,7 +79,11 @@ def recorded_scene(
         return dataclasses.replace(scene, notes=(*scene.notes, *implausible))
     samples, off = evidence(clean.table.vehicles), off_road(road, scene)
     simulated = dataset_of(recording.track_paths[0]).simulated
-    _check_place(scene, off, samples, road, force=force, simulated=simulated)
+    # Over half of the vehicles beside the lanes need ``force``; a scene with all of them there is refused.
+    if len(off) == scene.vehicles or (2 * len(off) > scene.vehicles and not force):
+        from scex_sumo.converters.datasets.off_lanes import explain_off_lanes
+
+        raise explain_off_lanes(scene, off, samples, road, simulated=simulated)
     scene = with_warnings(
         scene, off, (*implausible, *doubts_of_place(samples, road, recording.track_paths[0]))
     )
@@ -97,28 +97,6 @@ def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
     files = dataset.files(path)
     name = dataset.name(map_path, files)
     return Recording(name=name, site="", dataset="", map_path=map_path, track_paths=files)
-
-
-def _check_place(
-    scene: SeedScene, off: list[int], samples: Evidence, road: Road, *, force: bool, simulated: bool
-) -> None:
-    """Raise a `TrackError` if over half of the vehicles are ``off`` the lanes, without ``force``; or all."""
-    if len(off) < scene.vehicles and (force or 2 * len(off) <= scene.vehicles):
-        return
-    now = scene.now
-    here = Evidence(x=now.x[off], y=now.y[off], heading=now.heading[off], track=np.arange(len(off)))
-    share, doubt = on_lanes(samples, road), None if simulated else doubt_place(samples, road)
-    if closed := on_closed_lanes(here, road):
-        why = f"{closed}, or choose another moment with --time S"
-    elif simulated:
-        why = "the simulation has them beside the lanes for cars; choose another moment with --time S"
-    elif doubt is None and len(samples.x) and share >= MIN_SHARE_ON_LANES:
-        why = f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
-    else:
-        why = doubt.removeprefix("warning: ") if doubt else explain_mismatch(samples, road)
-    forced = "; --force runs it all the same" if len(off) < scene.vehicles else ""
-    beside = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane"
-    raise TrackError(f"{scene.name}: {beside}; {why}{forced}")
 
 
 def with_warnings(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> SeedScene:

@@ -1,4 +1,4 @@
-"""Reader of Lanelet2 maps, by lanelet2 itself; markings and areas, for drawing."""
+"""Reader of Lanelet2 maps, by lanelet2 itself."""
 
 from __future__ import annotations
 
@@ -10,44 +10,39 @@ from pathlib import Path
 import numpy as np
 from lanelet2 import io, projection, traffic_rules
 
-from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, one_line
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.converters.lanelet.drawing import areas, markings
 from scex_sumo.converters.lanelet.file import (
     Findings,
     MapFile,
     Points,
-    Relation,
     list_ids,
     read_map_file,
     write_map_file,
 )
 from scex_sumo.converters.lanelet.lanes import (
-    ROAD_WIDTH_M,
+    MIN_ROAD_M,
     Map,
     Rules,
     Vertex,
-    as_roads,
     drawn_vertices,
     join_lanes,
     related_lanes,
-    unknown_subtypes,
 )
 from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, recorded_origin
 from scex_sumo.converters.lanelet.projection import georeference
-from scex_sumo.converters.lanelet.regulations import attach, regulations
+from scex_sumo.converters.lanelet.regulations import regulations, unnamed
 from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
-from scex_sumo.road import Area, Lane, MapLoss, Marking, Road
+from scex_sumo.road import Lane, MapLoss, Regulation, Road
 
 MAX_FROM_ORIGIN_M = 100_000.0
 _LOAD_ERROR = re.compile(
     r"Error (?:parsing primitive|reading primitive with id) (-?\d+)(?: from file)?: (.*)"
 )
-
-_NO_MARKING = {"", "virtual", "traffic_sign", "traffic_light"}
 
 
 def read_road(map_path: str | Path, *, origin: Place | None = None, country: str | None = None) -> Road:
@@ -88,7 +83,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     lanes = related_lanes(lanelet_map, vertices, traffic, map_file, country)
     lanes, linked, inside = join_lanes(lanes)
     lines = _lines(lanelet_map)
-    rules, attached, lost = attach(regulations(map_file, lanes, lines), lanes, map_file, lines)
+    rules, attached, lost = _regulations(map_file, lanes, lines)
     doubts = _doubts(lanes, map_file, country)
     doubts.note("lanelets that meet without shared points, linked", *linked)
     doubts.note("lanelets that begin on another lane", *inside)
@@ -110,6 +105,19 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     )
 
 
+def _regulations(
+    map_file: MapFile, lanes: Mapping[int, Lane], lines: Points
+) -> tuple[tuple[Regulation, ...], list[int], list[int]]:
+    """Return the rules, ids of those attached to lanes by place, and ids of the lights without a lane."""
+    rules = regulations(map_file, lanes, lines)
+    loose, bare = unnamed(rules, map_file, lines)
+    if not loose and not bare:
+        return rules, [], []
+    from scex_sumo.converters.lanelet.attach import attach
+
+    return attach(rules, loose, bare, lanes, map_file, lines)
+
+
 def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findings:
     doubts = Findings()
     drawn = {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
@@ -122,9 +130,9 @@ def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findi
     narrow = (
         i
         for i, lane in drawn.items()
-        if lane.kind == "vehicle" and not lane.subtype and lane.width_m < ROAD_WIDTH_M[0]
+        if lane.kind == "vehicle" and not lane.subtype and lane.width_m < MIN_ROAD_M
     )
-    doubts.note(f"lanelets without subtype, under {ROAD_WIDTH_M[0]:g} m wide, taken for car lanes", *narrow)
+    doubts.note(f"lanelets without subtype, under {MIN_ROAD_M:g} m wide, taken for car lanes", *narrow)
     doubts.note(f"speed limits not understood, {COUNTRIES[country].name}'s default taken", *unclear)
     return doubts
 
@@ -154,11 +162,16 @@ def _load(
     lanelet_map, errors = _parse(map_file, origin, mended)
     vertices = drawn_vertices(lanelet_map, rules, map_file)
     flat = {v.lanelet_id for v in vertices if not v.usable}
-    roads, undriven = unknown_subtypes([v for v in vertices if v.usable], rules, map_file)
-    taken = set().union(*roads.values())
-    if flat or taken:
-        kept = {i: relation for i, relation in map_file.relations.items() if i not in flat}
-        map_file = as_roads(replace(map_file, relations=kept), taken)
+    usable = [v for v in vertices if v.usable]
+    roads, undriven = dict[str, set[int]](), dict[str, set[int]]()
+    changed = replace(map_file, relations={i: r for i, r in map_file.relations.items() if i not in flat})
+    if not all(rules.canPass(v.lanelet) for v in usable):
+        from scex_sumo.converters.lanelet.unknown import as_roads, unknown_subtypes
+
+        roads, undriven = unknown_subtypes(usable, rules, map_file)
+        changed = as_roads(changed, set().union(*roads.values()))
+    if flat or roads:
+        map_file = changed
         lanelet_map, errors = _parse(map_file, origin, True)
         vertices = [v for v in drawn_vertices(lanelet_map, rules, map_file) if v.usable]
     if flat:
@@ -208,65 +221,3 @@ def _lines(lanelet_map: Map) -> Points:
         line.id: np.array([(p.x, p.y) for p in line]).reshape(-1, 2) for layer in layers for line in layer
     }
     return dict(sorted(lines.items()))
-
-
-def markings(map_file: MapFile, lines: Points) -> tuple[Marking, ...]:
-    """Return the ways with a type by ascending id, without virtual ones, signs and lights."""
-    drawn = []
-    for way_id, way in sorted(map_file.ways.items()):
-        kind = way.tags.get("type", "")
-        if kind in _NO_MARKING or way.tags.get("area") == "yes" or len(lines.get(way_id, ())) < 2:
-            continue
-        subtype = way.tags.get("subtype", "")
-        drawn.append(Marking(line_id=way_id, kind=kind, subtype=subtype, points=lines[way_id]))
-    return tuple(drawn)
-
-
-def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[Area, ...]:
-    """Return the areas by ascending id: non-vehicle lanelets, multipolygons' outlines, ways with area=yes."""
-    drawn = [
-        Area(
-            area_id=i,
-            kind=lane.subtype or lane.kind,
-            outline=np.concatenate([lane.left_bound, lane.right_bound[::-1]]),
-        )
-        for i, lane in lanes.items()
-        if lane.kind != "vehicle"
-    ]
-    for relation_id, relation in map_file.of_type("multipolygon").items():
-        kind = relation.tags.get("subtype", "area")
-        ways = [map_file.ways[i].nodes for i in relation.refs("outer", "way") if i in map_file.ways]
-        for ring in _rings(ways):
-            outline = _ring_points(ring, relation, map_file, lines)
-            if len(outline) >= 3:
-                drawn.append(Area(area_id=relation_id, kind=kind, outline=outline))
-    for way_id, way in map_file.ways.items():
-        if way.tags.get("area") == "yes" and len(lines.get(way_id, ())) >= 3:
-            kind = way.tags.get("subtype") or way.tags.get("type", "area")
-            drawn.append(Area(area_id=way_id, kind=kind, outline=lines[way_id]))
-    return tuple(sorted(drawn, key=lambda area: area.area_id))
-
-
-def _rings(parts: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    rings = []
-    rest = [part for part in parts if len(part) > 1]
-    while rest:
-        ring = rest.pop(0)
-        while ring[0] != ring[-1]:
-            step = next((p for p in rest if ring[-1] in (p[0], p[-1])), None)
-            if step is None:
-                break
-            rest.remove(step)
-            ring = ring + (step[1:] if step[0] == ring[-1] else step[-2::-1])
-        if ring[0] == ring[-1] and len(ring) > 3:
-            rings.append(ring)
-    return rings
-
-
-def _ring_points(ring: tuple[int, ...], relation: Relation, map_file: MapFile, lines: Points) -> FloatArray:
-    where: dict[int, FloatArray] = {}
-    for way_id in relation.refs("outer", "way"):
-        if way_id in lines and len(lines[way_id]) == len(map_file.ways[way_id].nodes):
-            where.update(zip(map_file.ways[way_id].nodes, lines[way_id], strict=True))
-    points = [where[node] for node in ring[:-1] if node in where]
-    return np.array(points, dtype=np.float64).reshape(-1, 2)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import listed
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
@@ -63,34 +61,3 @@ def on_lanes(samples: Evidence, road: Road) -> float:
     if not len(few.x):
         return 1.0
     return len(np.unique(match(road, few.x, few.y, few.heading).vehicle)) / len(few.x)
-
-
-def lane_distance(samples: Evidence, road: Road) -> float:
-    """Return the median distance of samples to the middle of their lanes, m; nan without any."""
-    few = thinned(samples)
-    offsets = nearest_lanes(road, few.x, few.y, few.heading)[2] if len(few.x) else np.zeros(0)
-    return float(np.median(np.abs(offsets))) if len(offsets) else math.nan
-
-
-def nearest_lanes(
-    road: Road, x: FloatArray, y: FloatArray, heading: FloatArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Match poses to their best lanes.
-
-    Returns:
-        Of the poses that match a lane: their indices, heading errors in rad and offsets in m.
-    """
-    matches = match(road, x, y, heading)
-    best = np.append(True, np.diff(matches.vehicle) != 0)[: len(matches.vehicle)]
-    return matches.vehicle[best], matches.heading_error[best], matches.offset[best]
-
-
-def on_closed_lanes(samples: Evidence, road: Road) -> str | None:
-    """Return a phrase with the remedy if most samples lie on lanes that the map closes to cars."""
-    lanes = {i: replace(lane, kind="vehicle") for i, lane in road.lanes.items() if lane.kind != "vehicle"}
-    few = thinned(samples, most=400)
-    matches = match(replace(road, lanes=lanes), few.x, few.y, few.heading)
-    if 2 * len(np.unique(matches.vehicle)) <= len(few.x):
-        return None
-    names = sorted({lanes[int(i)].subtype or str(i) for i in matches.lane_id})
-    return f"they are on lanes that the map closes to cars: {listed(names)}; allow cars there"

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.evidence import Evidence, nearest_lanes, thinned
+from scex_sumo.converters.tracks.evidence import Evidence, thinned
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
+from scex_sumo.roads.matching import match
 
 MIN_OTHER_DIRECTIONS = 0.1
 LANE_SIGMA_M = 0.5  # samples farther off the middle count less
@@ -71,6 +72,19 @@ def fitted(samples: Evidence, road: Road) -> tuple[Evidence, float, float]:
     fit = _fit(few, road)
     x, y = fit.points(few.x, few.y)
     return replace(few, x=x, y=y, heading=few.heading + fit.turn), fit.dx, fit.dy
+
+
+def nearest_lanes(
+    road: Road, x: FloatArray, y: FloatArray, heading: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Match poses to their best lanes.
+
+    Returns:
+        Of the poses that match a lane: their indices, heading errors in rad and offsets in m.
+    """
+    matches = match(road, x, y, heading)
+    best = np.append(True, np.diff(matches.vehicle) != 0)[: len(matches.vehicle)]
+    return matches.vehicle[best], matches.heading_error[best], matches.offset[best]
 
 
 def _fit(samples: Evidence, road: Road) -> Alignment:

@@ -1,0 +1,75 @@
+"""Markings and areas of a Lanelet2 map, for drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.lanelet.file import MapFile, Points, Relation
+from scex_sumo.road import Area, Lane, Marking
+
+_NO_MARKING = {"", "virtual", "traffic_sign", "traffic_light"}
+
+
+def markings(map_file: MapFile, lines: Points) -> tuple[Marking, ...]:
+    """Return the ways with a type by ascending id, without virtual ones, signs and lights."""
+    drawn = []
+    for way_id, way in sorted(map_file.ways.items()):
+        kind = way.tags.get("type", "")
+        if kind in _NO_MARKING or way.tags.get("area") == "yes" or len(lines.get(way_id, ())) < 2:
+            continue
+        subtype = way.tags.get("subtype", "")
+        drawn.append(Marking(line_id=way_id, kind=kind, subtype=subtype, points=lines[way_id]))
+    return tuple(drawn)
+
+
+def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[Area, ...]:
+    """Return the areas by ascending id: non-vehicle lanelets, multipolygons' outlines, ways with area=yes."""
+    drawn = [
+        Area(
+            area_id=i,
+            kind=lane.subtype or lane.kind,
+            outline=np.concatenate([lane.left_bound, lane.right_bound[::-1]]),
+        )
+        for i, lane in lanes.items()
+        if lane.kind != "vehicle"
+    ]
+    for relation_id, relation in map_file.of_type("multipolygon").items():
+        kind = relation.tags.get("subtype", "area")
+        ways = [map_file.ways[i].nodes for i in relation.refs("outer", "way") if i in map_file.ways]
+        for ring in _rings(ways):
+            outline = _ring_points(ring, relation, map_file, lines)
+            if len(outline) >= 3:
+                drawn.append(Area(area_id=relation_id, kind=kind, outline=outline))
+    for way_id, way in map_file.ways.items():
+        if way.tags.get("area") == "yes" and len(lines.get(way_id, ())) >= 3:
+            kind = way.tags.get("subtype") or way.tags.get("type", "area")
+            drawn.append(Area(area_id=way_id, kind=kind, outline=lines[way_id]))
+    return tuple(sorted(drawn, key=lambda area: area.area_id))
+
+
+def _rings(parts: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    rings = []
+    rest = [part for part in parts if len(part) > 1]
+    while rest:
+        ring = rest.pop(0)
+        while ring[0] != ring[-1]:
+            step = next((p for p in rest if ring[-1] in (p[0], p[-1])), None)
+            if step is None:
+                break
+            rest.remove(step)
+            ring = ring + (step[1:] if step[0] == ring[-1] else step[-2::-1])
+        if ring[0] == ring[-1] and len(ring) > 3:
+            rings.append(ring)
+    return rings
+
+
+def _ring_points(ring: tuple[int, ...], relation: Relation, map_file: MapFile, lines: Points) -> FloatArray:
+    where: dict[int, FloatArray] = {}
+    for way_id in relation.refs("outer", "way"):
+        if way_id in lines and len(lines[way_id]) == len(map_file.ways[way_id].nodes):
+            where.update(zip(map_file.ways[way_id].nodes, lines[way_id], strict=True))
+    points = [where[node] for node in ring[:-1] if node in where]
+    return np.array(points, dtype=np.float64).reshape(-1, 2)
