@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
@@ -64,7 +65,7 @@ def page_html(
 ) -> str:
     """Return a page that makes no request; ``info`` and ``arrays`` are for its scripts."""
     style = asset("page.css")
-    script = '"use strict";\n(() => {\n' + "\n".join(asset(name) for name in scripts) + "\n})();"
+    script = '"use strict";\n(() => {\n' + "\n".join(map(_script, scripts)) + "\n})();"
     return Template(asset("page.html")).substitute(
         title=escape(title),
         policy=(
@@ -81,6 +82,11 @@ def page_html(
 def asset(name: str) -> str:
     """Return the text of a file in ``assets``."""
     return files("scex_sumo.page").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _script(name: str) -> str:
+    """Return a script without indentation and lines of comment, which are an eighth of it."""
+    return re.sub(r"(?m)^(\s+|//.*\n)+", "", asset(name))
 
 
 def _hash(text: str) -> str:

@@ -14,11 +14,13 @@ class PagePart:
     """Cards of an extra, and what the page's scripts read of it.
 
     Attributes:
+        first: cards beside the map, before the encounters; ``cards`` stand below the tables.
         info: names and numbers by key.
         tables: sortable tables by the id of their place, see `table_place`.
         verdict: a sentence below the worst encounters.
     """
 
+    first: Sequence[Html] = ()
     cards: Sequence[Html] = ()
     info: Mapping[str, Any] = field(default_factory=dict)
     tables: Mapping[str, Any] = field(default_factory=dict)

@@ -33,6 +33,7 @@ from scex_sumo.certainty.response.critical import (
     responded,
 )
 from scex_sumo.certainty.response.expected import expected_motion
+from scex_sumo.certainty.response.maps import MAPPED, maps_of
 from scex_sumo.certainty.response.people import People, later_than, people_of, probabilities
 from scex_sumo.certainty.response.room import Meeting, needed_braking, time_to_react
 from scex_sumo.results.outcomes import injury_probability, masses
@@ -47,6 +48,8 @@ SELDOM: Final = 1e-4
 UNPROTECTED_KG: Final = 80.0
 """Mass of people without a mass in `MASSES_KG`: pedestrians, cyclists."""
 
+TOLD: Final = 1e-6
+"""Probability from which a row is told."""
 _LEAST = 1e-9  # probability of a row
 
 
@@ -68,19 +71,27 @@ def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> p
         >>> scex.critical_responses(scene).column_names[:3]
         ['track_id', 'other_id', 'action']
     """
-    return _table(scene, None if file is None else Path(file))
+    return responses_and_maps(scene, None if file is None else Path(file))[0]
 
 
 @owner_cache
-def _table(scene: SeedScene, file: Path | None) -> pa.Table:
-    return table_of(cases_of(pairs_of(expected_motion(scene))), people_of(file))
+def responses_and_maps(scene: SeedScene, file: Path | None) -> tuple[pa.Table, dict[str, Any]]:
+    """Return the table of `critical_responses`, and the maps of its first rows that are told."""
+    return _of_cases(cases_of(pairs_of(expected_motion(scene))), people_of(file))
 
 
 def table_of(cases: Cases, people: People) -> pa.Table:
     """Return the table of `critical_responses` for some cases."""
-    columns = _columns(cases, people) if len(cases) else {}
+    return _of_cases(cases, people)[0]
+
+
+def _of_cases(cases: Cases, people: People) -> tuple[pa.Table, dict[str, Any]]:
+    columns, *found = _columns(cases, people) if len(cases) else ({},)
     arrays = [pa.array(list(columns.get(field.name, ())), field.type) for field in SCHEMA]
-    return pa.table(arrays, schema=SCHEMA)
+    table = pa.table(arrays, schema=SCHEMA)
+    told = [(number, row) for number, row in enumerate(table.to_pylist()) if row["probability"] >= TOLD]
+    told.sort(key=lambda one: one[1]["doubt"] is not None)
+    return table, maps_of(people, *found, dict(told[:MAPPED])) if told else {}
 
 
 SCHEMA: Final = pa.schema(
@@ -107,7 +118,8 @@ SCHEMA: Final = pa.schema(
 )
 
 
-def _columns(cases: Cases, people: People) -> dict[str, Any]:
+def _columns(cases: Cases, people: People) -> tuple[dict[str, Any], Cases, FloatArray, FloatArray]:
+    """Return the columns of `SCHEMA`, with the cases (ten a row), R* of them, and how often they happen."""
     pairs, response = cases.pairs, critical_response(cases)
     kinds, often = cases.action[::LEVELS], _often(cases, people, response)
     later = later_than(people, cases, response)
@@ -129,7 +141,7 @@ def _columns(cases: Cases, people: People) -> dict[str, Any]:
     scene = pairs.expected.scene
     hard = np.minimum(probabilities(often, late, kinds), value)
     impact = _impact(worst, told, people, hard)
-    return {
+    columns = {
         "track_id": scene.track_ids[pairs.initiator[worst.pair]],
         "other_id": scene.track_ids[pairs.responder[worst.pair]],
         "action": [ACTIONS[kind].name for kind in kinds],
@@ -145,6 +157,7 @@ def _columns(cases: Cases, people: People) -> dict[str, Any]:
         "preventable": np.asarray((careful | ~counts).all(axis=1)),
         "doubt": doubts_of(pairs, worst.pair, impact["time_s"]),
     }
+    return columns, cases, response, often
 
 
 def _often(cases: Cases, people: People, response_s: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 RESPONSE: Final = "response.parquet"
 DECISION: Final = "decision.json"
+MAPS: Final = "response_maps.json"
 NONE: Final = "none"
 PEOPLE: Final = "people"
 HEAD: Final = "human-like, by actions and response times"
@@ -33,7 +34,7 @@ class CriticalResponse(Extra):
     """What it takes until two vehicles collide, and how often people let it happen, see docs/response.md."""
 
     order: ClassVar[int] = 15
-    files: ClassVar[tuple[str, ...]] = (RESPONSE, DECISION)
+    files: ClassVar[tuple[str, ...]] = (RESPONSE, DECISION, MAPS)
 
     response: str | None = option(
         "How people act and respond, or a file.",
@@ -63,16 +64,16 @@ class CriticalResponse(Extra):
             (work.job.folder / name).unlink(missing_ok=True)
         if not self._wanted:
             return ()
-        from scex_sumo.certainty.response.answer import any_collision, critical_responses
+        from scex_sumo.certainty.response.answer import any_collision, responses_and_maps
 
-        table = critical_responses(work.job.scene, file=self._file)
+        table, maps = responses_and_maps(work.job.scene, self._file)
         keep = work.options.keep_doubtful
         if not work.is_reference:
-            self._write(work, table)
+            self._write(work, table, maps)
         value = any_collision(table.to_pylist(), doubtful=keep) if work.is_reference else None
         return (Row(name="critical response", value=value),)
 
-    def _write(self, work: Work, table: Any) -> None:
+    def _write(self, work: Work, table: Any, maps: Mapping[str, Any]) -> None:
         import pyarrow.parquet as pq
 
         from scex_sumo.base.files import replacing, write_atomic
@@ -86,6 +87,7 @@ class CriticalResponse(Extra):
             keep_doubtful=work.options.keep_doubtful,
             varied=lambda pair: varied(work.job.scene, pair, self._file),
         )
+        write_atomic(work.job.folder / MAPS, json.dumps(maps, allow_nan=False).encode())
         write_atomic(work.job.folder / DECISION, json.dumps(dataclasses.asdict(decision)).encode())
 
     def decision(self, run: Run) -> Decision | None:
@@ -122,18 +124,13 @@ class CriticalResponse(Extra):
         return alike(one for one in found if run.keeps_doubtful or one.doubt is None)
 
     def page(self, run: Run) -> Any:
-        """Return the card with what it takes, of the worst pairs; None without any."""
+        """Return the card with what it takes, and the maps of the worst pairs; None without any."""
         lines = self.lines(run)
         if len(lines) < 2:
             return None
-        from scex_sumo.page.html import element
-        from scex_sumo.page.parts import PagePart
+        from scex_sumo.certainty.response.page import response_part
 
-        rows = [element("li", line.strip()) for line in lines[1:]]
-        about = "Counted actions, published response times, no steering; see docs/response.md."
-        head = element("h2", "What it takes until two collide")
-        soft = element("p.soft", f"{lines[0].partition(';')[0].capitalize()}. {about}")
-        return PagePart(cards=[element("section.card", head, soft, element("ul", *rows), id="response")])
+        return response_part(lines, run.folder / MAPS)
 
     def answer(self, run: Run) -> Mapping[str, Any]:
         """Return ``human_like``, what it takes, and ``response``, P of any collision and the table's rows."""

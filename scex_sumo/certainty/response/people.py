@@ -23,13 +23,15 @@ from scex_sumo.certainty.response.critical import DECELERATIONS, by_action
 SHIPPED: Final = Path(__file__).with_name("response.json")
 REFERENCE_GAP_S: Final = 2.0
 """Time gap from which one responds, and looks away, as drivers do without a leader."""
+CLOSEST: Final = 0.1
+"""Share of `REFERENCE_GAP_S`, least that counts."""
+DRAWS: Final = 32
+"""Draws of the response time of a driver that looks away."""
 
 _NUMBERS = (
     *("response_factor", "response_spread", "away_share", "glance_s", "glance_spread"),
     *("close_response", "close_away", "growth"),
 )
-_DRAWS = 32  # of the response time of a driver that looks away
-_CLOSEST = 0.1  # share of `REFERENCE_GAP_S`, least that counts
 _LEAST_M = 0.5
 
 
@@ -92,11 +94,11 @@ class People:
             gap_s: (...) time gap to the initiator, s.
             left: (...) gap at the response as a share of that at the onset.
         """
-        near = np.clip(gap_s / REFERENCE_GAP_S, _CLOSEST, 1.0)
+        near = np.clip(gap_s / REFERENCE_GAP_S, CLOSEST, 1.0)
         median = np.broadcast_to(self.response_s[action] * near**self.close_response, response_s.shape)
         time = np.clip(response_s, 1e-6, TIME_S[-1])
         attentive = 1 - ndtr(np.log(time / median) / self.response_spread)
-        draws = ndtri((np.arange(_DRAWS) + 0.5) / _DRAWS)
+        draws = ndtri((np.arange(DRAWS) + 0.5) / DRAWS)
         begins = time[..., None] - median[..., None] * np.exp(self.response_spread * draws)
         still = np.where(begins > 0, np.interp(begins, TIME_S, self._glances), 1.0).mean(axis=-1)
         away = self.away_share * near**self.close_away

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 from scex_sumo.certainty.response.actions import ACTIONS, BRAKES
-from scex_sumo.certainty.response.answer import once_in, rounded
+from scex_sumo.certainty.response.answer import TOLD, once_in, rounded
 from scex_sumo.certainty.response.decision import PairResponse
 from scex_sumo.results.encounters import arrows, is_queue
 
-TOLD: Final = 1e-6
-"""P of a pair that is told."""
 _ALIKE = 10.0  # ratio of P within which pairs are told together
 _MOST, _NEARLY = 0.6, 0.9
 

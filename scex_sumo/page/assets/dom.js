@@ -90,6 +90,14 @@ function tell(element, words) {
   if (element.textContent !== words) element.textContent = words;
 }
 
+// Tells those who do not see the page what has changed, once it has come to rest.
+const REST_MS = 600;
+let resting = 0;
+function announce(words) {
+  clearTimeout(resting);
+  resting = setTimeout(() => tell(byId("changes"), words), REST_MS);
+}
+
 const say = (words) => { byId("said").textContent = words; };
 
 function save(blob, name) {

@@ -81,6 +81,8 @@ function runReport(run) {
     drawCard();
     if (any("selection", "future", "thresholds", "size")) drawCharts();
     if (any("size")) drawTested();
+    if (any("size")) responses.draw();
+    if (any("pair")) responses.follow();
     if (any("pair", "future", "step", "selection", "size", "view")) drawPair(any("pair", "future", "selection", "size"));
     if (any("selection", "find")) drawSelection();
     if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
@@ -154,6 +156,7 @@ function runReport(run) {
   showTables(info.tables);
   const drawTested = info.tested_curves ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
   if (byId("exact")) exactCard(info.exact);
+  const responses = byId("response-map") ? responseCard(run, state, info.responses, jump) : { draw() {}, follow() {} };
   const redraw = () => state.change({}, "size");
   find.oninput = () => state.change({}, "find");
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });

@@ -21,7 +21,7 @@ _WARNING = "warning: "
 SCRIPTS = (
     *BASE,
     *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
-    *("selection.js", "address.js", "vehicles.js", "exact.js", "parts.js", "report.js"),
+    *("selection.js", "address.js", "vehicles.js", "exact.js", "response.js", "parts.js", "report.js"),
 )
 
 
@@ -41,14 +41,14 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str
     """Return the report as HTML from the result of `report_contents`."""
     parts: list[PagePart] = [part for extra in extras_results() if (part := extra.page(run)) is not None]
     info = info | {"tested": " ".join(part.verdict for part in parts if part.verdict)}
-    body = run_body(info, *(card for part in parts for card in part.cards))
+    body = run_body(info, parts)
     tables = {name: table for part in parts for name, table in part.tables.items()}
     more = {name: value for part in parts for name, value in part.info.items()}
     return page_html(info["name"], body, SCRIPTS, info | more | {"tables": tables}, arrays)
 
 
-def run_body(info: Mapping[str, Any], *cards: Html) -> str:
-    """Return the body from the info of `report_contents`, with more cards before the notes."""
+def run_body(info: Mapping[str, Any], parts: Sequence[PagePart] = ()) -> str:
+    """Return the body from the info of `report_contents`, with the cards of extras."""
     place = info["location"] if info["location"] != info["name"] else ""
     about = [
         counted(len(info["track_ids"]), "vehicle"),
@@ -58,13 +58,15 @@ def run_body(info: Mapping[str, Any], *cards: Html) -> str:
     ]
     notes = info["notes"]
     warnings = [note.removeprefix(_WARNING) for note in notes if note.startswith(_WARNING)]
+    told = _note_card("Notes", [note for note in notes if not note.startswith(_WARNING)])
     return Template(asset("report.html")).substitute(
         name=element("span", info["name"]),
         about=joined(" · ".join(part for part in about if part)),
         warnings=joined(_decision_line(info), _note_card("Warnings", warnings)),
         verdict=joined(_collision_card(info), _encounter_card(info), _share_card(info)),
         recorded="" if info["has_recorded"] else " hidden",
-        notes=joined(*cards, _note_card("Notes", [n for n in notes if not n.startswith(_WARNING)])),
+        first=joined(*(card for part in parts for card in part.first)),
+        notes=joined(*(card for part in parts for card in part.cards), told),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
 

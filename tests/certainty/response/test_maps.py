@@ -1,0 +1,69 @@
+"""The page integrates P from the maps as Python does, also with other people."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scex_sumo import example_path, read_seed
+from scex_sumo.certainty.response.answer import responses_and_maps
+from scex_sumo.certainty.response.people import People, people_of, probabilities
+from tests.page.test_numbers import evaluated
+
+pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="no node: apt-get install nodejs")
+SCRIPTS = ("data.js", "response.js")
+
+
+@pytest.fixture(scope="module")
+def maps() -> dict[str, Any]:
+    """Maps of the roundabout: braking, and going on."""
+    table, found = responses_and_maps(read_seed(example_path("roundabout")), None)
+    assert {pair["action"] for pair in found["pairs"]} == {"brakes", "goes on"}
+    assert [pair["probability"] for pair in found["pairs"]] == table["probability"].to_pylist()[
+        : len(found["pairs"])
+    ]
+    return found
+
+
+def in_python(people: People, pair: dict[str, Any], kind: int) -> float:
+    """Return P of a map by `People.later` and `probabilities`."""
+    responses = np.array(
+        [[np.inf if r is None else -np.inf if r < 0 else r for r in line] for line in pair["responses"]]
+    )
+    gap = np.array(np.inf if pair["gap"] is None else pair["gap"])
+    late = people.later(responses, np.array(kind), gap, np.array(pair["left"])) @ people.decelerations
+    return float(probabilities(np.array([pair["often"]]), late[None], np.array([kind]))[0])
+
+
+def on_page(maps: dict[str, Any]) -> list[float]:
+    text = json.dumps(maps)
+    found = evaluated(SCRIPTS, f"{text}.pairs.map((pair) => responseProbability({text}.people, pair))")
+    return list(found)
+
+
+def test_the_page_integrates_the_p_of_the_table(maps: dict[str, Any]) -> None:
+    wanted = [pair["probability"] for pair in maps["pairs"]]
+    np.testing.assert_allclose(on_page(maps), wanted, rtol=1e-4)  # six digits are written, R* to 1 ms
+
+
+@pytest.mark.parametrize(("factor", "away"), [(0.5, 0.0), (2.5, 0.2), (1.0, 0.9)])
+def test_with_other_people_it_is_that_of_python(maps: dict[str, Any], factor: float, away: float) -> None:
+    people = replace(people_of().slower(factor), away_share=away)
+    names = [action["name"] for action in maps["people"]["actions"]]
+    wanted = [in_python(people, pair, names.index(pair["action"])) for pair in maps["pairs"]]
+    changed = {**maps["people"], "response_s": people.response_s.tolist(), "away_share": away}
+    found = on_page({**maps, "people": changed})
+    np.testing.assert_allclose(found, wanted, rtol=1e-5)
+    assert any(abs(a / b["probability"] - 1) > 0.1 for a, b in zip(found, maps["pairs"], strict=True))
+
+
+def test_tails_of_the_normal_distribution_keep_their_digits() -> None:
+    z = [-3.0, 0.0, 1.0, 2.5, 4.7, 8.0]
+    from scipy.special import ndtr
+
+    np.testing.assert_allclose(evaluated(SCRIPTS, f"{z}.map(tailOf)"), ndtr(-np.array(z)), rtol=3e-7)

@@ -1,0 +1,51 @@
+"""The map of critical responses follows its sliders, keys and the pair on the map."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from scex_sumo.results.run import Run
+from tests.page.report.test_browser import text
+
+ROWS = "#response-table tbody tr"
+
+
+def test_sliders_change_p_and_the_button_brings_it_back(page: Any, run: Run) -> None:
+    maps = json.loads((run.folder / "response_maps.json").read_text())
+    braking = next(n for n, pair in enumerate(maps["pairs"]) if pair["action"] == "brakes")
+    p = f"{ROWS}:nth-child({braking + 1}) td"
+    page.locator(p).first.click()
+    before = page.locator(p).all_inner_texts()
+    assert before[2] == before[3]  # as counted
+    assert text(page, "#people output >> nth=0") == "1.3 s"
+    page.locator("#people-median").fill("3")
+    slow = page.locator(p).all_inner_texts()
+    assert slow[2] != before[2] and slow[3] == before[3]
+    names = "{other_id} and {track_id}".format(**maps["pairs"][braking])
+    page.wait_for_selector(f"#changes:has-text('{names} collide about once in')", state="attached")
+    page.click("#own-people")
+    assert page.locator(p).all_inner_texts() == before
+
+
+def test_a_row_selects_the_pair_on_the_map_and_the_pair_its_row(page: Any, run: Run) -> None:
+    page.locator(ROWS).nth(1).click()
+    names = text(page, f"{ROWS}:nth-child(2) td").split(" → ")
+    page.wait_for_function(
+        "(names) => names.every((name) => document.getElementById('pair-title').innerText.includes(name))",
+        arg=names,
+    )
+    assert page.locator(f"{ROWS}.chosen").count() == 1
+    first = text(page, f"{ROWS}:nth-child(1) td").split(" → ")
+    page.evaluate(f"location.hash = 'pair={','.join(first)}'")
+    page.wait_for_selector(f"{ROWS}:nth-child(1).chosen")
+
+
+def test_arrows_on_the_map_of_responses_move_its_value_not_the_time(page: Any, run: Run) -> None:
+    clock, said = text(page, "#clock"), text(page, "#response-said")
+    page.locator("#response-map").focus()
+    page.keyboard.press("ArrowRight")
+    assert text(page, "#response-said") != said
+    assert text(page, "#clock") == clock
+    page.keyboard.press("ArrowLeft")
+    assert text(page, "#response-said") == said
