@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.errors import ScexError
+from scex_sumo.base.errors import ScexError, listed
 from scex_sumo.base.files import write_atomic
 from scex_sumo.certainty.results import exact_of
 from scex_sumo.certainty.tables import InfluenceTable
@@ -41,6 +41,7 @@ def write_evidence(run: Run) -> Path:
             f"scex-sumo {run.info['scex_sumo']}. Clauses are those of ISO 21448, named for "
             "orientation; this sheet claims no conformity.",
         ),
+        element("p", "" if run.decision is None else run.decision.sentence, id="decision"),
         _rows("Moment", _moment(run)),
         _rows("Probability of a collision", _probability(run)),
         _encounters(run),
@@ -104,11 +105,14 @@ def _probability(run: Run) -> dict[str, str]:
 
 def _encounters(run: Run) -> Html:
     heads = ("pair", "P", "collides", "Δv [m/s]", "P(MAIS 3+)", "class", "avoidable by braking")
-    rows = [row for row in run.encounters.to_pylist() if row["collision"] > 0]
+    found = [row for row in run.encounters.to_pylist() if row["collision"] > 0]
+    rows = [row for row in found if run.keeps_doubtful or not row.get("doubt")]
     more = len(rows) - _WORST
     about = (
         f"and {counted(more, 'more pair')}" if more > 0 else "" if rows else "No pair collides in any future."
     )
+    doubts = dict.fromkeys(row["doubt"] for row in found if row not in rows)
+    about += f" Left out as doubtful: {listed(doubts)}." if doubts else ""
     return element(
         "section",
         element("h2", "Worst encounters (hazardous events, 6.4)"),

@@ -61,7 +61,8 @@ class Run:
     def __repr__(self) -> str:
         name = self.info["seed_scene"]["name"]
         collision = f", a collision in {self.collision.percent}" if self.outcomes else ""
-        return f"Run({str(self.folder)!r}: {self.info['futures']} futures of {name}{collision})"
+        decision = f". {self.decision.sentence}" if self.decision is not None else ""
+        return f"Run({str(self.folder)!r}: {self.info['futures']} futures of {name}{collision}{decision})"
 
     def _repr_html_(self) -> str:
         return str(DRAWINGS.load("run")(self))

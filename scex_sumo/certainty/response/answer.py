@@ -35,7 +35,7 @@ from scex_sumo.certainty.response.critical import (
 from scex_sumo.certainty.response.expected import expected_motion
 from scex_sumo.certainty.response.maps import MAPPED, maps_of
 from scex_sumo.certainty.response.people import People, later_than, people_of, probabilities
-from scex_sumo.certainty.response.room import Meeting, needed_braking, time_to_react
+from scex_sumo.certainty.response.room import Meeting, needed_braking, needed_swerve, time_to_react
 from scex_sumo.results.outcomes import injury_probability, masses
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of as scene_doubts
@@ -111,6 +111,7 @@ SCHEMA: Final = pa.schema(
         ("time_s", pa.float64()),
         ("kind", pa.string()),
         ("needed_braking", pa.float64()),
+        ("needed_swerve", pa.float64()),
         ("time_to_react", pa.float64()),
         ("preventable", pa.bool_()),
         ("doubt", pa.string()),
@@ -173,7 +174,11 @@ def _often(cases: Cases, people: People, response_s: FloatArray) -> FloatArray:
 
 def _room(cases: Cases) -> dict[str, list[float | None]]:
     met = _meeting(cases)
-    found = {"needed_braking": needed_braking(met), "time_to_react": time_to_react(met)}
+    found = {
+        "needed_braking": needed_braking(met),
+        "needed_swerve": needed_swerve(met),
+        "time_to_react": time_to_react(met),
+    }
     return {name: [None if math.isnan(v) else v for v in values] for name, values in found.items()}
 
 

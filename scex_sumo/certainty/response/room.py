@@ -19,9 +19,10 @@ from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.scene import STEP_S
 
 FULL_BRAKING_MPS2: Final = 8.0
-"""Deceleration that counts as all of a car's, m/s² (Brännström, Sjöberg, Coelingh 2008)."""
+"""Deceleration that counts as all of a car's, m/s². Needed braking as a share of it is the BTN (Brännström,
+Sjöberg, Coelingh 2008)."""
 FULL_SWERVE_MPS2: Final = 7.0
-"""Lateral acceleration that counts as all of a car's, m/s²."""
+"""Lateral acceleration that counts as all of a car's, m/s². Needed swerve as a share of it is the STN."""
 
 BETWEEN: Final = 5
 
@@ -109,11 +110,6 @@ def needed_braking(meeting: Meeting) -> FloatArray:
     return _least(meeting, lambda a: meeting.braked(a, now))
 
 
-def brake_threat_number(meeting: Meeting) -> FloatArray:
-    """Compute the needed braking as a share of 8 m/s² (Brännström, Sjöberg, Coelingh 2008)."""
-    return needed_braking(meeting) / FULL_BRAKING_MPS2
-
-
 def needed_swerve(meeting: Meeting) -> FloatArray:
     """Compute the least constant lateral acceleration, to the easier side, that avoids contact, m/s².
 
@@ -123,11 +119,6 @@ def needed_swerve(meeting: Meeting) -> FloatArray:
     now = np.zeros_like(meeting.speed)
     sides = [_least(meeting, lambda a, side=side: meeting.swerved(a, now, side)) for side in (1, -1)]  # type: ignore[misc]
     return np.minimum(*sides)
-
-
-def steer_threat_number(meeting: Meeting) -> FloatArray:
-    """Compute the needed swerve as a share of 7 m/s²."""
-    return needed_swerve(meeting) / FULL_SWERVE_MPS2
 
 
 def time_to_brake(meeting: Meeting) -> FloatArray:

@@ -52,7 +52,8 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
     title = f"{scene}: {pairs} of vehicles meet in {counted(run.futures, 'future')}{human}"
     caption = (
         "→: hits or follows; shares: of the line's futures; no human-like line: critical in none\n"
-        "gap (–: over 10 m), after, driven by: of the typical future, as view --encounter shows it"
+        "gap (–: over 10 m), after, driven by: of the typical future, as view --encounter shows it\n"
+        "doubtful: the recording, not the traffic, see --pair"
     )
     rows = [encounter_cells(one) for one in found[:most]]
     print_table(console_table(title, HEADS, rows, caption=caption), console)
@@ -63,7 +64,7 @@ def encounter_cells(one: Meeting) -> list[Any]:
     row, found = one.row, one.encounter
     return [
         f"{row['track_id']} → {row['other_id']}",
-        row["place"],
+        ", ".join(filter(None, (row["place"], "doubtful" if one.doubt else None))) or None,
         one.futures,
         found.collision.estimate.value,
         _sure(found.collision),

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scex_sumo.scene import SeedScene
 
 EVERY_S = 1.0
+_ROWS = 10  # moments in the terminal
 EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60"
 
 
@@ -66,17 +67,21 @@ def inspect_command(
     words += ["--origin", origin] if origin is not None else []
     moments, each = (recording_moments(loaded, every_s=step) for step in (every, STEP_S))
     best = busiest(each) if each else None  # the moment that run takes
-    if best is not None and best not in moments:
-        moments = sorted([*moments, best], key=lambda moment: moment.time_s)
+    full = max([best, *each], key=lambda moment: moment.vehicles) if best is not None else None
+    marked = {moment for moment in (best, full) if moment is not None}
+    if marked - {*moments}:
+        moments = sorted({*moments, *marked}, key=lambda moment: moment.time_s)
     if out is not None:
         from scex_sumo.studies.inspection.page import write_inspection
 
         print(f"page: {write_inspection(out, loaded, moments, shlex.join(words))}")
     if time is None and case is None:
-        console.print(_moments_table(moments))
-        if best is not None:
-            chosen = ["--case", best.case] if best.case else ["--time", f"{best.time_s:g}"]
-            print(f"most vehicles: {shlex.join([*words, *chosen])}")
+        console.print(_moments_table(_shown(moments, marked), len(moments)))
+        lines = {full: "most vehicles", best: "most vehicles" if best is full else "most complete vehicles"}
+        for moment, name in lines.items():
+            if moment is not None:
+                chosen = ["--case", moment.case] if moment.case else ["--time", f"{moment.time_s:g}"]
+                print(f"{name}: {shlex.join([*words, *chosen])}")
         return partial(inspect_answer, loaded, moments, None, out)
     scene = seed_at(loaded, _time_of(loaded, case) if time is None else time, case=case)
     console.print(_vehicles_table(scene))
@@ -108,11 +113,20 @@ def _time_of(loaded: LoadedRecording, case: str | None) -> float:
     return times[case]
 
 
-def _moments_table(moments: list[Moment]) -> Table:
+def _shown(moments: list[Moment], marked: set[Moment]) -> list[Moment]:
+    """Return `_ROWS` moments, evenly chosen, with those that are marked."""
+    others = [moment for moment in moments if moment not in marked]
+    count = min(_ROWS - len(marked), len(others))
+    chosen = [others[k * (len(others) - 1) // max(count - 1, 1)] for k in range(count)]
+    return [moment for moment in moments if moment in (*marked, *chosen)]
+
+
+def _moments_table(moments: list[Moment], of: int) -> Table:
     """Return the number of vehicles by moment; moments with most complete vehicles are marked."""
     from scex_sumo.reports.run_table import console_table
 
     about = "complete: vehicles that move and are\nrecorded from 1 s before to 3 s after;\n*: most of them"
+    about += f"\n{len(moments)} of {of} moments, --json has all" if len(moments) < of else ""
     heads = [(head, "text", "") for head in ("case", "time [s]", "vehicles", "complete", "")]
     most = max((moment.complete for moment in moments), default=0)
     rows = [

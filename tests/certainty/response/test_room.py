@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.certainty.response.room import (
-    brake_threat_number,
     needed_braking,
     needed_swerve,
-    steer_threat_number,
     time_to_brake,
     time_to_react,
     time_to_steer,
@@ -25,7 +23,6 @@ GRID_S = 0.02  # contact is looked for at these times
 def test_a_standing_obstacle_needs_v2_over_2s(gap: float, speed: float) -> None:
     met = meeting(states(0, 0, 0, speed), states(gap + LENGTH, 0, 0, 0))
     assert needed_braking(met) == pytest.approx(speed**2 / (2 * gap), rel=1e-3)
-    assert brake_threat_number(met) == pytest.approx(speed**2 / (16 * gap), rel=1e-3)
     assert time_to_brake(met) == pytest.approx(gap / speed - speed / 16, abs=1e-2)
 
 
@@ -35,7 +32,6 @@ def test_a_swerve_past_a_standing_obstacle_takes_both_half_widths() -> None:
     aside, until = WIDTH - beside, gap / speed  # to the right
     assert time_to_steer(met) == pytest.approx(until - math.sqrt(2 * aside / 7), abs=GRID_S)
     assert needed_swerve(met) == pytest.approx(2 * aside / until**2, rel=3 * GRID_S / until)
-    assert steer_threat_number(met) == pytest.approx(needed_swerve(met) / 7)
     assert time_to_react(met) == np.maximum(time_to_brake(met), time_to_steer(met))
 
 
