@@ -14,7 +14,7 @@ class PagePart:
     """Cards of an extra, and what the page's scripts read of it.
 
     Attributes:
-        first: cards beside the map, before the encounters; ``cards`` stand below the tables.
+        first: cards beside the map, before the stress test; ``cards`` stand below the tables.
         info: names and numbers by key.
         tables: sortable tables by the id of their place, see `table_place`.
         verdict: a sentence below the worst encounters.

@@ -151,4 +151,6 @@ def _sentence(kind: str, worst: PairResponse, usual: Usual | None) -> str:
     if kind == TEST:
         careful = "" if worst.preventable else ", and a careful driver cannot always avoid it"
         return f"Test {worst.arrow} ({', '.join(place)}): people collide here {often}{careful}{site}."
-    return f"Nothing to test: people collide in the worst pair, {worst.arrow}, {often}{site}."
+    hard = ", but hardly ever hard" if worst.probability >= HARD else ""
+    careful = ", and a careful driver avoids it" if worst.preventable else ""
+    return f"Nothing to test: people collide in the worst pair, {worst.arrow}, {often}{hard}{careful}{site}."

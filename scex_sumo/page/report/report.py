@@ -63,9 +63,11 @@ def run_body(info: Mapping[str, Any], parts: Sequence[PagePart] = ()) -> str:
         name=element("span", info["name"]),
         about=joined(" · ".join(part for part in about if part)),
         warnings=joined(_decision_line(info), _note_card("Warnings", warnings)),
-        verdict=joined(_collision_card(info), _encounter_card(info), _share_card(info)),
+        verdict=joined(
+            *(card for part in parts for card in part.first),
+            *(_collision_card(info), _encounter_card(info), _share_card(info)),
+        ),
         recorded="" if info["has_recorded"] else " hidden",
-        first=joined(*(card for part in parts for card in part.first)),
         notes=joined(*(card for part in parts for card in part.cards), told),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
@@ -136,7 +138,7 @@ def _encounter_card(info: Mapping[str, Any]) -> Html:
         element("ol", id="worst-encounters"),
     ]
     parts += [element("p", info["tested"])] if info["tested"] else []
-    return element("div.card", element("h2", "Worst encounters"), *parts)
+    return element("div.card", element("h2", "Stress test: worst encounters"), *parts)
 
 
 def _note_card(title: str, notes: Sequence[str]) -> Html:
