@@ -63,7 +63,7 @@ def ranked(dataset: Path, tree: Path, out: Path, extra: list[str]) -> float:
     """Vehicle-steps that ``rank`` runs and measures per second of processor time; ``out`` is a new folder."""
     command = [sys.executable, "-m", "scex_sumo", "rank", str(dataset), *RANK, *extra]
     seconds = spent([*command, "-o", str(out)], tree)[0]
-    with (out / "ranking.csv").open() as file:
+    with (out / "moments.csv").open() as file:
         rows = list(csv.DictReader(file))
     return sum(int(row["vehicles"]) * int(row["futures"] or 0) * STEPS for row in rows) / seconds
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 from rich.console import Console
@@ -24,12 +25,25 @@ NO_SCRIPT = element(
 )
 
 
-def write_study(path: Path, title: str, about: str, *cards: Html, tables: Mapping[str, Table]) -> Path:
-    """Write a page and return its path; see `card` and `table_place` for its parts."""
+def write_study(
+    path: Path,
+    title: str,
+    about: str,
+    *cards: Html,
+    tables: Mapping[str, Table],
+    scripts: Sequence[str] = ("study.js",),
+    info: Mapping[str, Any] = MappingProxyType({}),
+) -> Path:
+    """Write a page and return its path; see `card` and `table_place` for its parts.
+
+    Args:
+        scripts: of the page, beside those of every page.
+        info: for them.
+    """
     header = element("header", element("div", element("h1", title), element("p", about)))
     footer = element("footer.soft", f"scex-sumo {__version__}")
     body = joined(header, NO_SCRIPT, element("div.study", *cards), footer)
-    write_atomic(path, page_html(title, body, (*BASE, "study.js"), {"tables": tables}, {}).encode())
+    write_atomic(path, page_html(title, body, (*BASE, *scripts), {"tables": tables, **info}, {}).encode())
     return path
 
 

@@ -69,12 +69,12 @@ def result(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done.returncode == 0, done.stderr
     (note,) = done.stderr.splitlines()
     assert note.startswith("note: broken: failed: ")
-    assert "roundabout_t" in done.stdout
+    assert "people collide" in done.stdout and "roundabout" in done.stdout
     return out
 
 
 def test_the_table_has_a_row_for_every_seed_and_for_what_failed(result: Path) -> None:
-    table = pq.read_table(result / "ranking.parquet")
+    table = pq.read_table(result / "moments.parquet")
     assert table["rank"].to_pylist() == [1, 2, 3, None]
     assert sorted(table["time_s"].to_pylist()[:3]) == [4.1, 8.1, 12.1]
     assert table["seed"].to_pylist()[3] == "broken"
@@ -85,8 +85,44 @@ def test_the_table_has_a_row_for_every_seed_and_for_what_failed(result: Path) ->
     assert info["futures_run"] == sum(table["futures"].to_pylist())
 
 
-def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
+def test_an_encounter_is_what_critical_responses_give(result: Path) -> None:
     row = pq.read_table(result / "ranking.parquet").to_pylist()[0]
+    assert (row["rank"], row["recording"]) == (1, "roundabout")
+    seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
+    both = {row["track_id"], row["other_id"]}
+    rows = scex_sumo.critical_responses(seed).to_pylist()
+    own = [one for one in rows if {one["track_id"], one["other_id"]} == both]
+    assert row["probability"] == pytest.approx(1 - np.prod([1 - one["probability"] for one in own]))
+    assert row["severity"] == pytest.approx(sum(one["expected_mais3"] for one in own))
+    assert row["stress_p_collision"] is not None
+    assert "avoid it" in row["takes"] or "responds later than" in row["takes"]
+
+
+def test_without_first_futures_the_top_encounters_alone_are_stressed(dataset: Path, tmp_path: Path) -> None:
+    done = rank(dataset, "--every", 4, "--futures", 4, "--top", 1, "--json", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert sorted(row["futures"] for row in answer["moments"]) == [0, 0, 0, 4]
+    first, *others = answer["encounters"]
+    assert first["stress_p_collision"] is not None
+    elsewhere = [row for row in others if row["seed"] != first["seed"]]
+    assert {row["stress_p_collision"] for row in elsewhere} == {None}
+
+
+def test_a_verdict_of_the_page_is_read_again(dataset: Path, tmp_path: Path) -> None:
+    words = (dataset, "--every", 4, "--futures", 4, "--top", 1, "--json", "-o", tmp_path / "out")
+    first = json.loads(rank(*words).stdout)["encounters"][0]
+    key = ("recording", "case", "track_id", "other_id", "time_s")
+    line = ",".join(str(first[name] or "") for name in key)
+    (tmp_path / "t.csv").write_text(f"{','.join(key)},verdict,note\n{line},data error,no car\n")
+    again = json.loads(rank(*words, "--triage", tmp_path / "t.csv").stdout)["encounters"]
+    (judged,) = [row for row in again if row["note"]]
+    assert (judged["verdict"], judged["note"], judged["rank"]) == ("data error", "no car", None)
+    assert again[0]["rank"] == 1 and again[0]["takes"] != first["takes"]
+
+
+def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
+    row = pq.read_table(result / "moments.parquet").to_pylist()[0]
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
     run = extrapolate(seed, models=MODELS.split(","), futures=row["futures"], out=tmp_path / "out")
     for column in run.columns:
@@ -106,7 +142,7 @@ def test_a_row_is_what_run_gives(result: Path, tmp_path: Path) -> None:
 
 def test_the_futures_of_a_seed_are_what_its_row_counts(result: Path) -> None:
     futures = pds.dataset(result / "futures", partitioning="hive").to_table()
-    table = pq.read_table(result / "ranking.parquet")
+    table = pq.read_table(result / "moments.parquet")
     for row in table.to_pylist()[:3]:
         mine = futures.filter(pds.field("seed") == row["seed"])
         assert sorted(mine["future"].to_pylist()) == list(range(row["futures"]))
@@ -164,12 +200,12 @@ def test_the_page_shows_the_top_and_loads_nothing(result: Path) -> None:
     page.feed(text)
     assert page.loaded == []
     assert page.pictures == 2
-    assert len(page.links) == len(set(page.links)) == 2
+    assert len(page.links) == 2
     for link in page.links:
         report = (result / link).read_text()
         assert "Content-Security-Policy" in report and str(result) not in report
     for seed in json.loads((result / "rank.json").read_text())["shown"]:
-        assert f'id="{seed}"' in text
+        assert f'href="moments/{seed}.html"' in text
     assert "Failed" in text
     assert "$" not in text.split("<script>")[0]
 
@@ -227,7 +263,10 @@ def test_another_ranking_is_kept(dataset: Path, result: Path) -> None:
         ({"every": 0.0}, "--every"),
         ({"every": float("nan")}, "--every"),
         ({"futures": 0}, "--futures"),
-        ({"first": 0}, "--first"),
+        ({"first": -1}, "--first"),
+        ({"by": "mixed"}, "--by"),
+        ({"by": "stress_p_collision"}, "--first 32"),
+        ({"triage": "nowhere.csv"}, "--triage"),
         ({"top": 0}, "--top"),
         ({"min_vehicles": 0}, "--min-vehicles"),
         ({"workers": 0}, "--workers"),
@@ -263,7 +302,7 @@ def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_pat
     words = (dataset, *OPTIONS, "--metrics", "paper,closeness:speed_gap", "--workers", 2, "-o", out)
     done = scex("rank", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    table = pq.read_table(out / "ranking.parquet")
+    table = pq.read_table(out / "moments.parquet")
     assert (
         table["p_speed_gap"].to_pylist()[:3] == [1.0] * 3
     )  # some drive 3 m/s faster than others in any future
@@ -272,7 +311,7 @@ def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_pat
 
 def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
     """A ranking of one moment is settled; of several, those whose rank is uncertain get tables."""
-    words = ("--every", 4, "--by", "collisions", "--futures", 192, "--top", 6, "--json")
+    words = ("--every", 4, "--first", 32, "--futures", 192, "--top", 6, "--json")
     done = rank(scex_sumo.example_path("roundabout"), *words, "-o", tmp_path / "exact")
     assert done.returncode == 0, done.stderr
     rows = [row for row in json.loads(done.stdout)["moments"] if row["remainder"] is not None]
@@ -283,6 +322,11 @@ def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
     run = extrapolate(seed, futures=150, out=tmp_path / "run")
     assert run.collision.exact == pytest.approx(row["p_collision"])
-    collisions = [table for key, table in exact_of(run).tables.items() if key[2] == "collision"]
-    assert row["score"] == row["collisions"]
-    assert row["score"] == pytest.approx(sum(table.probability() for table in collisions))
+    tables = {
+        key: table.probability() for key, table in exact_of(run).tables.items() if key[2] == "collision"
+    }
+    pair = (
+        min(row["worst_track_id"], row["worst_other_id"]),
+        max(row["worst_track_id"], row["worst_other_id"]),
+    )
+    assert row["worst_p_collision"] == pytest.approx(tables[(*pair, "collision")])

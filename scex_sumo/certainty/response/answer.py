@@ -27,6 +27,7 @@ from scex_sumo.certainty.response.critical import (
     CAREFUL_S,
     HARD_MPS,
     TYPICAL,
+    Motion,
     by_action,
     critical_response,
     hard_contact,
@@ -218,9 +219,7 @@ def _impact(cases: Cases, response_s: FloatArray, people: People, hard: FloatArr
     scene = cases.pairs.expected.scene
     assert scene.road is not None
     i, j = (side[cases.pair] for side in (cases.pairs.initiator, cases.pairs.responder))
-    median = np.maximum(response_s, people.response_s[cases.action])
-    begin = np.where(np.isfinite(response_s), np.maximum(response_s + 0.2, median), 0.0)
-    motion = responded(cases, begin, 6.0)
+    motion = too_late(cases, response_s, people)
     _, speed = motion.impact()
     mass = np.nan_to_num(masses(scene.types, scene.length), nan=UNPROTECTED_KG)
     share = np.stack([mass[j], mass[i]]) / (mass[i] + mass[j])
@@ -233,6 +232,13 @@ def _impact(cases: Cases, response_s: FloatArray, people: People, hard: FloatArr
         "time_s": TIME_S[first],
         "kind": places_of(scene.road, middle),
     }
+
+
+def too_late(cases: Cases, response_s: FloatArray, people: People) -> Motion:
+    """Return the motion at the median of the responses that come later than (m,) R*."""
+    median = np.maximum(response_s, people.response_s[cases.action])
+    begin = np.where(np.isfinite(response_s), np.maximum(response_s + 0.2, median), 0.0)
+    return responded(cases, begin, 6.0)
 
 
 def _meeting(cases: Cases) -> Meeting:

@@ -12,8 +12,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import pyarrow as pa
+
 from scex_sumo.certainty.response.answer import either, once_in
-from scex_sumo.certainty.response.usual import Usual
+from scex_sumo.certainty.response.usual import USUAL, Population, usual_columns, usual_of
 from scex_sumo.results.extras import DOUBTFUL, NOTHING, TEST, Decision
 
 HARD: Final = 1e-3
@@ -85,9 +87,19 @@ def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
     )
 
 
+def with_usual(table: pa.Table, population: Population, location: str) -> pa.Table:
+    """Return the critical responses of a moment with what is usual for each pair, see `USUAL`."""
+    rows, site = table.to_pylist(), population.site_of(location)
+    pairs = {frozenset(one.pair): one for one in pair_responses(rows)}
+    each = (pairs[frozenset((row["other_id"], row["track_id"]))] for row in rows)
+    found = [population.usual(site, one.row["kind"], one.probability) for one in each]
+    for name, values in usual_columns(found).items():
+        table = table.append_column(name, pa.array(values, USUAL[name]))
+    return table
+
+
 def decide(
     rows: Iterable[Mapping[str, Any]],
-    usual: Usual | None = None,
     *,
     keep_doubtful: bool = False,
     varied: Callable[[tuple[int, int]], Sequence[PairResponse]] = lambda pair: (),
@@ -95,8 +107,7 @@ def decide(
     """Return what to test in a moment.
 
     Args:
-        rows: of ``response.parquet``, of one moment.
-        usual: what is usual for the pair that decides, see `deciding`.
+        rows: of ``response.parquet``, of one moment; maybe `with_usual`.
         keep_doubtful: doubtful pairs count, too.
         varied: returns the pair that decides as it is with errors of its data, see `sensitivity.varied`.
     """
@@ -111,7 +122,7 @@ def decide(
     chances = sorted(one.probability for one in others)
     return Decision(
         kind=kind,
-        sentence=_sentence(kind, worst, usual) + _depends(worst, others),
+        sentence=_sentence(kind, worst) + _depends(worst, others),
         pair=worst.pair,
         place=row["kind"],
         time_s=row["time_s"],
@@ -142,11 +153,12 @@ def deciding(found: Sequence[PairResponse], *, keep_doubtful: bool = False) -> P
     return next(tested, sure[0] if sure else None)
 
 
-def _sentence(kind: str, worst: PairResponse, usual: Usual | None) -> str:
+def _sentence(kind: str, worst: PairResponse) -> str:
     if kind == DOUBTFUL:
         return f"Doubtful data: {worst.doubt} ({worst.arrow})."
     place = [word for word in (worst.row["kind"], f"{worst.row['time_s']:.1f} s") if word]
     often = once_in(worst.probability)
+    usual = usual_of(worst.row)
     site = f"; usual {usual.what}: {once_in(usual.median) if usual.median else 'never'}" if usual else ""
     if kind == TEST:
         careful = "" if worst.preventable else ", and a careful driver cannot always avoid it"

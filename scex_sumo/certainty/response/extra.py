@@ -19,6 +19,7 @@ from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
     from scex_sumo.certainty.response.decision import PairResponse
+    from scex_sumo.certainty.response.usual import Population
 
 RESPONSE: Final = "response.parquet"
 DECISION: Final = "decision.json"
@@ -43,8 +44,13 @@ class CriticalResponse(Extra):
         takes=str,
     )
 
+    usual: str | None = option(
+        "Finished ranking of the same place, which says what is usual.", None, metavar="RANKING", takes=str
+    )
+
     def check(self, settings: RunSettings, models: ModelSet) -> None:
         """Raise a `UsageError` for a bad file."""
+        self._population()
         if self._wanted and self._file is not None:
             from scex_sumo.certainty.response.people import people_of
 
@@ -57,6 +63,13 @@ class CriticalResponse(Extra):
     @property
     def _file(self) -> Path | None:
         return None if self.response == PEOPLE else Path(str(self.response))
+
+    def _population(self) -> Population | None:
+        if not self._wanted or self.usual is None:
+            return None
+        from scex_sumo.certainty.response.usual import Population
+
+        return Population.read(Path(self.usual))
 
     def after(self, work: Work) -> Sequence[Row]:
         """Write the table and the decision; return P of any collision for the human-like futures."""
@@ -77,9 +90,12 @@ class CriticalResponse(Extra):
         import pyarrow.parquet as pq
 
         from scex_sumo.base.files import replacing, write_atomic
-        from scex_sumo.certainty.response.decision import decide
+        from scex_sumo.certainty.response.decision import decide, with_usual
         from scex_sumo.certainty.response.sensitivity import varied
 
+        population = self._population()
+        if population is not None:
+            table = with_usual(table, population, work.job.scene.location)
         with replacing(work.job.folder / RESPONSE) as temporary:
             pq.write_table(table, temporary)
         decision = decide(
@@ -106,6 +122,7 @@ class CriticalResponse(Extra):
         if not (run.folder / RESPONSE).is_file():
             return ()
         from scex_sumo.certainty.response.answer import any_collision, once_in
+        from scex_sumo.certainty.response.usual import usual_of
         from scex_sumo.certainty.response.words import told
 
         groups = self._groups(run)[:_WORST]
@@ -113,7 +130,10 @@ class CriticalResponse(Extra):
             return (f"{HEAD}: two vehicles collide less than once in a million such moments",)
         total = any_collision(run.table(RESPONSE).to_pylist(), doubtful=run.keeps_doubtful)
         head = f"{HEAD}: a collision about {once_in(total)} such moments; what it takes:"
-        return (head, *(f"  {told(group)}" for group in groups))
+        worst = groups[0][0]
+        usual = usual_of(worst.row)
+        place = (f"  {worst.arrow}: {usual.words(worst.probability)}",) if usual else ()
+        return (head, *(f"  {told(group)}" for group in groups), *place)
 
     def _groups(self, run: Run) -> Sequence[Sequence[PairResponse]]:
         """Return the pairs that are told, by what is said of them."""

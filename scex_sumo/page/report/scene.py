@@ -8,22 +8,21 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.lanelet2sumo.road_lines import AREA, SURFACE, RoadLine
+from scex_sumo.lanelet2sumo.road_lines import AREA, MARKING, SURFACE, RoadLine
 from scex_sumo.page.html import Html, element
-from scex_sumo.page.packing import UNITS, coded_motion, decoded_motion, quantized, smallest
+from scex_sumo.page.packing import UNITS, coded_motion, quantized, smallest
 from scex_sumo.results.run import Run
+from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, States
 
 _ROAD_UNIT_M = 0.05
-_MARGIN_M = 12.0
-_MIN_ASPECT = 0.55  # of the picture's sides, either way
 _BUDGET = 280_000  # bytes of packed tracks; a page takes a third more, because it is text
 _SAMPLED = 400  # tracks whose packed size stands for all
 _MAX_FUTURES = 1000
 
+Box: TypeAlias = tuple[float, float, float, float]
 Future: TypeAlias = tuple[Run, int, int]
 """A run, its future, and the number of this future on the page."""
 
@@ -136,48 +135,36 @@ def _path(points: FloatArray) -> str:
     return f"M{first[0]} {first[1]}l" + " ".join(f"{x} {y}" for x, y in steps.tolist())
 
 
-def scene_svg(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Html:
-    """Return a picture of the road, the vehicles and the paths of their futures.
+def lane_lines(road: Road, box: Box = (-np.inf, np.inf, -np.inf, np.inf)) -> list[RoadLine]:
+    """Return the lanes of a road that touch a box, without its net: their areas and bounds."""
+    left, right, low, high = box
+    corner, opposite = np.array([left, low]), np.array([right, high])
+    lanes = [
+        lane
+        for lane in road.vehicle_lanes.values()
+        if (lane.left_bound.min(axis=0) <= opposite).all() and (lane.left_bound.max(axis=0) >= corner).all()
+    ]
+    asphalt = [np.concatenate([lane.left_bound, lane.right_bound[::-1]]) for lane in lanes]
+    bounds = [bound for lane in lanes for bound in (lane.left_bound, lane.right_bound)]
+    return [RoadLine(AREA, 0.0, area) for area in asphalt] + [RoadLine(MARKING, 0.0, line) for line in bounds]
 
-    Args:
-        info: of `report_contents`.
-        arrays: of `report_contents`.
-    """
-    left, right, low, high = info["box"]
-    wide, tall = right - left + 2 * _MARGIN_M, high - low + 2 * _MARGIN_M
-    wide, tall = max(wide, _MIN_ASPECT * tall), max(tall, _MIN_ASPECT * wide)
-    x, y = (left + right - wide) / 2, -(low + high + tall) / 2
-    parts = [_road_svg(group) for group in info["road"]]
-    parts += _paths_svg(info, arrays)
-    parts += [_vehicle_svg(pose, size) for pose, size in zip(arrays["start"], info["sizes"], strict=True)]
+
+def scene_svg(name: str, box: Box, road: Iterable[RoadLine], vehicles: Sequence[Html]) -> Html:
+    """Return a picture of the road in a box (least and largest x, y), and of outlines as of `outline_svg`."""
+    left, right, low, high = box
+    parts = [*map(_road_svg, road_paths(road)), *vehicles]
     upwards = element("g", *parts, transform="scale(1 -1)")
-    view = f"{x:.1f} {y:.1f} {wide:.1f} {tall:.1f}"
-    return element("svg.scene", upwards, viewBox=view, role="img", aria_label=info["name"])
+    view = f"{left:.1f} {-high:.1f} {right - left:.1f} {high - low:.1f}"
+    return element("svg.scene", upwards, viewBox=view, role="img", aria_label=name)
+
+
+def outline_svg(kind: str, length: float, width: float) -> Html:
+    """Return the outline of a vehicle at the origin, which a script moves."""
+    box = {"x": f"{-length / 2:.2f}", "y": f"{-width / 2:.2f}", "width": f"{length:.2f}"}
+    return element(f"rect.{kind}", height=f"{width:.2f}", **box)
 
 
 def _road_svg(group: Mapping[str, Any]) -> Html:
     kind = {SURFACE: "lane", AREA: "junction"}.get(group["kind"], "marking")
     width = f"{(group['width'] or 0.15) / _ROAD_UNIT_M:g}"
     return element(f"path.{kind}", d=group["path"], stroke_width=width, transform=f"scale({_ROAD_UNIT_M})")
-
-
-def _paths_svg(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[Html]:
-    owner, start = arrays["owner"], arrays["start"]
-    driven = np.zeros(len(owner), dtype=np.int64)
-    rows = arrays["which"] + np.searchsorted(owner, np.arange(len(start)))
-    driven[rows] = arrays["levels"][info["packed"]]
-    paths = []
-    for line, vehicle, model in zip(
-        decoded_motion(start[owner], arrays["motion"]), owner, driven, strict=True
-    ):
-        points = np.concatenate([start[vehicle, None, :2] * UNITS[:2], line[::3, :2]])
-        d = "M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-        paths.append(element("path.way", d=d, stroke=info["colors"][model]))
-    return paths
-
-
-def _vehicle_svg(pose: NDArray[Any], size: tuple[float, float]) -> Html:
-    (x, y, heading, _), (length, width) = pose * UNITS, size
-    turn = f"translate({x:.2f} {y:.2f}) rotate({np.degrees(heading):.1f})"
-    box = {"x": f"{-length / 2:.2f}", "y": f"{-width / 2:.2f}", "width": f"{length:.2f}"}
-    return element("rect.vehicle", height=f"{width:.2f}", transform=turn, **box)

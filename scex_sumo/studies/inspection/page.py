@@ -17,11 +17,9 @@ from scex_sumo.behaviors.listing import known_models
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, recorded_throughout
 from scex_sumo.converters.tracks.rows import STANDING_MPS
 from scex_sumo.evaluation.recordings import LoadedRecording
-from scex_sumo.lanelet2sumo.road_lines import AREA, MARKING, RoadLine
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.page.packing import UNITS, quantized
-from scex_sumo.page.report.scene import road_paths
-from scex_sumo.road import Road
+from scex_sumo.page.report.scene import lane_lines, road_paths
 
 SCRIPTS = (*BASE, "state.js", "pairs.js", "map.js", "inspect.js")
 KINDS = ("moves, recorded from 1 s before to 3 s after", "moves, not recorded throughout", "stands")
@@ -54,7 +52,7 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
         "first": kept.index(busiest(kept)),
         "types": list(dict.fromkeys(loaded.table.vehicles.types)),
         "box": _box(arrays["poses"]),
-        "road": road_paths(_lines(loaded.road)),
+        "road": road_paths(lane_lines(loaded.road)),
         "command": command,
         "stem": loaded.recording.name,
     }
@@ -102,13 +100,6 @@ def _box(poses: IntArray) -> list[float]:
     places = poses[poses[:, :, 0] < _AWAY][:, :2] * UNITS[0]
     (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
     return [float(edge) for edge in (left, right, low, high)]
-
-
-def _lines(road: Road) -> list[RoadLine]:
-    lanes = road.vehicle_lanes.values()
-    asphalt = [np.concatenate([lane.left_bound, lane.right_bound[::-1]]) for lane in lanes]
-    bounds = [bound for lane in lanes for bound in (lane.left_bound, lane.right_bound)]
-    return [RoadLine(AREA, 0.0, area) for area in asphalt] + [RoadLine(MARKING, 0.0, line) for line in bounds]
 
 
 def _body(loaded: LoadedRecording, moments: int, shown: int) -> str:

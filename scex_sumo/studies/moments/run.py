@@ -179,21 +179,21 @@ _compared_on = weakref.WeakSet[SumoNet]()
 
 
 def attempt(
-    work: Callable[[Task, SeedScene, SumoNet], Result], task: Task, road: bytes | None
+    work: Callable[[Task, SeedScene, bytes], Result], task: Task, road: bytes | None
 ) -> Result | Failure:
-    """Return the result of ``work`` on a seed scene with road and net, or the moment's failure."""
+    """Return the result of ``work`` on a seed scene and its packed road, or the moment's failure."""
     packed = task.road or road
     try:
         assert packed is not None, "no road"
         check_versions(task)
         with one_at_a_time:
-            whole, net = road_and_net(packed, task.settings.cache)
+            whole = unpack_road(packed)
             scene = dataclasses.replace(task.scene, road=whole)
             if len(off_road(whole, scene)) == scene.vehicles:
                 raise TrackError(
                     f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin"
                 )
-            return work(task, scene, net)
+            return work(task, scene, packed)
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 
@@ -209,13 +209,13 @@ def check_versions(task: MomentTask) -> None:
 
 
 @lru_cache(maxsize=8)
-def road_and_net(packed: bytes, cache: bool) -> tuple[Road, SumoNet]:
-    """Return a road and its net, whose folder is removed with it."""
+def net_of(packed: bytes, cache: bool) -> SumoNet:
+    """Return the net of a packed road; its folder is removed with it."""
     road, folder = unpack_road(packed), TemporaryFolder()
     with writing(Path(folder.name)):
         net = converted(road, Path(folder.name) / "map.net.xml", keep=cache)
     weakref.finalize(net, folder.cleanup)
-    return road, net
+    return net
 
 
 def compared(net: SumoNet, ref: MomentRef) -> bool:

@@ -1,4 +1,4 @@
-"""``scex-sumo rank``: rank the moments of a dataset by how critical they can become."""
+"""``scex-sumo rank``: rank the encounters of a dataset: which are worth testing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,11 @@ if TYPE_CHECKING:
     from scex_sumo.studies.rank.rank import Ranking
 
 _SHOWN_FAILURES = 3
-
+_ALL = "of all encounters, because the site has fewer than 20 of its kind"
+_COUNTS = (
+    "{encounters} encounters in {seeds} seed scenes, {doubtful} with doubtful data (end of ranking.csv); "
+    "{futures_run} futures"
+)
 
 EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
 
@@ -38,17 +42,24 @@ def rank_command(
     first_s: Annotated[float | None, Option("--from", metavar="S", help="First moment, s.")] = None,
     last_s: Annotated[float | None, Option("--to", metavar="S", help="Last moment, s.")] = None,
     futures: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
-    first: Annotated[int, Option(help="Futures of every seed scene; close ranks get more.")] = 32,
+    first: Annotated[
+        int,
+        Option(help="Futures of every seed scene; close ranks get more. 0: of the top encounters' alone."),
+    ] = 0,
     min_vehicles: MinVehicles = 2,
     models: Models = None,
     preset: Preset = "both",
     metrics: Metrics = None,
     threshold: Thresholds = None,
     keep: Annotated[str, Option(metavar="none|critical|all", help="Futures whose tracks are kept.")] = "none",
-    top: Annotated[int, Option(help="Moments on the page.")] = 10,
-    by: Annotated[
-        str, Option(metavar="mixed|severity|collisions|encounters", help="Order of the moments.")
-    ] = "mixed",
+    top: Annotated[int, Option(help="Encounters on the page.")] = 10,
+    by: Annotated[str, Option(metavar="COLUMN", help="Column by which encounters are ordered.")] = "severity",
+    keep_doubtful: Annotated[
+        bool, Option("--keep-doubtful", help="Rank encounters whose data are doubtful, too.")
+    ] = False,
+    triage: Annotated[
+        Path | None, Option(metavar="CSV", help="Verdicts saved on the page of a ranking.")
+    ] = None,
     exact: Annotated[bool, Option(help="Exact P where it saves futures.")] = True,
     seed: Seed = 0,
     workers: Processes = 1,
@@ -59,7 +70,7 @@ def rank_command(
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
     ] = Path("out") / "ranking",
 ) -> Answer:
-    """Rank the moments of a dataset: which are worth testing."""
+    """Rank the encounters of a dataset: which are worth testing."""
     options = {**locals()}
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
     from scex_sumo.extrapolation.settings import read_thresholds
@@ -71,14 +82,15 @@ def rank_command(
     options["metrics"] = None if metrics is None else [name.strip() for name in metrics.split(",")]
     ranking = run_study(rank, "futures", **options)
     fallbacks = ranking.info["fallbacks"]
-    about = "plans were replaced by the path-following driver's; see column fallbacks of ranking.csv"
+    about = "plans were replaced by the path-following driver's; see column fallbacks of moments.csv"
     warn([f"{fallbacks} {about}"] if fallbacks else [])
-    rows = ranking.table.select(["seed", "failure"]).to_pylist()
+    rows = ranking.moments.select(["seed", "failure"]).to_pylist()
     failed = [f"{row['seed']}: failed: {row['failure']}" for row in rows if row["failure"] is not None]
     more = len(failed) - _SHOWN_FAILURES
-    warn(failed[:_SHOWN_FAILURES] + ([f"{more} more failed; see ranking.csv"] if more > 0 else []))
-    _print_top(ranking)
-    print(f"{ranking.info['seeds']} seed scenes, {ranking.info['futures_run']} futures")
+    warn(failed[:_SHOWN_FAILURES] + ([f"{more} more failed; see moments.csv"] if more > 0 else []))
+    _print_top(ranking, top)
+    counts = {name: ranking.info[name] for name in ("seeds", "futures_run", "encounters", "doubtful")}
+    print(_COUNTS.format(**counts))
     print(f"result: {out / 'ranking.csv'}")
     print(f"look:   {out / 'ranking.html'}")
     return lambda: {
@@ -88,25 +100,21 @@ def rank_command(
         "scenes": ranking.info["seeds"],
         "futures": ranking.info["futures_run"],
         "shown": ranking.info["shown"],
-        "moments": ranking.table.to_pylist(),
+        "encounters": ranking.table.to_pylist(),
+        "moments": ranking.moments.to_pylist(),
     }
 
 
-def _print_top(ranking: Ranking) -> None:
-    from pyarrow import array, string
-    from pyarrow.compute import is_in
-
+def _print_top(ranking: Ranking, top: int) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.study import print_columns
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.studies.rank.table import printed_columns
 
-    shown = is_in(ranking.table["seed"], array(ranking.info["shown"], string()))
-    console, rows = output_console(width=160), ranking.table.filter(shown).to_pylist()
-    print_columns(printed_columns(), rows, console, "most critical moments, at least 3 s apart")
-    about = "P(collision): stress test; encounters: critical ones of a future"
-    order = ranking.info.get("by", "collisions, how hard they are, and these")
-    print_line(f"{about} on average; ranked by {order}", console)
-    least = max((row["remainder"] for row in rows if row["remainder"] is not None), default=None)
-    if least is not None:
-        print_line(f"exact: its tables are wrong in at most {least:.1%} of the assignments (95 %)", console)
+    console, rows = output_console(width=160), ranking.table.slice(0, top).to_pylist()
+    rows = [row for row in rows if row["rank"] is not None]
+    print_columns(printed_columns(), rows, console, "encounters worth testing")
+    about = "people collide, severe injury (MAIS 3+, expected): human-like, by actions and response times"
+    print_line(f"{about}; ranked by {ranking.info['by']}", console)
+    usual = f"usual: P over the median of its kind at the site, and its place; (all): {_ALL}"
+    print_line(usual, console)

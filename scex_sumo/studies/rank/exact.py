@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -26,11 +26,9 @@ from scex_sumo.extrapolation.assignments import EXACT_STREAM, future_generator
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.statistics.bands import remainder_of
 from scex_sumo.studies.moments.run import built
-from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, worth_of
+from scex_sumo.studies.rank.scores import CRITICAL_WEIGHT, RankSettings, critical_pairs, worth_of
 
-COLLISION, CRITICAL = _BOTH = ("collision", "critical")
-_COUNTED: Final = {"severity": (COLLISION,), "collisions": (COLLISION,), "encounters": (CRITICAL,)}
-"""Events that the score of an order counts; that of ``mixed`` counts both."""
+COLLISION, CRITICAL = EVENTS = ("collision", "critical")
 
 _Key: TypeAlias = tuple[int, int, str]  # two track ids, ascending, and the event
 
@@ -77,28 +75,26 @@ def search_after(settings: RankSettings, ends: Sequence[int]) -> int | None:
     return None
 
 
-def find_exact_score(job: Job, pairs: Sequence[IntArray], by: str) -> ExactScore:
+def find_exact_score(job: Job, pairs: Sequence[IntArray]) -> ExactScore:
     """Run futures with chosen assignments, and return what the tables of critical pairs say.
 
     Args:
         job: with the assignments of all futures that may be drawn.
         pairs: critical encounters of each drawn future, as of `pairs_of`.
-        by: order of the ranking: its events are searched first.
     """
     drawn = DrawnModels(job)
-    futures, tracks, count = _Futures(job, drawn, by), drawn.track_ids, len(pairs)
+    futures, tracks, count = _Futures(job, drawn), drawn.track_ids, len(pairs)
     levels, seen = drawn.levels, futures.events(pairs)
     open_ = known = set(seen)
-    rank = {event: number for number, event in enumerate(_wanted(by))}
     right: dict[_Key, dict[_Path, float]] = {}
     while open_ and len(futures.known) < (most := min(MAX_FUTURES, 2 * count)):
-        keys = sorted(known, key=lambda key: (rank[key[2]], key))
+        keys = sorted(known, key=lambda key: (EVENTS.index(key[2]), key))
         search = Search(
             drawn.each,
             levels[:count],
             _happens(seen, keys, count),
             [[tracks.index(track) for track in key[:2]] for key in keys],
-            rank=[rank[key[2]] for key in keys],
+            rank=[EVENTS.index(key[2]) for key in keys],
             rng=future_generator(job.settings.seed, 0, EXACT_STREAM),
         )
         search.run(lambda rows, keys=keys: futures.run(rows, keys), most=most)  # type: ignore[misc]
@@ -109,7 +105,7 @@ def find_exact_score(job: Job, pairs: Sequence[IntArray], by: str) -> ExactScore
         if happened <= known:
             break
         known = known | happened  # events of extra futures alone
-    return _score(futures, right, known - right.keys(), by, count)
+    return _score(futures, right, known - right.keys(), count)
 
 
 _Path: TypeAlias = tuple[tuple[int, int], ...]  # vehicles and their levels
@@ -119,7 +115,6 @@ def _score(
     futures: _Futures,
     right: Mapping[_Key, Mapping[_Path, float]],
     open_: set[_Key],
-    by: str,
     count: int,
 ) -> ExactScore:
     drawn, levels = futures.drawn, futures.drawn.levels
@@ -136,7 +131,7 @@ def _score(
     return ExactScore(
         mean=mean,
         predicted=predicted.tolist(),
-        settled=not any(key[2] in _COUNTED.get(by, _BOTH) for key in open_),
+        settled=not open_,
         p_collision=None if collides else union_probability(tables),
         pairs=each,
         extra=len(futures.known),
@@ -156,8 +151,8 @@ class _Futures:
         known: critical encounters by assignment.
     """
 
-    def __init__(self, job: Job, drawn: DrawnModels, by: str) -> None:
-        self._job, self._by = dataclasses.replace(job, settings=encounters_only(job.settings)), by
+    def __init__(self, job: Job, drawn: DrawnModels) -> None:
+        self._job = dataclasses.replace(job, settings=encounters_only(job.settings))
         self.drawn = drawn
         self.known: dict[bytes, IntArray] = {}
 
@@ -184,18 +179,12 @@ class _Futures:
         """Return by event (C, 2): 1 in the futures in which it happens, and what it adds to their score."""
         found: dict[_Key, FloatArray] = {}
         for future, rows in enumerate(pairs):
-            hit, unit, each = worth_of(rows, self._by)
-            for row, worth in zip(rows.tolist(), (hit / unit).tolist(), strict=True):
-                for event, happens, value in ((COLLISION, row[2], worth), (CRITICAL, 1, each)):
-                    if happens and event in _wanted(self._by):
+            for row, worth in zip(rows.tolist(), worth_of(rows).tolist(), strict=True):
+                for event, happens, value in ((COLLISION, row[2], worth), (CRITICAL, 1, CRITICAL_WEIGHT)):
+                    if happens:
                         key = (min(row[:2]), max(row[:2]), event)
                         found.setdefault(key, np.zeros((len(pairs), 2)))[future] = 1.0, value
         return found
-
-
-def _wanted(by: str) -> tuple[str, ...]:
-    """Return the events of an order, those that its score counts first."""
-    return tuple(dict.fromkeys((*_COUNTED.get(by, _BOTH), COLLISION)))
 
 
 def _happens(events: Mapping[_Key, FloatArray], keys: Sequence[_Key], count: int) -> BoolArray:

@@ -10,23 +10,30 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.results.folder import tracks_table
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyFolder, as_row, from_row
-from scex_sumo.studies.moments.run import MomentTask, attempt, built, compared
+from scex_sumo.studies.moments.run import MomentTask, attempt, built, compared, net_of
 from scex_sumo.studies.rank.exact import ExactScore, find_exact_score
+from scex_sumo.studies.rank.pairs import pairs_of_moment
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, score_of
 
 MAX_KEPT = 5
 """Futures of a moment whose tracks ``critical`` keeps at most."""
+PAIRS_ROUND = range(0)
+"""Futures of the first round: none; it asks for the critical responses of all pairs."""
+
+
+def is_pairs(span: range) -> bool:
+    """Whether it is `PAIRS_ROUND`; other empty rounds search tables after some futures."""
+    return not span.stop
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RankTask(MomentTask):
-    """A moment to be ranked.
+    """A moment to be ranked: its pairs if it has no futures to be run, else these.
 
     Attributes:
         spare: how many more futures may have their tracks kept.
@@ -51,13 +58,15 @@ class MomentPart:
     tracks: pa.Table | None
 
 
-def run_moment(task: RankTask, road: bytes | None = None) -> MomentPart | ExactScore | Failure:
-    """Run the futures of a task on its road or the one given; or return the moment's failure."""
+def run_moment(task: RankTask, road: bytes | None = None) -> pa.Table | MomentPart | ExactScore | Failure:
+    """Return the pairs of a moment, or its futures, on its road or the one given; or its failure."""
     return attempt(_run, task, road)
 
 
-def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart | ExactScore:
-    models, run = built(task.settings.models), task.settings.run
+def _run(task: RankTask, scene: SeedScene, road: bytes) -> pa.Table | MomentPart | ExactScore:
+    if is_pairs(task.futures):
+        return pairs_of_moment(scene)
+    models, run, net = built(task.settings.models), task.settings.run, net_of(road, task.settings.cache)
     if task.futures.start == 0:
         models.try_on(scene, seed=run.seed)
     count = task.futures.stop if task.drawn is None else task.settings.futures
@@ -65,10 +74,10 @@ def _run(task: RankTask, scene: SeedScene, net: SumoNet) -> MomentPart | ExactSc
     same = compared(net, task.ref)
     job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
     if task.drawn is not None:
-        return find_exact_score(job, task.drawn, task.settings.by)
+        return find_exact_score(job, task.drawn)
     part = run_in_memory(job, task.futures)
     pairs = critical_pairs(part, scene.track_ids)
-    kept = choose_kept(score_of(pairs, task.settings.by), task.settings.keep, task.spare)
+    kept = choose_kept(score_of(pairs), task.settings.keep, task.spare)
     table = futures_table(
         part.futures,
         columns=run.columns,
@@ -150,17 +159,17 @@ def futures_table(
 
 REPORTS = "moments"
 """Folder of the reports of the moments that are shown."""
-_FUTURES, _TRACKS, _SEEDS, _EXACT = "futures", "tracks", "seeds", "exact"
+_PAIRS, _FUTURES, _TRACKS, _SEEDS, _EXACT = "pairs", "futures", "tracks", "seeds", "exact"
 
 
 class RankFolder(StudyFolder):
-    """Folder of a ranking under way: ``futures/location=L/seed=S/futures-FIRST-LAST.parquet``."""
+    """Folder of a ranking under way: ``pairs/``, ``futures/location=L/seed=S/futures-FIRST-LAST.parquet``."""
 
     info, what = "rank.json", "ranking"
     another = "another ranking, of other recordings or with other options"
     evidence = ("ranking.parquet", "ranking.csv", _SEEDS)
-    trees, records = (_FUTURES, _TRACKS), (_SEEDS, _EXACT)
-    kept = ("ranking.parquet", "ranking.csv", "ranking.html", REPORTS)
+    trees, records = (_PAIRS, _FUTURES, _TRACKS), (_SEEDS, _EXACT)
+    kept = ("ranking.parquet", "ranking.csv", "moments.parquet", "moments.csv", "ranking.html", REPORTS)
 
     def listing(self, recording: str) -> Listing | None:
         """Return the moments of a recording; None if it is not listed, or the file is damaged."""
@@ -182,8 +191,17 @@ class RankFolder(StudyFolder):
         self._save(_EXACT, ref.moment, [asdict(exact)])
 
     def has(self, ref: MomentRef, span: range) -> bool:
-        """Whether a part of a moment is there."""
+        """Whether a part of a moment is there; that of `PAIRS_ROUND` has its pairs."""
         return self._has(ref.moment, _name(span))
+
+    def save_pairs(self, ref: MomentRef, pairs: pa.Table) -> None:
+        """Keep the pairs of a moment."""
+        file = _file(_PAIRS, ref, PAIRS_ROUND)
+        self._add(ref.moment, _PAIRS, {file: pairs}, write_statistics=False, store_schema=False)
+
+    def pairs(self, ref: MomentRef) -> pa.Table:
+        """Read the pairs of a moment."""
+        return self._read(ref.moment, _PAIRS, _file(_PAIRS, ref, PAIRS_ROUND))
 
     def append(self, ref: MomentRef, part: MomentPart) -> None:
         """Add futures of a moment, unless they are there."""
@@ -209,7 +227,7 @@ class RankFolder(StudyFolder):
 
 
 def _name(span: range) -> str:
-    return f"futures-{span.start:05d}-{span.stop - 1:05d}"
+    return _PAIRS if is_pairs(span) else f"futures-{span.start:05d}-{span.stop - 1:05d}"
 
 
 def _file(kind: str, ref: MomentRef, span: range) -> str:

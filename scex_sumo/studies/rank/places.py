@@ -81,13 +81,13 @@ def place(
     return Places(rank=rank, low=np.minimum(low, rank), high=np.maximum(high, rank))
 
 
-def mean_score(values: FloatArray, intervals: DesignIntervals, unit: float = 1.0) -> tuple[float, float]:
+def mean_score(values: FloatArray, intervals: DesignIntervals) -> tuple[float, float]:
     """Return the mean of the scores (C,) of futures, and its standard error under their design.
 
-    Half a future with another score, by ``unit``, is added: equal futures do not prove that the next one is
+    Half a future with a score that differs by 1 is added: equal futures do not prove that the next one is
     equal.
     """
-    variance = float(intervals.variance(values[:, None])[0]) + (0.5 * unit / (len(values) + 1)) ** 2
+    variance = float(intervals.variance(values[:, None])[0]) + (0.5 / (len(values) + 1)) ** 2
     return float(values.mean()), float(np.sqrt(variance))
 
 
@@ -127,6 +127,8 @@ class Tally:
 
 def rounds(settings: RankSettings) -> list[range]:
     """Return the futures of each round: their number doubles each time; none where tables are searched."""
+    if not settings.first:
+        return [range(settings.futures)]
     ends = [settings.first]
     while ends[-1] < settings.futures:
         ends.append(min(2 * ends[-1], settings.futures))

@@ -1,4 +1,4 @@
-"""Rank the moments of a dataset, from its recordings to the folder with table and page."""
+"""Rank the encounters of a dataset, from its recordings to the folder with tables and page."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.workers import moment_workers
+from scex_sumo.studies.rank.encounters import SEVERITY, Order, with_stress
 from scex_sumo.studies.rank.futures import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.scores import MIXED, RankSettings
-from scex_sumo.studies.rank.table import ranking_table, write_ranking
+from scex_sumo.studies.rank.scores import RankSettings
+from scex_sumo.studies.rank.table import moments_table, write_table
+from scex_sumo.studies.rank.triage import read_triage
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +34,8 @@ class Ranking:
     """A finished ranking.
 
     Attributes:
-        table: one row for each moment, see `scex_sumo.studies.rank.table.schema`; failures last.
+        table: one row for each encounter, see `scex_sumo.studies.rank.encounters`; doubtful ones last.
+        moments: one row for each moment, see `scex_sumo.studies.rank.table.schema`; failures last.
         info: content of ``rank.json``.
 
     Example:
@@ -43,6 +46,7 @@ class Ranking:
 
     folder: Path
     table: pa.Table
+    moments: pa.Table
     info: Mapping[str, Any]
 
 
@@ -55,11 +59,13 @@ def rank(
     every: float = 1.0,
     window: Window = (None, None),
     min_vehicles: int = 2,
-    first: int = 32,
+    first: int = 0,
     futures: int = 96,
     top: int = 10,
     keep: str = "none",
-    by: str = MIXED,
+    by: str = SEVERITY,
+    keep_doubtful: bool = False,
+    triage: str | Path | None = None,
     exact: bool = True,
     cache: bool = True,
     overwrite: bool = False,
@@ -67,14 +73,17 @@ def rank(
     progress: Progress | bool | None = None,
     **run: Any,
 ) -> Ranking:
-    """Run every moment of a dataset a few times, the promising ones more often, and rank them.
+    """Rank the encounters of a dataset by critical responses; run futures of the moments of the top ones.
 
     Args:
         roots: folders of recordings, or single files.
         out: folder of the ranking; an interrupted one goes on.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
-        every: as of `scex_sumo.studies.rank.scores.RankSettings`, like the next eight.
+        every: as of `scex_sumo.studies.rank.scores.RankSettings`, like the next six.
+        by: column by which encounters are ordered.
+        keep_doubtful: rank encounters whose data are doubtful, too.
+        triage: file of verdicts that the page of a ranking has saved.
         window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
@@ -99,10 +108,12 @@ def rank(
         first=first,
         top=top,
         keep=keep,
-        by=by,
         exact=exact,
         cache=cache,
     )
+    verdicts = () if triage is None else read_triage(Path(triage))
+    order = Order(by=by, keep_doubtful=keep_doubtful, triage=verdicts)
+    order.check(first)
     if window[0] is not None and window[1] is not None and window[0] > window[1]:
         raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
     places = [roots] if isinstance(roots, str | Path) else roots
@@ -114,23 +125,28 @@ def rank(
         RankFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "rank") as tick,
     ):
-        ranking = RankingRun(recordings, settings, folder, pool, tick)
+        ranking = RankingRun(recordings, settings, folder, pool, tick, order=order)
         ranking.run()
-        table = ranking_table(ranking)
-        write_ranking(folder.path, table)
+        moments = moments_table(ranking)
+        table = order.ranked(with_stress(ranking.encounters, ranking.stress()))
+        for name, content in (("moments", moments), ("ranking", table)):
+            write_table(folder.path / name, content)
         shown = write_ranking_page(ranking, folder.path, table, workers=workers if cluster is None else 1)
         info = {
             "scex_sumo": __version__,
             "command": list(command) if command else None,
             **identity,
             "seeds": len(ranking.refs),
-            "failed": len(table) - len(ranking.refs),
-            "futures_run": sum(pc.sum(table[name]).as_py() or 0 for name in ("futures", "extra")),
-            "fallbacks": pc.sum(table["fallbacks"]).as_py() or 0,
+            "failed": len(moments) - len(ranking.refs),
+            "encounters": len(table),
+            "doubtful": len(table) - table["doubt"].null_count,
+            "futures_run": sum(pc.sum(moments[name]).as_py() or 0 for name in ("futures", "extra")),
+            "fallbacks": pc.sum(moments["fallbacks"]).as_py() or 0,
+            "by": by,
             "shown": shown,
             "notes": [*left_out(places), *pool.notes()],
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }
         folder.finish(info)
-    return Ranking(folder=Path(out), table=table, info=info)
+    return Ranking(folder=Path(out), table=table, moments=moments, info=info)

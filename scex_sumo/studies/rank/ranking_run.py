@@ -1,10 +1,11 @@
-"""Rounds of a ranking: which moments get how many futures, and the scores so far."""
+"""Rounds of a ranking: pairs of all moments, then futures of some, and the scores so far."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from functools import cached_property
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -16,12 +17,14 @@ from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers
+from scex_sumo.studies.rank.encounters import BY_SEVERITY, Order, StressTest, encounters_of
 from scex_sumo.studies.rank.exact import ExactScore
-from scex_sumo.studies.rank.futures import MAX_KEPT, RankFolder, RankTask
+from scex_sumo.studies.rank.futures import MAX_KEPT, PAIRS_ROUND, RankFolder, RankTask, is_pairs
 from scex_sumo.studies.rank.places import Tally, mean_score, rounds, undecided
-from scex_sumo.studies.rank.scores import INJURIES, RankSettings, pairs_of, score_of
+from scex_sumo.studies.rank.scores import RankSettings, pairs_of, score_of
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
+PAIRS_COST = 32  # futures of a moment that take as long as its pairs, about
 
 
 class RankingRun:
@@ -29,7 +32,7 @@ class RankingRun:
 
     Attributes:
         unreadable: failures by recording; the next run tries these again.
-        tallies: results of the rounds by moment.
+        tallies: results of the rounds of futures by moment.
     """
 
     def __init__(
@@ -39,11 +42,13 @@ class RankingRun:
         folder: RankFolder,
         workers: MomentWorkers,
         progress: Progress | None = None,
+        *,
+        order: Order = BY_SEVERITY,
     ) -> None:
-        """Load the results of an earlier, interrupted run of the same ranking."""
+        """Load the results of an earlier, interrupted run of the same ranking; ``order`` is of encounters."""
         self.recordings, self.settings = recordings, settings
         self._folder, self._workers, self._progress = folder, workers, progress
-        self._rounds = rounds(settings)
+        self._rounds, self.order = rounds(settings), order
         self.listings: dict[str, Listing] = {}
         self.unreadable: dict[str, Failure] = {}
         self.tallies: dict[str, list[Tally]] = {}
@@ -68,17 +73,32 @@ class RankingRun:
     @property
     def refs(self) -> list[MomentRef]:
         """All moments with results, in the order of the dataset."""
-        return [ref for ref in self.listed if self.tallies.get(ref.moment)]
+        return [ref for ref in self.listed if self._folder.has(ref, PAIRS_ROUND)]
+
+    @cached_property
+    def pairs(self) -> Sequence[tuple[MomentRef, pa.Table]]:
+        """Pairs of all moments, once these have run."""
+        return [(ref, self._folder.pairs(ref)) for ref in self.refs]
+
+    @cached_property
+    def encounters(self) -> pa.Table:
+        """Encounters of all moments in their order, without what futures say."""
+        return self.order.ranked(encounters_of(self.pairs, self.settings.every))
+
+    def stress(self) -> dict[str, StressTest]:
+        """Return by moment what its futures say about its pairs."""
+        some = [ref for ref in self.refs if self.tallies.get(ref.moment)]
+        return {r.moment: StressTest.of(self._pairs(r), self.tallies[r.moment][-1].exact) for r in some}
 
     def parts(self, ref: MomentRef) -> list[pa.Table]:
         """Read the futures of a moment."""
-        spans = [span for span in self._rounds[: len(self.tallies[ref.moment])] if span]
+        spans = [span for span in self._rounds[: len(self.tallies.get(ref.moment, ()))] if span]
         return [self._folder.read(ref, span) for span in spans]
 
     def run(self) -> None:
         """Run all rounds, or what is missing of them."""
-        for number, span in enumerate(self._rounds):
-            chosen = None if number == 0 else self._chosen(number)
+        for number, span in enumerate([PAIRS_ROUND, *self._rounds]):
+            chosen = None if number < 1 + bool(self.settings.first) else self._chosen(number - 1)
             self._count_kept(self.listed, span, chosen)
             self._begin_round(span, chosen)
             recordings = self.recordings if chosen is None else self._readable()
@@ -90,6 +110,8 @@ class RankingRun:
                     elif isinstance(result, ExactScore):
                         self._folder.save_exact(task.ref, result)
                         self._count(task.ref, exact=result)
+                    elif isinstance(result, pa.Table):
+                        self._folder.save_pairs(task.ref, result)
                     else:
                         self._folder.append(task.ref, result)
                         self._count(task.ref, result.futures)
@@ -128,22 +150,23 @@ class RankingRun:
         for item in items:
             if isinstance(item, MomentTask):
                 kept = sum(tally.kept for tally in self.tallies.get(item.ref.moment, ()))
-                drawn = None if item.futures else self._pairs(item.ref)
+                drawn = None if item.futures or is_pairs(item.futures) else self._pairs(item.ref)
                 yield RankTask.of(item, spare=MAX_KEPT - kept, drawn=drawn)
             elif isinstance(item, Listing):
                 self._folder.save_listing(item)
                 self.listings[item.recording] = item
-                self._count_kept(item.moments, self._rounds[0], None)
-                self._expect(futures)
+                self._expect()
             elif item.time_s is None:
                 self.unreadable[item.recording] = item
-                self._expect(futures)
+                self._expect()
             else:
                 self._fail(item)
                 self._tick(futures)
 
     def _chosen(self, number: int) -> set[str]:
         top, seed = self.settings.top, self.settings.run.seed
+        if not self.settings.first:
+            return set(self.encounters["seed"].slice(0, top).to_pylist())
         return {ref.moment for ref in undecided(self.listed, self.tallies, number, top=top, seed=seed)}
 
     def _open(self, ref: MomentRef, span: range, chosen: set[str] | None) -> bool:
@@ -152,7 +175,9 @@ class RankingRun:
         return ref.moment not in self.failures and not self._has(ref, span)
 
     def _has(self, ref: MomentRef, span: range) -> bool:
-        return self._folder.has(ref, span) if span else self._folder.exact(ref) is not None
+        if span or is_pairs(span):
+            return self._folder.has(ref, span)
+        return self._folder.exact(ref) is not None
 
     def _count_kept(self, refs: Sequence[MomentRef], span: range, chosen: set[str] | None) -> None:
         """Count the results of a round that an earlier, interrupted run kept, if the round needs them."""
@@ -161,7 +186,7 @@ class RankingRun:
                 self._folder.drop(ref, span)
             elif span:
                 self._count(ref, self._folder.read(ref, span))
-            else:
+            elif not is_pairs(span):
                 self._count(ref, exact=self._folder.exact(ref))
 
     def _pairs(self, ref: MomentRef) -> list[IntArray]:
@@ -177,11 +202,10 @@ class RankingRun:
             kept = pc.sum(futures["kept"]).as_py()
         exact = exact or (tallies[-1].exact if tallies else None)
         models = [row for part in parts for row in part["model"].to_pylist()]
-        scores, mean = score_of(self._pairs(ref), self.settings.by), 0.0
+        scores, mean = score_of(self._pairs(ref)), 0.0
         if exact is not None:
             scores, mean = scores - exact.predicted[: len(scores)], exact.mean
-        unit = INJURIES if self.settings.by == "severity" else 1.0
-        score, error = mean_score(scores, self.settings.intervals(models), unit)
+        score, error = mean_score(scores, self.settings.intervals(models))
         count = 0 if futures is None else len(futures)
         tallies.append(Tally(futures=count, score=mean + score, error=error, kept=kept, exact=exact))
 
@@ -191,17 +215,18 @@ class RankingRun:
 
     def _begin_round(self, span: range, chosen: set[str] | None) -> None:
         self._done = sum(tally.futures for tallies in self.tallies.values() for tally in tallies)
+        self._done += PAIRS_COST * len(self.refs)
         if chosen is None:
-            self._expect(len(span))
+            self._expect()
         else:
             self._total = self._done + _cost(span) * sum(self._open(ref, span, chosen) for ref in self.listed)
         self._tick(0)
 
-    def _expect(self, futures: int) -> None:
+    def _expect(self) -> None:
         known = len(self.listings) + len(self.unreadable)
         moments = sum(len(listing.moments) for listing in self.listings.values())
         expected = moments * len(self.recordings) / known if known else len(self.recordings)
-        self._total = max(round(expected * futures), self._done)
+        self._total = max(round(expected * (PAIRS_COST + self.settings.first)), self._done)
 
     def _tick(self, futures: int) -> None:
         self._done += futures
@@ -211,4 +236,4 @@ class RankingRun:
 
 def _cost(span: range) -> int:
     """Return the futures of a moment in a round; where tables are searched, at most."""
-    return len(span) or 2 * span.stop
+    return len(span) or 2 * span.stop or PAIRS_COST

@@ -1,4 +1,4 @@
-"""Settings of a ranking, and the scores of its order."""
+"""Settings of a ranking, and the scores of moments by their futures."""
 
 from __future__ import annotations
 
@@ -20,11 +20,6 @@ from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.run import StudySettings, built
 
 KEEP = ("none", "critical", "all")
-MIXED = "mixed"
-BY = (MIXED, "severity", "collisions", "encounters")
-"""Orders of moments, see `score_of`."""
-SCORED = {"severity": "expected_mais3", "collisions": "collisions", "encounters": "encounters"}
-"""Column of the table that is the score of an order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,32 +27,29 @@ class RankSettings(StudySettings):
     """Settings of a ranking; ``run.futures`` is the maximum of a moment.
 
     Attributes:
-        first: futures of every moment.
-        top: moments on the page; more futures settle their ranks.
+        first: futures of every moment; 0 runs all futures of the moments of the top encounters alone.
+        top: encounters and moments at the top; with ``first``, more futures settle the ranks of moments.
         keep: whose tracks are kept: ``none``, ``critical`` (at most 5 of a moment) or ``all``.
-        by: order of the moments: ``mixed``, ``severity``, ``collisions`` or ``encounters``.
         exact: search exact tables, see `scex_sumo.studies.rank.exact`.
     """
 
-    first: int = 32
+    first: int = 0
     top: int = 10
     keep: str = "none"
-    by: str = MIXED
     exact: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.check_positive("first")
         self.check_positive("top")
+        if self.first < 0:
+            raise UsageError(f"--first: got {self.first}, needs at least 0")
         if self.keep not in KEEP:
             raise UsageError(f"--keep: got {self.keep!r}; known: {', '.join(KEEP)}")
-        if self.by not in BY:
-            raise UsageError(f"--by: got {self.by!r}; known: {', '.join(BY)}")
         object.__setattr__(self, "first", min(self.first, self.futures))
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify the ranking of some recordings."""
-        other = ({} if self.by == MIXED else {"by": self.by}) | ({} if self.exact else {"exact": False})
+        other = {} if self.exact else {"exact": False}
         return self.identity(recordings, first=self.first, top=self.top, keep=self.keep) | other
 
     def intervals(self, models: Sequence[Sequence[str]]) -> DesignIntervals:
@@ -72,37 +64,23 @@ class RankSettings(StudySettings):
 CRITICAL_WEIGHT = 0.1
 """Of a critical encounter beside a collision in the score of a moment."""
 MICRO = 10**6
-INJURIES = 0.1
-"""Expected severe injuries of a hard collision: both cars change their speed by 11 m/s."""
 PAIR_NUMBERS = 5  # of a critical encounter
 HARD_MPS = 10.0
 """Relative speed at impact that makes a collision count twice."""
 
 
-def score_of(pairs: Sequence[IntArray], by: str = MIXED) -> FloatArray:
+def score_of(pairs: Sequence[IntArray]) -> FloatArray:
     """Return the scores (C,) of futures from their critical encounters.
 
-    ``mixed``: a collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
-    ``severity``: expected severe injuries. ``collisions``, ``encounters``: their number.
+    A collision counts 1 and its relative speed over 10 m/s; each critical encounter counts 0.1.
     """
-    parts = ((*worth_of(rows, by), len(rows)) for rows in pairs)
-    return np.array([hit.sum() / unit + count * each for hit, unit, each, count in parts], dtype=np.float64)
+    scores = [worth_of(rows).sum() + len(rows) * CRITICAL_WEIGHT for rows in pairs]
+    return np.array(scores, dtype=np.float64)
 
 
-def worth_of(rows: IntArray, by: str = MIXED) -> tuple[FloatArray, float, float]:
-    """Return what critical encounters (E, 5) add to a score.
-
-    Returns:
-        (E,) for their collisions, the unit of that, and the addition of each critical encounter.
-    """
-    hit = rows[:, 2].astype(np.float64)
-    ways = {
-        MIXED: (hit * (1 + rows[:, 3] / (100 * HARD_MPS)), 1.0, CRITICAL_WEIGHT),
-        "severity": (rows[:, 4].astype(np.float64), float(MICRO), 0.0),
-        "collisions": (hit, 1.0, 0.0),
-        "encounters": (0.0 * hit, 1.0, 1.0),
-    }
-    return ways[by]
+def worth_of(rows: IntArray) -> FloatArray:
+    """Return what the collisions (E,) of critical encounters (E, 5) add to a score."""
+    return np.asarray(rows[:, 2] * (1 + rows[:, 3] / (100 * HARD_MPS)), dtype=np.float64)
 
 
 def critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:

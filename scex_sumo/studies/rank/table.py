@@ -1,4 +1,4 @@
-"""Table of a ranking: one row for each moment, the most critical first, failures last; and its columns."""
+"""Table of the moments of a ranking, the most critical first, failures last; columns of its tables."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
+from scex_sumo.certainty.response.answer import either, once_in
+from scex_sumo.certainty.response.usual import AT_SITE, usual_of
 from scex_sumo.metrics.registry import metric_of, side_of
 from scex_sumo.page.study import Column, Row
 from scex_sumo.results.design import column_of, is_critical
@@ -24,13 +27,13 @@ from scex_sumo.studies.moments.folder import Failure, MomentRef, as_row
 from scex_sumo.studies.rank.exact import COLLISION, CRITICAL, ExactScore
 from scex_sumo.studies.rank.places import Tally, place
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.scores import MICRO, SCORED, RankSettings, pairs_of
+from scex_sumo.studies.rank.scores import MICRO, RankSettings, pairs_of
 
 _ROWS_AT_ONCE = 500
 
 
-def ranking_table(run: RankingRun) -> pa.Table:
-    """Return the table of a ranking whose moments have all run."""
+def moments_table(run: RankingRun) -> pa.Table:
+    """Return the moments of a ranking whose moments have all run; those without futures after those with."""
     refs, settings = run.refs, run.settings
     limits = settings.thresholds
     if not refs:
@@ -40,8 +43,16 @@ def ranking_table(run: RankingRun) -> pa.Table:
             f"none of {len(run.recordings)} recordings has a moment with {settings.min_vehicles} moving "
             f"vehicles that could be run{reason}; lower --min-vehicles or look at the recordings"
         )
-    rows = (moment_row(ref, run.parts(ref), run.tallies[ref.moment][-1], settings) for ref in refs)
+    human = {ref.moment: _human_like(pairs) for ref, pairs in run.pairs}
+    some = [ref for ref in refs if run.tallies.get(ref.moment)]
+    rows = (
+        moment_row(ref, run.parts(ref), run.tallies[ref.moment][-1], settings) | human[ref.moment]
+        for ref in some
+    )
     table = placed(tabulate(rows, settings), limits, seed=settings.run.seed)
+    others = [as_row(ref) | {"futures": 0} | human[ref.moment] for ref in refs if ref not in some]
+    rest = tabulate(others, settings).sort_by([("human_severity", "descending"), ("seed", "ascending")])
+    table = pa.concat_tables([table, rest])
     names = {ref.moment for ref in refs}
     late = {name: failure.reason for name, failure in run.failures.items() if name in names}
     if late:  # their first futures ran, those of a later round did not
@@ -52,12 +63,20 @@ def ranking_table(run: RankingRun) -> pa.Table:
     return pa.concat_tables([table, tabulate(map(failed_row, failed), settings)]).combine_chunks()
 
 
+def _human_like(pairs: pa.Table) -> dict[str, float]:
+    """Return P of any collision and the expected severe injuries of pairs whose data are not doubtful."""
+    sure = pairs.filter(pc.is_null(pairs["doubt"]))
+    value, severity = either(sure["probability"].to_pylist()), pc.sum(sure["severity"]).as_py() or 0.0
+    return {"human_p_collision": value, "human_severity": severity}
+
+
 def schema(settings: RankSettings) -> pa.Schema:
-    """Return the columns: rank and score, moment, collisions, worst pair, metrics, failure."""
+    """Return the columns: rank and score, moment, human-like P, collisions, worst pair, metrics, failure."""
     whole, real, text = pa.int64(), pa.float64(), pa.string()
     fields = dict.fromkeys(("rank", "rank_low", "rank_high"), whole)
     fields |= dict.fromkeys(("score", "score_error"), real)
     fields |= dict.fromkeys(("seed", "location", "recording", "case"), text) | {"time_s": real}
+    fields |= dict.fromkeys(("human_p_collision", "human_severity"), real)
     fields |= dict.fromkeys(("vehicles", "futures", "extra", "fallbacks"), whole)
     fields |= dict.fromkeys((*_ends("p_collision"), "remainder", "collisions", "encounters"), real)
     fields |= {"expected_mais3": real, "worst_track_id": whole, "worst_other_id": whole}
@@ -73,40 +92,55 @@ def _ends(name: str) -> list[str]:
     return [name + end for end in ("", "_low", "_high")]
 
 
-def page_columns(limits: Mapping[str, float], *, exact: bool) -> list[Column]:
-    """Return the columns on the page; ``exact`` if some P(collision) is."""
-    share = "Exact P(collision): wrong in at most this share of the assignments (95 %)"
+def page_columns() -> list[Column]:
+    """Return the columns of encounters on the page."""
     return [
         Column("rank", "place"),
-        Column(ranks, "95 %", "text", "Place, with 95 % certainty"),
-        Column("seed", "moment", "words"),
+        Column(pair_words, "pair", "words", "Who responds → who acts"),
+        Column("kind", "kind", "words"),
         Column("location", "site", "words"),
-        Column("time_s", "time", "seconds", "In the recording"),
-        Column("vehicles", "vehicles"),
-        Column("futures", "futures", "text", "That have been run"),
-        Column("p_collision", "P(collision)", "percent"),
-        *([Column("remainder", "remainder", "percent", share)] if exact else []),
-        Column("encounters", "encounters", "real", "Critical ones of a future, on average"),
-        Column(lambda row: _worst_pair(row) or None, "worst pair"),
-        *(
-            Column(f"p_{column}", f"P({metric_of(column).words})", "percent", critical_words(column, limit))
-            for column, limit in limits.items()
-        ),
+        Column("recording", "recording", "words"),
+        Column("time_s", "time", "seconds", "In the recording, of its most critical moment"),
+        Column("probability", "P(collision)", "real", "Human-like"),
+        Column("takes", "what it takes", "words"),
+        Column("needed_braking", "needed braking", "real", "Of the responder, m/s²"),
+        Column("time_to_react", "time to react", "real", "s"),
+        Column("severity", "severe injuries", "real", "Expected, human-like"),
+        Column("times_usual", "× usual", "real", "P over the median of the class"),
+        Column("stress_p_collision", "stress test", "percent", "P(collision) with the drawn models"),
+        Column("doubt", "doubt", "words"),
+        Column("verdict", "verdict", "words"),
     ]
 
 
 def printed_columns() -> list[Column]:
-    """Return the columns in the terminal."""
+    """Return the columns of encounters in the terminal."""
     return [
         Column("rank", "rank"),
-        Column(lambda row: ranks(row).replace(" ", ""), "95 %"),
-        Column("seed", "moment", "words"),
-        Column("vehicles", "vehicles"),
-        Column("futures", "futures"),
-        Column(_collision, "P(collision)"),
-        Column("encounters", "encounters", ".2f"),
-        Column(_worst, "worst", "words"),
+        Column(pair_words, "pair", "words"),
+        Column("kind", "kind", "words"),
+        Column(lambda row: f"{row['recording']} {row['case']}".rstrip(), "recording", "words"),
+        Column("time_s", "time", "seconds"),
+        Column(lambda row: once_in(row["probability"]), "people collide", "words"),
+        Column("takes", "what it takes", "words"),
+        Column("needed_braking", "needed braking", ".1f"),
+        Column(lambda row: once_in(row["severity"]), "severe injury", "words"),
+        Column(_times_usual, "usual", "words"),
+        Column("stress_p_collision", "stress test", "percent"),
     ]
+
+
+def pair_words(row: Row) -> str:
+    """Return an encounter's vehicles: who responds, who acts."""
+    return f"{row['other_id']} → {row['track_id']}"
+
+
+def _times_usual(row: Row) -> str | None:
+    usual = usual_of(row)
+    if usual is None:
+        return None
+    words = usual.words(row["probability"]).replace(f" the median {usual.what}", "")
+    return words if usual.what == AT_SITE else f"{words} (all)"
 
 
 def ranks(row: Row) -> str:
@@ -118,23 +152,6 @@ def critical_words(column: str, limit: float) -> str:
     """Return when a metric column is critical, in words."""
     metric, mean = metric_of(column), ", mean" if column.endswith("_mean") else ""
     return f"{metric.words}{mean} {metric.sign} {limit:.3g} {metric.column_unit}".rstrip()
-
-
-def _collision(row: Row) -> str:
-    if row["remainder"] is not None:
-        return f"{100 * row['p_collision']:.4g}% exact"
-    return "{:.0f}% [{:.0f}–{:.0f}]".format(*(100 * row[name] for name in _ends("p_collision")))
-
-
-def _worst_pair(row: Row) -> str:
-    return "" if row["worst_track_id"] is None else f"{row['worst_track_id']}, {row['worst_other_id']}"
-
-
-def _worst(row: Row) -> str | None:
-    often = f"{row['worst_p_critical'] or 0:.0%} critical"
-    if row["worst_p_collision"]:
-        often = f"{row['worst_p_collision']:.0%} collide"
-    return f"{_worst_pair(row)}: {often}" if _worst_pair(row) else None
 
 
 def moment_row(
@@ -152,7 +169,7 @@ def moment_row(
     row["fallbacks"] = int(np.asarray(futures["fallbacks"]).sum())
     row |= _outcome(pairs, intervals)
     if tally.exact is not None:
-        row |= _exact(row, tally.score, tally.exact, settings.by)
+        row |= _exact(row, tally.exact)
     for column in settings.run.columns:
         values = column_of(futures, column)
         samples = values[~np.isnan(values)]
@@ -185,11 +202,9 @@ def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str,
     return row | dict(zip(names, (*both[worst].tolist(), *shares), strict=True))
 
 
-def _exact(row: Row, score: float, exact: ExactScore, by: str) -> dict[str, Any]:
+def _exact(row: Row, exact: ExactScore) -> dict[str, Any]:
     """Return the values of a row that tables make exact, or more certain."""
     known: dict[str, Any] = {"extra": exact.extra}
-    if by in SCORED:
-        known[SCORED[by]] = score
     if exact.p_collision is not None:
         known |= dict.fromkeys(_ends("p_collision"), exact.p_collision) | {"remainder": exact.remainder}
     for name, event in (("worst_p_collision", COLLISION), ("worst_p_critical", CRITICAL)):
@@ -220,7 +235,7 @@ def placed(table: pa.Table, thresholds: Mapping[str, float], *, seed: int) -> pa
     for name, column in values.items():
         index = table.schema.get_field_index(name)
         table = table.set_column(index, table.schema.field(index), pa.array(column))
-    return table.take(np.asarray(found.order()))
+    return table.take(np.asarray(found.order(), dtype=np.int64))
 
 
 def _larger_is_worse(table: pa.Table, column: str) -> FloatArray:
@@ -229,9 +244,9 @@ def _larger_is_worse(table: pa.Table, column: str) -> FloatArray:
     return np.where(np.isnan(oriented), -np.inf, oriented)
 
 
-def write_ranking(folder: Path, table: pa.Table) -> None:
-    """Write the table as Parquet and CSV."""
-    with replacing(folder / "ranking.parquet") as file:
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a table as Parquet and CSV, by a path without suffix."""
+    with replacing(path.with_name(f"{path.name}.parquet")) as file:
         pq.write_table(table, file, compression="zstd")
-    with replacing(folder / "ranking.csv") as file:
+    with replacing(path.with_name(f"{path.name}.csv")) as file:
         pa_csv.write_csv(table, file)

@@ -32,7 +32,7 @@ from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.results.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder
-from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared
+from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared, net_of
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
 from scex_sumo.studies.validate.realism import realism, realism_score
 from scex_sumo.studies.validate.vehicles import gap_forecasts, position_forecasts
@@ -121,7 +121,7 @@ def validate_moment(task: ForecastTask, road: bytes | None = None) -> Forecast |
     return attempt(_forecast, task, road)
 
 
-def _forecast(task: ForecastTask, scene: SeedScene, net: SumoNet) -> Forecast:
+def _forecast(task: ForecastTask, scene: SeedScene, packed: bytes) -> Forecast:
     asked = asked_of(task.settings)
     steps, road = asked.steps, scene.road
     assert road is not None
@@ -132,6 +132,7 @@ def _forecast(task: ForecastTask, scene: SeedScene, net: SumoNet) -> Forecast:
         models="constant_velocity", futures=1, steps=steps, keep_plans=False, world=asked.world
     )
     # Vehicles leave the futures at the step at which they leave the recording.
+    net = net_of(packed, task.settings.cache)
     run = partial(_run, scene, net, compared(net, task.ref))
     futures = run(asked, built(task.settings.models), len(task.futures))
     straight = run(plain, ModelSet.of(plain), 1)

@@ -9,7 +9,6 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.certainty.response.decision import HARD, SEVERE, UNAVOIDED, decide, pair_responses
 from scex_sumo.certainty.response.sensitivity import varied
-from scex_sumo.certainty.response.usual import Usual
 from tests.certainty.queues import queues
 
 
@@ -25,8 +24,8 @@ def dangerous(one: int, other: int, **values: Any) -> dict[str, Any]:
 
 
 def test_the_sentence_names_pair_place_time_and_what_is_usual() -> None:
-    usual = Usual(median=1e-4, rank=1, of=40, what="at this site")
-    found = decide([row(1, 2), dangerous(489, 717, kind="merge", expected_mais3=1e-6)], usual)
+    usual = {"usual": 1e-4, "usual_rank": 1, "usual_of": 40, "usual_what": "at this site"}
+    found = decide([row(1, 2), dangerous(489, 717, kind="merge", expected_mais3=1e-6, **usual)])
     assert (found.kind, found.pair, found.place, found.time_s) == ("test", (717, 489), "merge", 2.0)
     assert found.sentence == (
         "Test 717 → 489 (merge, 2.0 s): people collide here once in 70; usual at this site: once in 10 000."

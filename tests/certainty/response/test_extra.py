@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo as scex
 from scex_sumo.certainty.response.answer import any_collision
 from scex_sumo.certainty.response.critical import HARD_MPS
 from scex_sumo.certainty.response.people import SHIPPED, people_of
+from scex_sumo.certainty.response.usual import AT_SITE
 from scex_sumo.commands.answers import run_answer
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.outcomes import injury_probability
@@ -58,6 +61,34 @@ def test_the_summary_says_what_it_takes(run: scex.Run) -> None:
     answer = run_answer(run)
     assert 0 < answer["response"]["collision"] < 1
     assert len(answer["response"]["pairs"]) == run.table("response.parquet").num_rows
+
+
+def test_a_ranking_says_what_is_usual(run: scex.Run, tmp_path: Path) -> None:
+    """20 encounters on lanes of the same site, all less probable; a pair has one place, whoever acts."""
+    site = {"location": run.info["seed_scene"]["location"], "kind": "lane", "gap_m": 2.0, "doubt": None}
+    others = [site | {"probability": k * 1e-9} for k in range(1, 21)]
+    schema = pa.schema([("location", pa.string()), ("kind", pa.string()), ("gap_m", pa.float64())])
+    schema = schema.append(pa.field("doubt", pa.string())).append(pa.field("probability", pa.float64()))
+    pq.write_table(pa.Table.from_pylist(others, schema=schema), tmp_path / "ranking.parquet")
+    beside = scex.extrapolate(
+        queues(2, gap_m=5.0),
+        futures=2,
+        models="standard_driver",
+        world="plain",
+        out=tmp_path / "out",
+        exact=False,
+        report=False,
+        reference="none",
+        usual=str(tmp_path),
+    )
+    found = beside.table("response.parquet").to_pylist()
+    assert {(row["usual_rank"], row["usual_of"], row["usual_what"]) for row in found} == {(1, 21, AT_SITE)}
+    assert found[0]["usual"] == pytest.approx(10.5e-9)
+    assert (
+        beside.decision is not None and "usual at this site: once in 100 000 000" in beside.decision.sentence
+    )
+    lines = [line for extra in extras_results() for line in extra.lines(beside)]
+    assert any("× the median at this site, 1st of 21" in line for line in lines)
 
 
 def test_the_row_of_the_summary_is_human_like(run: scex.Run) -> None:

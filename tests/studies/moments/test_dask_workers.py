@@ -107,7 +107,7 @@ def test_a_worker_killed_in_the_middle_changes_no_byte(
     alone = scex("rank", dataset, *OPTIONS, "-o", tmp_path / "alone")
     assert alone.returncode == 0, alone.stderr
     assert result_of(tmp_path / "cluster") == result_of(tmp_path / "alone")
-    table = pq.read_table(tmp_path / "cluster" / "ranking.parquet")
+    table = pq.read_table(tmp_path / "cluster" / "moments.parquet")
     assert table["failure"].null_count == table.num_rows == 7
 
 

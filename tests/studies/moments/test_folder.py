@@ -11,7 +11,7 @@ import pytest
 from scex_sumo.base.errors import ResultError
 from scex_sumo.studies.moments.folder import Failure, Listing
 from scex_sumo.studies.rank.futures import RankFolder
-from scex_sumo.studies.rank.table import write_ranking
+from scex_sumo.studies.rank.table import write_table
 from tests.studies.rank.parts import moment_part, moment_ref
 
 PLAN = {"seed": 0}
@@ -90,7 +90,7 @@ def test_a_damaged_mark_of_an_interruption_does_not_stop_it_from_going_on(filled
 def test_a_finished_ranking_whose_contents_are_damaged_runs_again(filled: Path, content: str) -> None:
     with RankFolder(filled, PLAN) as folder:
         folder.save_listing(Listing(recording="r", moments=(REF,)))
-        write_ranking(filled, pa.table({"future": [0, 1]}))
+        write_table(filled / "ranking", pa.table({"future": [0, 1]}))
         folder.finish({})
     (filled / "rank.json").write_text(content)
     with RankFolder(filled, PLAN) as folder:

@@ -20,14 +20,6 @@ def test_collisions_count_by_how_hard_they_are_and_critical_encounters_a_tenth()
     assert score_of(PAIRS) == pytest.approx([1.6, 0.2, 0.0])
 
 
-@pytest.mark.parametrize(
-    ("by", "scores"),
-    [("severity", [0.02, 0.0, 0.0]), ("collisions", [1.0, 0.0, 0.0]), ("encounters", [1.0, 2.0, 0.0])],
-)
-def test_other_orders_count_one_thing(by: str, scores: list[float]) -> None:
-    assert score_of(PAIRS, by) == pytest.approx(scores)
-
-
 SCORE = np.array([0.1, 0.0, 1.6, 0.1, 1.2])
 
 

@@ -22,12 +22,21 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.workers import Done
 from scex_sumo.studies.rank.exact import ExactScore
-from scex_sumo.studies.rank.futures import MomentPart, RankFolder, RankTask, choose_kept, futures_table
+from scex_sumo.studies.rank.futures import (
+    MomentPart,
+    RankFolder,
+    RankTask,
+    choose_kept,
+    futures_table,
+    is_pairs,
+)
 from scex_sumo.studies.rank.places import distinct_moments
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import RankSettings, score_of
-from scex_sumo.studies.rank.table import ranking_table
+from scex_sumo.studies.rank.table import moments_table
+from tests.studies.rank.parts import pairs_table
 
+PAIRS = -1  # in the place of the first future
 ONE_MODEL = RunSettings(models="standard_driver", futures=96)
 
 
@@ -39,10 +48,17 @@ class Instant:
     """
 
     def __init__(
-        self, *, back_to_front: int = 1, bad: str = "", died: bool = False, stop: int = 10**9
+        self,
+        *,
+        back_to_front: int = 1,
+        bad: str = "",
+        bad_from: int = PAIRS,
+        died: bool = False,
+        stop: int = 10**9,
     ) -> None:
         self.asked: list[tuple[str, int]] = []
         self._size, self._bad, self._died, self._stop = back_to_front, bad, died, stop
+        self._bad_from = bad_from
 
     def notes(self) -> list[str]:
         return []
@@ -53,9 +69,11 @@ class Instant:
             for task in reversed(group):
                 if len(self.asked) == self._stop:
                     raise KeyboardInterrupt
-                self.asked.append((task.ref.moment, task.futures.start))
-                if task.ref.moment == self._bad:
+                self.asked.append((task.ref.moment, task.futures.start if task.futures.stop else PAIRS))
+                if task.ref.moment == self._bad and self.asked[-1][1] >= self._bad_from:
                     yield task, Failure.of(task.ref, "bad luck", died=self._died)
+                elif is_pairs(task.futures):
+                    yield task, made_up_pairs(task)
                 elif task.drawn is None:
                     yield task, made_up(task)
                 else:
@@ -63,6 +81,11 @@ class Instant:
 
     def close(self) -> None:
         pass
+
+
+def made_up_pairs(task: RankTask) -> pa.Table:
+    """Vehicles 1 and 2: the greater the moment's number, the more severe."""
+    return pairs_table(probability=(1 + zlib.crc32(task.ref.moment.encode()) % 7) * 1e-4)
 
 
 def made_up(task: RankTask) -> MomentPart:
@@ -109,9 +132,15 @@ def recordings() -> tuple[Recording, ...]:
 
 
 def ranked(
-    recordings: tuple[Recording, ...], path: Path, workers: Instant, *, keep: str = "none", top: int = 1
+    recordings: tuple[Recording, ...],
+    path: Path,
+    workers: Instant,
+    *,
+    keep: str = "none",
+    top: int = 1,
+    first: int = 32,
 ) -> RankingRun:
-    settings = RankSettings(run=ONE_MODEL, every=2.0, top=top, keep=keep)
+    settings = RankSettings(run=ONE_MODEL, every=2.0, top=top, keep=keep, first=first)
     with RankFolder(path, {"plan": 1}) as folder:
         result = RankingRun(recordings, settings, folder, workers)
         result.run()
@@ -122,11 +151,11 @@ def ranked_exactly(
     recordings: tuple[Recording, ...], path: Path, workers: Instant
 ) -> tuple[RankingRun, pa.Table]:
     run = RunSettings(models="standard_driver,risky_driver", futures=128)
-    settings = RankSettings(run=run, every=2.0, top=9)
+    settings = RankSettings(run=run, every=2.0, top=9, first=32)
     with RankFolder(path, {"plan": 1}) as folder:
         result = RankingRun(recordings, settings, folder, workers)
         result.run()
-        return result, ranking_table(result)
+        return result, moments_table(result)
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -174,6 +203,46 @@ def test_wherever_it_is_interrupted_it_goes_on_to_the_same_bytes(
     ranked(recordings, tmp_path / "cut", rest)
     assert contents(tmp_path / "cut") == contents(tmp_path / "whole")
     assert sorted(cut.asked + rest.asked) == sorted(whole.asked)
+
+
+def test_without_first_futures_those_of_the_top_encounters_alone_run(
+    recordings: tuple[Recording, ...], tmp_path: Path
+) -> None:
+    workers, again = Instant(), Instant()
+    found = ranked(recordings, tmp_path / "out", workers, top=2, first=0)
+    assert [moment for moment, start in workers.asked if start == PAIRS] == [r.moment for r in found.listed]
+    top = found.encounters["seed"].slice(0, 2).to_pylist()
+    assert {moment for moment, start in workers.asked if start == 0} == set(top)
+    assert found.stress().keys() == set(top)
+    table = moments_table(found).to_pylist()
+    assert [row["futures"] for row in table] == [96] * len(set(top)) + [0] * (len(table) - len(set(top)))
+    rest = [row["human_severity"] for row in table if not row["futures"]]
+    assert rest == sorted(rest, reverse=True)
+    ranked(recordings, tmp_path / "out", again, top=2, first=0)
+    assert again.asked == []
+
+
+@pytest.mark.parametrize("stop", [1, 14, 15])
+def test_interrupted_among_pairs_or_their_futures_it_goes_on_to_the_same_bytes(
+    recordings: tuple[Recording, ...], tmp_path: Path, stop: int
+) -> None:
+    whole, cut, rest = Instant(), Instant(stop=stop), Instant(back_to_front=3)
+    ranked(recordings, tmp_path / "whole", whole, top=3, first=0)
+    with pytest.raises(KeyboardInterrupt):
+        ranked(recordings, tmp_path / "cut", cut, top=3, first=0)
+    ranked(recordings, tmp_path / "cut", rest, top=3, first=0)
+    assert contents(tmp_path / "cut") == contents(tmp_path / "whole")
+    assert sorted(cut.asked + rest.asked) == sorted(whole.asked)
+
+
+def test_a_moment_whose_futures_fail_keeps_its_encounters(
+    recordings: tuple[Recording, ...], tmp_path: Path
+) -> None:
+    bad = ranked(recordings, tmp_path / "whole", Instant(), first=0).encounters["seed"][0].as_py()
+    found = ranked(recordings, tmp_path / "out", Instant(bad=bad, bad_from=0), first=0)
+    assert found.encounters["seed"][0].as_py() == bad
+    rows = {row["seed"]: row for row in moments_table(found).to_pylist()}
+    assert (rows[bad]["failure"], rows[bad]["futures"]) == ("bad luck", 0)
 
 
 def flipped(at: int) -> Callable[[bytes], bytes]:
@@ -252,7 +321,7 @@ def test_a_seed_whose_workers_died_is_tried_again(recordings: tuple[Recording, .
     ranked(recordings, tmp_path / "out", Instant(bad=bad, died=True))
     again = Instant()
     found = ranked(recordings, tmp_path / "out", again)
-    assert again.asked[0] == (bad, 0)
+    assert again.asked[0] == (bad, PAIRS)
     assert found.failures == {}
     assert not list((tmp_path / "out" / "failed").iterdir())
 
@@ -286,7 +355,7 @@ def test_a_recording_that_cannot_be_read_stops_no_other(
 
 def test_progress_ends_where_everything_is_done(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
-    workers, settings = Instant(), RankSettings(run=ONE_MODEL, every=2.0, top=1)
+    workers, settings = Instant(), RankSettings(run=ONE_MODEL, every=2.0, top=1, first=32)
     with RankFolder(tmp_path / "out", {"plan": 1}) as folder:
         RankingRun(recordings, settings, folder, workers, lambda *tick: seen.append(tick)).run()
     assert all(done <= total for done, total in seen)

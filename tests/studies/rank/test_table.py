@@ -1,4 +1,4 @@
-"""The rows of a ranking."""
+"""The rows of the moments of a ranking."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.rank.futures import MomentPart
 from scex_sumo.studies.rank.places import Tally
 from scex_sumo.studies.rank.scores import RankSettings
-from scex_sumo.studies.rank.table import failed_row, moment_row, placed, tabulate, write_ranking
+from scex_sumo.studies.rank.table import failed_row, moment_row, placed, tabulate, write_table
 from tests.studies.rank.parts import moment_part, moment_ref
 
 LIMITS = {"distance": 150.0, "ttc_mean": 250.0}
@@ -71,11 +71,11 @@ def test_of_equal_seeds_the_one_with_the_worse_median_is_first() -> None:
 
 def test_what_failed_is_in_the_table_with_its_reason(tmp_path: Path) -> None:
     rows = [row("s", moment_part(0, 4)), failed_row(Failure.of(moment_ref("bad"), "off the map"))]
-    write_ranking(tmp_path, tabulate(rows, SETTINGS))
-    table = pq.read_table(tmp_path / "ranking.parquet")
+    write_table(tmp_path / "moments", tabulate(rows, SETTINGS))
+    table = pq.read_table(tmp_path / "moments.parquet")
     assert table["failure"].to_pylist() == [None, "off the map"]
     assert table["rank"].to_pylist() == [None, None]
-    text = pyarrow.csv.read_csv(tmp_path / "ranking.csv")
+    text = pyarrow.csv.read_csv(tmp_path / "moments.csv")
     assert text.column_names == table.column_names
     assert text["seed"].to_pylist() == ["s", "bad"]
 

@@ -1,0 +1,87 @@
+"""Pairs of a moment: the critical responses of two vehicles together, one row each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.certainty.response.answer import SCHEMA, critical_responses
+from scex_sumo.certainty.response.decision import PairResponse, pair_responses
+from scex_sumo.certainty.response.words import takes
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+
+ROW: Final = ("action", "value", "frequency", "response_s", "later", "factor", "delta_v", "kind")
+"""Columns of the critical response that is told."""
+ROOM: Final = ("needed_braking", "time_to_react")
+PAIRS: Final = pa.schema(
+    [
+        ("track_id", pa.int64()),  # of the initiator
+        ("other_id", pa.int64()),  # of the responder
+        ("probability", pa.float64()),
+        ("probability_hard", pa.float64()),
+        ("severity", pa.float64()),
+        ("takes", pa.string()),
+        *(SCHEMA.field(name) for name in (*ROW, *ROOM)),
+        ("contact_s", pa.float64()),
+        ("preventable", pa.bool_()),
+        ("doubt", pa.string()),
+        ("gap_m", pa.float64()),
+    ]
+)
+
+
+def pairs_of_moment(scene: SeedScene) -> pa.Table:
+    """Return the pairs of a seed scene with a road that may collide, see `PAIRS`.
+
+    ``severity`` is the expected number of severe injuries, ``gap_m`` the least distance of the outlines as
+    far as the scene knows the recording.
+    """
+    rows = [_row(pair) for pair in pair_responses(critical_responses(scene).to_pylist())]
+    table = pa.Table.from_pylist(rows, schema=PAIRS)
+    place = {int(track): v for v, track in enumerate(scene.track_ids)}
+    one, other = ([place[track] for track in table[name].to_pylist()] for name in ("track_id", "other_id"))
+    gaps = pa.array(_least_gaps(scene, one, other), pa.float64())
+    return table.set_column(table.schema.get_field_index("gap_m"), "gap_m", gaps)
+
+
+def _row(pair: PairResponse) -> Mapping[str, Any]:
+    initiator, responder = pair.row["track_id"], pair.row["other_id"]
+    return {
+        "track_id": initiator,
+        "other_id": responder,
+        "probability": pair.probability,
+        "probability_hard": pair.probability_hard,
+        "severity": pair.expected_mais3,
+        "takes": takes([pair.row]),
+        **{name: pair.row[name] for name in (*ROW, *ROOM)},
+        "contact_s": pair.row["time_s"],
+        "preventable": pair.preventable,
+        "doubt": pair.doubt,
+    }
+
+
+def _least_gaps(scene: SeedScene, one: list[int], other: list[int]) -> list[float]:
+    """Return the least distance of the outlines of vehicles (n,) in the recorded steps, m."""
+    states, known = recorded(scene)
+    first, second = (
+        Rectangles.of(states[v], scene.length[v, None], scene.width[v, None]) for v in (one, other)
+    )
+    apart = rectangle_distance(first, second)
+    least: list[float] = (
+        np.where(known[one] & known[other], apart, np.inf).min(axis=1, initial=np.inf).tolist()
+    )
+    return least
+
+
+def recorded(scene: SeedScene) -> tuple[States, np.ndarray[Any, np.dtype[np.bool_]]]:
+    """Return the states (V, T) of a recording from 1 s before a moment on, and which of them are recorded."""
+    history = np.arange(HISTORY_STEPS, -1, -1) <= scene.recorded_steps[:, None]
+    if scene.future is None:
+        return scene.history, history
+    future = np.ones(scene.future.shape, np.bool_) if scene.future_valid is None else scene.future_valid
+    states = States.concatenate([scene.history, scene.future], axis=1)
+    return states, np.concatenate([history, future], axis=1)

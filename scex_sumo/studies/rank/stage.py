@@ -1,0 +1,78 @@
+"""Stage of an encounter: the two vehicles zoomed, as recorded, and as they would collide, for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.certainty.response.played import played
+from scex_sumo.page.html import Html
+from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, scene_svg
+from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+from scex_sumo.studies.rank.pairs import recorded
+
+_MARGIN_M = 10.0
+_LEAST_M = 45.0  # width of a picture
+_ASPECT = 0.6  # height over width
+_STEPS: Final = 30  # of a recording after the moment
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stage:
+    """Picture of an encounter, whose outlines a script moves.
+
+    Attributes:
+        picture: with one outline for each of ``outlines``.
+        outlines: x, y in m and turn in degrees by step from 1 s before the moment on; None: not recorded.
+        contact: step of the contact.
+    """
+
+    picture: Html
+    outlines: list[list[tuple[float, float, float] | None]]
+    contact: int
+
+
+def stage_of(scene: SeedScene, row: Mapping[str, Any]) -> Stage:
+    """Return the stage of an encounter in its seed scene with a road, see `ENCOUNTERS`."""
+    assert scene.road is not None
+    one, other = (int(np.flatnonzero(scene.track_ids == row[name])[0]) for name in ("track_id", "other_id"))
+    states, known = recorded(scene)
+    stop = HISTORY_STEPS + 1 + _STEPS
+    states, known = states[:, :stop], known[:, :stop]
+    before = scene.history[[one, other], :-1]
+    happens = States.concatenate([before, played(scene, row)], axis=1)
+    box = _box(happens)
+    tracks, shown = [], []
+    for v in np.flatnonzero((_inside(states, box) & known).any(axis=1)).tolist():
+        kind = "ghost" if v in (one, other) else "vehicle"
+        tracks.append(_outline(states[v], known[v]))
+        shown.append(outline_svg(kind, scene.length[v], scene.width[v]))
+    for row_of, v in enumerate((one, other)):
+        tracks.append(_outline(happens[row_of], np.ones(happens.shape[1], np.bool_)))
+        shown.append(outline_svg(("acts", "responds")[row_of], scene.length[v], scene.width[v]))
+    picture = scene_svg("the two vehicles, from above", box, lane_lines(scene.road, box), shown)
+    return Stage(picture=picture, outlines=tracks, contact=happens.shape[1] - 1)
+
+
+def _box(happens: States) -> Box:
+    """Return a box around the way of two vehicles from 1 s before the moment to their contact."""
+    left, right = float(happens.x.min()) - _MARGIN_M, float(happens.x.max()) + _MARGIN_M
+    low, high = float(happens.y.min()) - _MARGIN_M, float(happens.y.max()) + _MARGIN_M
+    wide = max(right - left, (high - low) / _ASPECT, _LEAST_M)
+    x, y = (left + right) / 2, (low + high) / 2
+    return x - wide / 2, x + wide / 2, y - _ASPECT * wide / 2, y + _ASPECT * wide / 2
+
+
+def _inside(states: States, box: Box) -> BoolArray:
+    left, right, low, high = box
+    return (states.x > left) & (states.x < right) & (states.y > low) & (states.y < high)
+
+
+def _outline(states: States, known: BoolArray) -> list[tuple[float, float, float] | None]:
+    turn: FloatArray = np.degrees(np.unwrap(states.heading))
+    rows = zip(states.x.round(2).tolist(), states.y.round(2).tolist(), turn.round(1).tolist(), strict=True)
+    return [row if there else None for row, there in zip(rows, known.tolist(), strict=True)]
