@@ -19,7 +19,6 @@ from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.results.extras import NOTHING
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios.options import SeedOptions
 
@@ -83,12 +82,9 @@ def _tell(run: Run, preset: str | None) -> None:
 
 def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
     """Return folder and option of ``view``: the worst encounter, else the most critical, else any future."""
-    from scex_sumo.reports.encounter_rows import meetings, worst_of
+    from scex_sumo.reports.encounter_rows import first_look, meetings
 
-    worst, told = worst_of(meetings(run), doubtful=run.keeps_doubtful), run.decision
-    asked = () if told is None or told.kind == NOTHING else told.pair
-    if worst:
-        one = next((one for one in worst if set(one.pair) == set(asked or ())), worst[0])
+    if (one := first_look(run, meetings(run))) is not None:
         return one.run.folder, {"encounter": f"{one.row['track_id']},{one.row['other_id']}"}
     defined = [name for name in ("ttc", "wttc") if name in run.columns and len(run.samples(name))]
     return run.folder, {"critical": defined[0]} if defined else {"future": 0}

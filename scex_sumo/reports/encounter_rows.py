@@ -20,6 +20,7 @@ from scex_sumo.results.encounters import (
     is_queue,
     percent_of,
 )
+from scex_sumo.results.extras import NOTHING
 from scex_sumo.results.probability import Encounter, Probability, probability_of
 from scex_sumo.results.run import Run
 
@@ -150,6 +151,14 @@ def worst_stress(run: Run) -> list[Meeting]:
     tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
     stress = [one for one in meetings(run) if one.futures == STRESS_TEST]
     return worst_of(stress, without=tested, doubtful=run.keeps_doubtful)
+
+
+def first_look(run: Run, found: list[Meeting]) -> Meeting | None:
+    """Return the meeting to look at first: of the pair to be tested, else the worst one; None without any."""
+    told = run.decision
+    asked = set(told.pair or ()) if told is not None and told.kind != NOTHING else set()
+    worst = worst_of(found, doubtful=run.keeps_doubtful)
+    return next((one for one in [*worst, *found] if set(one.pair) == asked), worst[0] if worst else None)
 
 
 def alike(found: Sequence[Meeting]) -> list[list[Meeting]]:

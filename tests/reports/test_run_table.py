@@ -15,7 +15,7 @@ from rich.table import Table
 
 from scex_sumo.metrics.registry import METRICS
 from scex_sumo.page.report.tables import encounter_table
-from scex_sumo.reports.encounter_rows import alike, meetings, told, worst_of
+from scex_sumo.reports.encounter_rows import alike, first_look, meetings, told, worst_of
 from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
@@ -260,3 +260,17 @@ def test_a_sentence_is_broken_between_words_on_a_terminal_only(terminal: bool, l
     print_line("  who drives how", console)
     assert isinstance(console.file, io.StringIO)
     assert console.file.getvalue().splitlines() == lines
+
+
+def test_the_pair_to_be_tested_is_looked_at_first_and_a_doubtful_one_never(tmp_path: Path) -> None:
+    result(tmp_path, {"collision": [1.0, 0.0]})
+    rows = [CRITICAL | {"track_id": k, "other_id": k + 1} for k in (1, 3)]
+    encounters(
+        tmp_path, rows[0] | {"doubt": "1 is off the mapped lanes"}, rows[1], {"track_id": 5, "other_id": 6}
+    )
+    for kind, pair in (("nothing", (3, 4)), ("test", (6, 5))):
+        decision = {"kind": kind, "sentence": "Look.", "pair": [6, 5]}
+        (tmp_path / "decision.json").write_text(json.dumps(decision))
+        run = open_run(tmp_path)
+        look = first_look(run, meetings(run))
+        assert look is not None and set(look.pair) == set(pair)

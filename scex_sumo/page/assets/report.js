@@ -177,7 +177,7 @@ function runReport(run) {
   onhashchange = address.read;
   map.fit();
   state.change({}, "selection");
-  if (!address.read() && info.encounters.rows.length) show(info.encounters.rows[0]);
+  if (!address.read() && info.encounters.rows.length) show(info.encounters.rows[info.encounters.first]);
 }
 
 unpack(byId("data").textContent).then((content) => runReport(runOf(content)));

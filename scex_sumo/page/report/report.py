@@ -138,7 +138,7 @@ def _encounter_card(info: Mapping[str, Any]) -> Html:
         element("ol", id="worst-encounters"),
     ]
     parts += [element("p", info["tested"])] if info["tested"] else []
-    return element("div.card", element("h2", "Stress test: worst encounters"), *parts)
+    return element("div.card", element("h2", "Worst encounters in the futures"), *parts)
 
 
 def _note_card(title: str, notes: Sequence[str]) -> Html:

@@ -18,6 +18,7 @@ from scex_sumo.reports.encounter_rows import (
     Meeting,
     alike,
     driven_as,
+    first_look,
     meetings,
     probability_in,
     worst_of,
@@ -151,8 +152,8 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     """Return the encounters of both sets with ``words``, ``pair`` by index, ``future``, ``step``, ``worst``.
 
     Human-like futures follow those of the stress test: ``future`` counts both. ``pairs`` are all pairs by
-    index, ``event`` of a row is its place among them. ``selected`` names what a column shows of selected
-    futures.
+    index, ``event`` of a row is its place among them, ``first`` the row that is shown at first. ``selected``
+    names what a column shows of selected futures.
     """
     found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
     both = any(one.futures == HUMAN_LIKE for one in found)
@@ -186,7 +187,9 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
             }
         )
     known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
-    return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
+    look = first_look(run, found)
+    first = 0 if look is None else found.index(look)
+    return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known, "first": first}
 
 
 def _story(group: Sequence[Meeting], both: Sequence[Run]) -> dict[str, Any]:
