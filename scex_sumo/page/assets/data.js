@@ -59,6 +59,11 @@ function runOf({ info, arrays }) {
     events: (pair, future) => events.values[pair * total + future], // of info.bits
     isHuman: (future) => future >= info.futures,
     number: (future) => future < info.futures ? future : future - info.futures,
+    textOf: (future) => future < 0 ? "" : future < info.futures ? `${future}` : `h${future - info.futures}`,
+    futureOf(text) { // of 12, or h12 of the human-like ones; -1 without one
+      const [, isHuman, number] = /^(h?)(\d+)$/.exec(text.trim()) || [];
+      return number === undefined ? -1 : isHuman ? Math.min(info.futures + Number(number), total - 1) : Math.min(number, info.futures - 1);
+    },
     nameOf: (future) => `${future < info.futures ? "" : "human-like "}future ${future < info.futures ? future : future - info.futures}`,
   };
 }

@@ -1,4 +1,4 @@
-// Map: the road, and the vehicles of all futures, one future, or the selected ones, at any time.
+// Map: the road, and the vehicles of all futures, one future, or the selected ones, at any time; an overview of the site.
 
 const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
 const ROAD_UNIT = 0.05; // m, as in road_lines.py
@@ -8,12 +8,13 @@ const DASHED = 6; // px of a metre from which outlines are dashed: dashes take l
 const SPARE = 1.5; // the ground is drawn as much larger than the map, so that it can move with a pair
 const ROAD_COLORS = ["road", "road", "mark", "border", "mark"]; // surface, area, marking, border, stop line
 
-function makeMap(run, state, canvas) {
+// Two maps share a view {x, y, scale}; `shown` names the future of a map in the state.
+function makeMap(run, state, canvas, view = {}, shown = "future") {
   const { info, poses, frames, arrays, owner } = run, vehicles = [...info.track_ids.keys()], road = roadOf(info);
   const ground = make("canvas"), pointers = new Map();
   const tracks = vehicles.map(() => []);
   owner.forEach((v, row) => tracks[v].push(row));
-  let x, y, scale, weights, drivers, usual, ghosts, groundKey, groundAt, half = [0, 0];
+  let weights, drivers, usual, ghosts, groundKey, groundAt, half = [0, 0];
 
   // How many of the selected futures of the stress test drive each track, one of them, and each vehicle's most frequent track.
   function weigh() {
@@ -44,16 +45,16 @@ function makeMap(run, state, canvas) {
 
   const isShown = (name) => byId(`show-${name}`).checked, middle = () => half;
   const measure = () => { half = [canvas.clientWidth / 2, canvas.clientHeight / 2]; }; // once a frame: it may cost a layout
-  const toScreen = ([px, py], [w, h] = middle()) => [w + (px - x) * scale, h - (py - y) * scale];
+  const toScreen = ([px, py], [w, h] = middle()) => [w + (px - view.x) * view.scale, h - (py - view.y) * view.scale];
   // Where a vehicle is: in the future, or on the way of most of the selected ones.
-  const rowOf = (v) => state.future < 0 ? usual[v] : run.track(state.future, v);
-  const poseOf = (row) => poseAt(poses, frames, row, state.step), place = (v) => poseOf(rowOf(v));
+  const rowOf = (v, future = state[shown]) => future < 0 ? usual[v] : run.track(future, v);
+  const poseOf = (row) => poseAt(poses, frames, row, state.step), place = (v, future) => poseOf(rowOf(v, future));
 
   function look(centre, wide, high = wide) {
     measure();
     const [w, h] = middle();
-    [x, y] = centre;
-    scale = Math.min(2 * (w || 200) / wide, 2 * (h || 125) / high);
+    [view.x, view.y] = centre;
+    view.scale = Math.min(2 * (w || 200) / wide, 2 * (h || 125) / high);
     state.change({}, "view");
   }
 
@@ -64,21 +65,29 @@ function makeMap(run, state, canvas) {
 
   function follow(isNew) { // keeps the pair in the middle
     if (!state.pair || !isShown("follow")) return;
-    const [a, b] = state.pair.map(place), wide = distance(a, b) + 24;
-    look([(a[0] + b[0]) / 2, (a[1] + b[1]) / 2], isNew ? wide : 2 * Math.min(...middle()) / scale);
+    const at = [state.future, ...(state.beside < 0 ? [] : [state.beside])].flatMap((future) => state.pair.map((v) => place(v, future)));
+    const [[left, right], [low, high]] = [0, 1].map((k) => at.map((pose) => pose[k])).map((values) => [Math.min(...values), Math.max(...values)]);
+    measure();
+    look([(left + right) / 2, (low + high) / 2], isNew ? Math.hypot(right - left, high - low) + 24 : 2 * Math.min(...middle()) / view.scale);
   }
 
   function zoom(factor, px = middle()[0], py = middle()[1]) { // the place under the pointer stays there
-    const [w, h] = middle(), moved = (1 - 1 / factor) / scale;
-    x += (px - w) * moved;
-    y -= (py - h) * moved;
-    scale *= factor;
+    const [w, h] = middle(), moved = (1 - 1 / factor) / view.scale;
+    view.x += (px - w) * moved;
+    view.y -= (py - h) * moved;
+    view.scale *= factor;
+    state.change({}, "view");
+  }
+
+  function pan(across, down) { // by pixels
+    view.x -= across / view.scale;
+    view.y += down / view.scale;
     state.change({}, "view");
   }
 
   function draw() {
     measure();
-    const pen = sharp(canvas), { context, paint, write, width, height, ratio } = pen, { future } = state;
+    const pen = sharp(canvas), { context, paint, write, width, height, ratio } = pen, future = state[shown], { x, y, scale } = view;
     if (!width) return;
     drawGround(width, height);
     const spare = (SPARE - 1) / 2, [left, top] = [(groundAt[0] - x) * scale - spare * width, (y - groundAt[1]) * scale - spare * height];
@@ -99,31 +108,28 @@ function makeMap(run, state, canvas) {
     const metres = [5, 10, 20, 50, 100, 200].find((m) => m * scale > 50) || 500, end = width - 14, begin = end - metres * scale;
     paint([[begin, height - 10], [end, height - 10]], { stroke: "soft", width: 2 });
     write(`${metres} m`, (begin + end) / 2, height - 15);
+    if (state.beside >= 0) write(future < 0 ? "all futures" : run.nameOf(future), width / 2, 18, { fill: "ink", font: "600 13px system-ui", halo: "halo" });
   }
 
   function inMetres({ context, ratio }, [w, h] = middle()) { // y upwards
-    const k = scale * ratio;
-    context.setTransform(k, 0, 0, -k, ratio * w - x * k, ratio * h + y * k);
+    const k = view.scale * ratio;
+    context.setTransform(k, 0, 0, -k, ratio * w - view.x * k, ratio * h + view.y * k);
   }
 
   // Road and paths do not change while it plays: they are drawn once, and again when the view leaves them.
   function drawGround(width, height) {
-    const key = String([scale, width, height, state.future, isShown("paths"), inked("map"), state.selection]), spare = (SPARE - 1) / 2 / scale;
+    const { x, y, scale } = view, future = state[shown], key = String([scale, width, height, future, isShown("paths"), inked("map"), state.selection]), spare = (SPARE - 1) / 2 / scale;
     if (key === groundKey && Math.abs(x - groundAt[0]) < spare * width && Math.abs(y - groundAt[1]) < spare * height) return;
     groundKey = key;
     groundAt = [x, y];
     const size = [SPARE * width, SPARE * height], pen = sharp(ground, { clientWidth: size[0], clientHeight: size[1] });
     pen.paint([[0, 0], [size[0], 0], size, [0, size[1]]], { fill: "map" });
     inMetres(pen, size.map((part) => part / 2));
-    for (const { path, kind, width: wide } of road) {
-      const ink = ROAD_COLORS[kind];
-      // Lanes and areas are drawn a little larger: that hides the seams between them.
-      pen.paint(path, kind === 1 ? { fill: ink, stroke: ink, width: 0.2 } : { stroke: ink, width: wide ? wide + 0.05 : Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
-    }
-    const isOne = state.future >= 0;
+    drawRoad(pen, road, scale);
+    const isOne = future >= 0;
     for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : ghosts.map(([ghost]) => ghost)) {
       const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 4));
-      const style = isOne ? { stroke: color(row, state.future), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 };
+      const style = isOne ? { stroke: color(row, future), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 };
       pen.paint(points, { width: Math.max(0.25, 1 / scale), ...style });
     }
   }
@@ -131,7 +137,7 @@ function makeMap(run, state, canvas) {
   const color = (row, future = drivers[row]) => info.colors[run.model(future, owner[row])]; // of who drives there
 
   function body({ context, paint, width, height }, v, [px, py, heading], style) { // unless out of sight
-    const reach = run.radius(v), [long, wide] = info.sizes[v], c = Math.cos(heading), s = Math.sin(heading);
+    const { x, y, scale } = view, reach = run.radius(v), [long, wide] = info.sizes[v], c = Math.cos(heading), s = Math.sin(heading);
     if (Math.abs(px - x) > width / 2 / scale + reach || Math.abs(py - y) > height / 2 / scale + reach) return;
     context.beginPath();
     for (const [f, l] of OUTLINE) context.lineTo(px + f * long * c - l * wide * s, py + f * long * s + l * wide * c);
@@ -146,14 +152,14 @@ function makeMap(run, state, canvas) {
   function drawOthers({ paint }) { // pedestrians and cyclists, as recorded
     const { values } = arrays.others;
     for (let i = 2 * Math.round(state.step); i < values.length; i += 2 * frames) {
-      paint(circle([values[i] * UNITS[0], values[i + 1] * UNITS[0]], Math.max(0.4, 3 / scale)), { fill: "likely" });
+      paint(circle([values[i] * UNITS[0], values[i + 1] * UNITS[0]], Math.max(0.4, 3 / view.scale)), { fill: "likely" });
     }
   }
 
   function drawHeat({ paint }) { // collisions of the selected futures
     const { futures, places } = info.collisions, alpha = Math.min(0.5, 0.08 + 3 / futures.length);
     futures.forEach((future, i) => {
-      if (state.mask[future]) for (const part of [1, 0.5]) paint(circle(places[i], part * Math.max(1.6, 7 / scale)), { fill: "critical", alpha });
+      if (state.mask[future]) for (const part of [1, 0.5]) paint(circle(places[i], part * Math.max(1.6, 7 / view.scale)), { fill: "critical", alpha });
     });
   }
 
@@ -161,7 +167,7 @@ function makeMap(run, state, canvas) {
   function drawIds(pen) {
     const taken = [], pair = state.pair || [];
     for (const v of new Set([...pair, ...vehicles])) {
-      const [px, py] = toScreen(place(v)), words = String(run.id(v)), wide = 4 * words.length + 2, off = Math.max(12, run.radius(v) * scale * 0.75 + 7);
+      const [px, py] = toScreen(place(v)), words = String(run.id(v)), wide = 4 * words.length + 2, off = Math.max(12, run.radius(v) * view.scale * 0.75 + 7);
       const spots = [-off, off].map((away) => [px, py + away + 4]);
       const free = spots.find((spot) => taken.every(([tx, ty, tw]) => Math.abs(spot[0] - tx) > wide + tw || Math.abs(spot[1] - ty) > 14));
       if (!free && !pair.includes(v)) continue;
@@ -174,8 +180,8 @@ function makeMap(run, state, canvas) {
   // The vehicle at a place of the screen, or null.
   function at(px, py) {
     const [w, h] = middle(), gaps = vehicles.map((v) => {
-      const [cx, cy, heading] = place(v), [dx, dy] = [x + (px - w) / scale - cx, y - (py - h) / scale - cy], c = Math.cos(heading), s = Math.sin(heading);
-      return Math.hypot(...[dx * c + dy * s, dy * c - dx * s].map((part, k) => Math.max(Math.abs(part) - info.sizes[v][k] / 2, 0))) * scale;
+      const [cx, cy, heading] = place(v), [dx, dy] = [view.x + (px - w) / view.scale - cx, view.y - (py - h) / view.scale - cy], c = Math.cos(heading), s = Math.sin(heading);
+      return Math.hypot(...[dx * c + dy * s, dy * c - dx * s].map((part, k) => Math.max(Math.abs(part) - info.sizes[v][k] / 2, 0))) * view.scale;
     });
     const least = Math.min(...gaps);
     return least < POINTED_PX ? gaps.indexOf(least) : null;
@@ -193,13 +199,60 @@ function makeMap(run, state, canvas) {
     const before = pointers.get(pointerId), here = [offsetX, offsetY], [, other] = [...pointers].find(([id]) => id !== pointerId) || [];
     if (!before) return;
     if (other) zoom(distance(here, other) / Math.max(distance(before, other), 1), ...other); // two fingers
-    else [x, y] = [x - (here[0] - before[0]) / scale, y + (here[1] - before[1]) / scale];
+    else pan(here[0] - before[0], here[1] - before[1]);
     pointers.set(pointerId, here);
-    state.change({}, "view");
   };
   canvas.onpointerup = canvas.onpointercancel = ({ pointerId }) => pointers.delete(pointerId);
   weigh();
-  return { draw, weigh, fit, zoom, follow, at, rowOf };
+  return { draw, weigh, fit, zoom, pan, follow, at, rowOf, place, middle, road };
+}
+
+// Lanes and areas are drawn a little larger: that hides the seams between them.
+function drawRoad({ paint }, road, scale) {
+  for (const { path, kind, width: wide } of road) {
+    const ink = ROAD_COLORS[kind];
+    paint(path, kind === 1 ? { fill: ink, stroke: ink, width: 0.2 } : { stroke: ink, width: wide ? wide + 0.05 : Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
+  }
+}
+
+// The whole site in a corner of the map, with vehicles and a frame around what the map shows; a drag moves it.
+function makeOverview(run, state, map, view, canvas) {
+  const [left, right, low, high] = run.info.box.map((side, k) => side + (k % 2 ? 14 : -14)), ground = make("canvas"), centre = [(left + right) / 2, (low + high) / 2];
+  const tall = clamp((high - low) / (right - left), 0.4, 1.1);
+  canvas.style.aspectRatio = 1 / tall;
+  let known = "", scale = 1;
+  const toScreen = ([px, py], { width, height }) => [width / 2 + (px - centre[0]) * scale, height / 2 - (py - centre[1]) * scale];
+
+  function move({ offsetX, offsetY, buttons }) {
+    if (!buttons) return;
+    view.x = centre[0] + (offsetX - canvas.clientWidth / 2) / scale;
+    view.y = centre[1] - (offsetY - canvas.clientHeight / 2) / scale;
+    state.change({}, "view");
+  }
+  canvas.onpointermove = move;
+  canvas.onpointerdown = (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    move(event);
+  };
+
+  return () => {
+    const [w, h] = map.middle().map((half) => half / view.scale), all = [view.x - w <= left, view.x + w >= right, view.y - h <= low, view.y + h >= high];
+    canvas.hidden = all.every(Boolean); // the map shows the whole
+    if (canvas.hidden) return;
+    const pen = sharp(canvas), { context, paint, width, height, ratio } = pen, key = String([width, height, ratio, inked("map")]);
+    if (key !== known) {
+      known = key;
+      scale = Math.min(width / (right - left), height / (high - low));
+      const drawn = sharp(ground, { clientWidth: width, clientHeight: height }), k = scale * ratio;
+      drawn.paint([[0, 0], [width, 0], [width, height], [0, height]], { fill: "map" });
+      drawn.context.setTransform(k, 0, 0, -k, ratio * width / 2 - centre[0] * k, ratio * height / 2 + centre[1] * k);
+      drawRoad(drawn, map.road, scale);
+    }
+    context.drawImage(ground, 0, 0, width, height);
+    for (const v of run.info.track_ids.keys()) paint(circle(toScreen(map.place(v), pen), 2), { fill: (state.pair || []).includes(v) ? "critical" : "ink" });
+    const [a, b] = [toScreen([view.x - w, view.y + h], pen), toScreen([view.x + w, view.y - h], pen)];
+    paint([a, [b[0], a[1]], b, [a[0], b[1]], a], { stroke: "drawn", width: 2 });
+  };
 }
 
 // Lines of the road, surfaces first, in m.

@@ -2,7 +2,8 @@
 
 function runReport(run) {
   fillReport(run);
-  const { info, id } = run, state = makeState(run), map = makeMap(run, state, byId("map")), select = makeSelection(run, state);
+  const { info, id } = run, state = makeState(run), view = {}, map = makeMap(run, state, byId("map"), view), select = makeSelection(run, state);
+  const other = makeMap(run, state, byId("map-beside"), view, "beside"), drawOverview = makeOverview(run, state, map, view, byId("overview"));
   const drawPlayer = makePlayer(run, state, map), drawStrips = pairStrips(run, state, byId("strips")), models = modelTable(run, state);
   const charts = all(".chart").map((element) => makeChart(run, state, element)), find = byId("find");
 
@@ -74,16 +75,19 @@ function runReport(run) {
   }
 
   state.onChange = (any) => {
-    if (any("selection")) map.weigh();
-    if (any("pair", "future", "step")) map.follow(any("pair", "future"));
+    if (any("selection")) for (const each of [map, other]) each.weigh();
+    if (any("beside")) byId("map-beside").hidden = state.beside < 0;
+    if (any("pair", "future", "beside", "step")) map.follow(any("pair", "future", "beside"));
     map.draw();
-    drawPlayer();
+    if (state.beside >= 0) other.draw();
+    drawOverview();
+    drawPlayer(any("future", "beside", "thresholds", "selection"));
     drawCard();
     if (any("selection", "future", "thresholds", "size")) drawCharts();
     if (any("size")) drawTested();
     if (any("size")) responses.draw();
     if (any("pair")) responses.follow();
-    if (any("pair", "future", "step", "selection", "size", "view")) drawPair(any("pair", "future", "selection", "size"));
+    if (any("pair", "future", "beside", "step", "selection", "size", "view")) drawPair(any("pair", "future", "beside", "selection", "size"));
     if (any("selection", "find")) drawSelection();
     if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
     if (any("thresholds", "focus", "selection")) models.draw(select.isShown);
@@ -111,12 +115,9 @@ function runReport(run) {
       },
     },
     future: {
-      get: () => ({ "": state.future < 0 ? "" : `${run.isHuman(state.future) ? "h" : ""}${run.number(state.future)}` }),
-      set({ "": text = "" }) {
-        const [, isHuman, number] = /^(h?)(\d+)$/.exec(text) || [];
-        state.show(number === undefined ? -1 : isHuman ? Math.min(run.futures + Number(number), run.total - 1) : Math.min(number, run.futures - 1));
-      },
+      get: () => ({ "": run.textOf(state.future) }), set({ "": text = "" }) { state.show(run.futureOf(text)); },
     },
+    beside: { get: () => ({ "": run.textOf(state.beside) }), set({ "": text = "" }) { state.show(run.futureOf(text), {}, "beside"); } },
     t: { get: () => ({ "": (state.step / 10).toFixed(1) }), set: ({ "": text = 0 }) => state.seek(10 * (Number(text) || 0)) },
     vehicle: { get: () => ({ "": state.vehicle === null ? "" : id(state.vehicle) }), set: ({ "": text }) => state.change({ vehicle: text && vehicleOf(text) >= 0 ? vehicleOf(text) : null }) },
     focus: {
@@ -166,7 +167,7 @@ function runReport(run) {
   byId("pair-close").onclick = () => state.change({ pair: null });
   byId("release").onclick = () => {
     [...state.filters.keys()].forEach((key) => state.filter(key));
-    state.change({ pair: null, vehicle: null });
+    state.change({ pair: null, vehicle: null, beside: -1 });
   };
   onTheme(() => { redraw(); state.tell(); });
   new ResizeObserver(() => {

@@ -59,7 +59,8 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
   let people = counted, chosen = pairs[0], level = 0, parts;
   const actionOf = ({ action }) => counted.actions.find(({ name }) => name === action), kindOf = (pair) => counted.actions.indexOf(actionOf(pair));
   const rows = () => pairs.map((pair) => ({
-    pair, cells: [`${pair.other_id} → ${pair.track_id}`, `${pair.track_id} ${pair.action}${pair.doubt ? ` (doubtful: ${pair.doubt})` : ""}`, onceIn(responseProbability(people, pair)), onceIn(pair.probability)],
+    pair,
+    cells: [`${pair.other_id} → ${pair.track_id}`, `${pair.track_id} ${pair.action}${pair.doubt ? ` (doubtful: ${pair.doubt})` : ""}`, onceIn(responseProbability(people, pair)), onceIn(pair.probability)],
   }));
   const table = makeTable(byId("response-table"), { columns, rows: rows() }, { onRow: ({ pair }) => open(pair), isChosen: ({ pair }) => pair === chosen });
 

@@ -3,7 +3,7 @@
 function makeState(run) {
   const pending = new Set(), filters = new Map();
   const state = {
-    step: 0, future: -1, pair: null, vehicle: null, focus: -1, playing: false, filters,
+    step: 0, future: -1, beside: -1, pair: null, vehicle: null, focus: -1, playing: false, filters,
     thresholds: run.info.metrics.map((metric) => metric.threshold),
     selection: 0, mask: new Uint8Array(run.total).fill(1), count: run.futures, human: run.total - run.futures,
 
@@ -29,8 +29,8 @@ function makeState(run) {
       state.mask = state.mask.map((_, c) => [...filters.values()].every((entry) => entry.keeps(c)));
       state.change({ selection: state.selection + 1, count: sum(state.mask.subarray(0, run.futures)), human: sum(state.mask.subarray(run.futures)) });
     },
-    show(future, values = {}) { // a future, if the page has its tracks
-      if (future < 0 || run.isPacked(future)) return state.change({ future, ...values });
+    show(future, values = {}, name = "future") { // a future, if the page has its tracks
+      if (future < 0 || run.isPacked(future)) return state.change({ [name]: future, ...values });
       say(`the page holds no tracks of ${run.nameOf(future)}: scex-sumo view ${run.info.folder} --future ${future}`);
     },
     nextFuture(isBack) { // of the selected ones with tracks, in a circle
