@@ -21,6 +21,7 @@ from scex_sumo.converters.datasets.moment import find_moments
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.page.html import BASE, Html, element, page_html, plain_table
 from scex_sumo.reports.run_table import counted, expected_injuries
+from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.run import Run
 from scex_sumo.scene import STEP_S
 
@@ -124,7 +125,11 @@ def _encounters(run: Run) -> Html:
 def _encounter(run: Run, row: Mapping[str, Any]) -> tuple[str, ...]:
     one, other = row["track_id"], row["other_id"]
     found = run.encounter(one, other)
-    hits = [hit for hit in run.collisions.to_pylist() if {hit["track_id"], hit["other_id"]} == {one, other}]
+    hits = [
+        hit
+        for hit in first_contacts(run.collisions).to_pylist()
+        if {hit["track_id"], hit["other_id"]} == {one, other}
+    ]
     changes, risks = (
         [_median(hits, name, track) for track in (one, other)] for name in ("delta_v", "p_mais3")
     )

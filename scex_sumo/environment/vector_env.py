@@ -21,13 +21,12 @@ from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
 from scex_sumo.extrapolation.assignments import future_generator, listing, random_assignments, route_draws
+from scex_sumo.extrapolation.crashes import Crashes, slide
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import checked_plan, groups_of, history_at
 from scex_sumo.extrapolation.settings import MAX_FUTURES, MAX_STEPS, Models, RunSettings
 from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.metrics.base import SceneTracks
-from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
 from scex_sumo.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
@@ -46,7 +45,8 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     ``extrapolate(seed=s, design="random")``. An environment resets itself at the step after its end.
 
     An observation is what `predictor_inputs` gives to a driver model, and ``path`` (10, 2): the agent's path
-    ahead in its frame, every 3 m. ``terminated``: the agent touches another vehicle.
+    ahead in its frame, every 3 m. ``terminated``: the agent touches another vehicle. Collided others
+    slide to rest.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
@@ -207,6 +207,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self._window = self.scene.history.repeat(count)
         self._next = States.empty((*shape, self.replan))
         self._length = np.full(count, self.scene.length[self._vehicle])
+        self._crashes = Crashes(self.scene, count)
         self._renew(np.arange(count))
         self._way, _ = self._on_path()
 
@@ -225,6 +226,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self._age[index] = 0
         self._ended[index] = False
         self._window.assign(index, self.scene.history.repeat(len(index)))
+        self._crashes.forget(index)
 
     def _plan(self) -> None:
         due = (self._age % self.replan == 0) & ~self._ended
@@ -232,11 +234,15 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             envs = np.flatnonzero(due & (self._age == age))
             history = self._history(envs, age)
             plan = States.empty((len(envs), self.scene.vehicles, self.replan))
-            groups = groups_of(self._assignment[envs], len(self._models.built))
+            drivers = np.where(self._crashes.crashed[envs], -1, self._assignment[envs])
+            groups = groups_of(drivers, len(self._models.built))
             generators = [self._generators[env] for env in envs.tolist()]
             for m, made in plans_of(self._models.built, groups, history, self.road, generators):
                 usable = checked_plan(made, len(groups[m]), self.replan, self._models.names[m])
                 plan.assign((groups[m].future, groups[m].vehicle), usable)
+            crashed = self._crashes.crashed[envs]
+            now = history.now[crashed]
+            plan.assign(np.nonzero(crashed), slide(now, now.speed, self.replan))
             self._next.assign(envs, plan)
 
     def _advance(self, mine: States, *, moving: BoolArray) -> BoolArray:
@@ -250,14 +256,10 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         read = self._world.read()
         self._window = States.concatenate([self._window[:, :, 1:], read[:, :, None]], axis=2)
         self._age = self._age + moving
-        tracks = SceneTracks(
-            states=States.stack([before, read], axis=1),
-            length=self.scene.length,
-            width=self.scene.width,
-            first=1,
-        )
-        hits = find_collisions(tracks, limit_m2=CONTACT_M2, vehicle=self._vehicle)
-        return hits.any_of(self.num_envs) & moving
+        (future, vehicle), motion = self._crashes.after_step(before, read, self.replan)
+        for step in range(self.replan):
+            self._next.assign((future, vehicle, (self._age[future] + step) % self.replan), motion[:, step])
+        return np.isin(every, future[vehicle == self._vehicle]) & moving
 
     def _history(self, envs: IntArray, age: int) -> SceneHistory:
         return history_at(

@@ -75,7 +75,8 @@ def measure_outcome(
     """
     present = None if counted is None else counted[None].repeat(len(rollout.futures), axis=0)
     tracks, planned = _evaluated(scene, rollout, present)
-    hits = _of_pairs(find_collisions(tracks, limit_m2=limit_m2), vehicles)
+    hits = find_collisions(tracks, limit_m2=limit_m2)
+    hits = _of_pairs(hits.with_consequences() if rollout.with_crashes else hits, vehicles)
     met: list[Encounters] = []
 
     def meet(start: int, scenes: Scenes) -> None:
@@ -152,7 +153,9 @@ def measure_recorded(
         route_draw=np.zeros((1, count)),
         generators=[np.random.default_rng(0)],
     )
-    rollout = roll_out(PlainWorld(1, count), scene.road, scene, batch, steps=steps, replan=replan)
+    rollout = roll_out(
+        PlainWorld(1, count), scene.road, scene, batch, steps=steps, replan=replan, crash=False
+    )
     counted = recorded_steps_of(scene, steps)
     tracks, planned = _evaluated(scene, rollout, counted[None])
     values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles)

@@ -14,6 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
+from scex_sumo.extrapolation.crashes import Crashes, slide
 from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
@@ -27,6 +28,7 @@ class Rollout:
     Attributes:
         states: (C, T, V) after each step.
         plan_x: (C, R, V, H) centres planned at each of the R replans, m; so ``plan_y``.
+        with_crashes: vehicles that touch have collided, and stop.
     """
 
     futures: IntArray
@@ -35,6 +37,7 @@ class Rollout:
     plan_y: FloatArray
     replan: int
     replaced: tuple[Replaced, ...] = ()
+    with_crashes: bool = False
 
 
 class Replaced(NamedTuple):
@@ -80,16 +83,18 @@ def roll_out(
     steps: int,
     replan: int,
     on_step: Callable[[int], None] | None = None,
+    crash: bool = True,
 ) -> Rollout:
     """Simulate a batch of futures from the seed scene.
 
-    All models see the same history, then all vehicles move.
+    All models see the same history, then all vehicles move. Vehicles that have collided slide to rest.
 
     Args:
         world: holds the seed scene in each of its C tiles.
         steps: of 0.1 s.
         replan: steps that a plan is followed.
         on_step: called after each step with the number of futures.
+        crash: False: vehicles drive on after a contact, as recorded boxes do, which are inexact.
 
     Raises:
         ScexError: a model's plan is too short or not finite.
@@ -97,7 +102,8 @@ def roll_out(
     count, vehicles = batch.assignment.shape
     window = scene.history.repeat(count)
     override = batch.overridden[batch.assignment]
-    groups = groups_of(batch.assignment, len(batch.models))
+    crashes = Crashes(scene, count) if crash else None
+    crashed = np.zeros((count, vehicles), dtype=np.bool_) if crashes is None else crashes.crashed
     rounds = -(-steps // replan)
     plan_x = np.empty((count, rounds, vehicles, PLAN_STEPS))
     plan_y = np.empty_like(plan_x)
@@ -107,14 +113,18 @@ def roll_out(
     for step in range(steps):
         if step % replan == 0:
             history = history_at(scene, window, batch.futures, batch.route_draw, step=step)
+            groups = groups_of(np.where(crashed, -1, batch.assignment), len(batch.models))
             for index, made in plans_of(batch.models, groups, history, road, batch.generators):
                 who = groups[index]
                 usable = checked_plan(made, len(who), plan.shape[2], batch.names[index])
                 plan.assign((who.future, who.vehicle), usable)
                 replaced += _replaced(made, groups[index], batch, step)
+            gone, now = np.nonzero(crashed), window[:, :, -1][crashed]
+            plan.assign(gone, slide(now, now.speed, plan.shape[2]))
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
             plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
-        world.move(plan[:, :, step % replan], override)
+        before, column = window[:, :, -1], step % replan
+        world.move(plan[:, :, column], override | crashed)
         if scene.obstacles is not None:
             obstacles, present = obstacles_at(scene, step + 1)
             world.move_obstacles(obstacles, present)
@@ -122,6 +132,9 @@ def roll_out(
         read = world.read()
         simulated.assign((slice(None), step), read)
         window = States.concatenate([window[:, :, 1:], read[:, :, None]], axis=2)
+        if crashes is not None:
+            who_crash, motion = crashes.after_step(before, read, plan.shape[2] - column - 1)
+            plan.assign((*who_crash, slice(column + 1, None)), motion)
         if on_step is not None:
             on_step(count)
     return Rollout(
@@ -131,6 +144,7 @@ def roll_out(
         plan_y=plan_y,
         replan=replan,
         replaced=tuple(replaced),
+        with_crashes=crash,
     )
 
 

@@ -23,6 +23,7 @@ from scex_sumo.geometry.rectangles import (
     separation,
 )
 from scex_sumo.metrics.base import Rows, SceneTracks
+from scex_sumo.scene import States
 
 OVERLAP_M2: Final = 0.1
 """Overlap above which two recorded vehicles, or two that touch at the seed moment, have collided."""
@@ -37,6 +38,8 @@ _SPLITS = 10  # halvings of a step: an overlap above the limit for less than 0.1
 _BISECTIONS = 40
 _REAR_END, _HEAD_ON = np.pi / 6, np.pi * 5 / 6
 _PAIRS_AT_ONCE = 1 << 12
+_SAME_TIME_S = 1e-9
+_NEAR_M = 6.0  # way of a vehicle until `Contacts` looks for near pairs again
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,9 +58,19 @@ class Collisions(Rows):
     overlap: FloatArray  # largest overlap after the impact less that of the seed moment, m²
     x: FloatArray  # midpoint of both centres at impact, m
     y: FloatArray
+    consequence: BoolArray  # a vehicle of the pair had collided before; see `with_consequences`
 
     def __len__(self) -> int:
         return len(self.future)
+
+    def with_consequences(self) -> Collisions:
+        """Mark collisions of vehicles that have collided before in their future."""
+        both = np.stack([self.first, self.second])
+        began = np.full((self.future.max(initial=-1) + 1, both.max(initial=-1) + 1), np.inf)
+        for vehicle in both:
+            np.minimum.at(began, (self.future, vehicle), self.time_s)
+        later = self.time_s > began[self.future, both].min(axis=0) + _SAME_TIME_S
+        return replace(self, consequence=np.asarray(later))
 
     def kinds(self) -> NDArray[np.str_]:
         """Return (N,) kinds in words."""
@@ -85,13 +98,59 @@ def find_collisions(
     limit = _limits(moves, start, limit_m2)
     at, which = _first_of_pair(moves, *_exceeding(moves, limit))
     if not len(which):
-        number, value = np.empty(0, dtype=np.int64), np.empty(0)
-        empty: dict[str, Any] = {
-            f.name: number if f.type == "IntArray" else value for f in fields(Collisions)
-        }
-        return Collisions(**empty)
+        kinds: dict[str, Any] = {"IntArray": np.int64, "BoolArray": np.bool_, "FloatArray": np.float64}
+        return Collisions(**{f.name: np.empty(0, dtype=kinds[str(f.type)]) for f in fields(Collisions)})
     hits = moves.take(which)
     return _described(*_impact(hits, at, limit[which]), hits, at, start)
+
+
+class Contacts:
+    """Contacts of pairs in futures simulated step by step; the first are those of `find_collisions`."""
+
+    def __init__(self, start: States, length: FloatArray, width: FloatArray) -> None:
+        """Begin at the seed moment with states (V,)."""
+        self._length, self._width = length, width
+        self._one, self._two = np.triu_indices(len(length), 1)
+        self._reach = (np.hypot(length, width) / 2)[self._one] + (np.hypot(length, width) / 2)[self._two]
+        boxes = (Rectangles.of(start[side], length[side], width[side]) for side in (self._one, self._two))
+        overlap = overlap_area(*boxes)
+        self._limit = np.where(overlap > CONTACT_M2, OVERLAP_M2, CONTACT_M2)
+        self._limit[overlap > OVERLAP_M2] = np.inf
+        self._anchor: States | None = None
+        self._rows = np.empty(0, dtype=np.int64)  # near pairs, flat index into (C, P)
+
+    def in_step(self, before: States, after: States) -> tuple[IntArray, IntArray, IntArray]:
+        """Return future and both vehicles of the pairs in contact between two states (C, V)."""
+        way = _way(before, after)
+        if self._anchor is None or _way(self._anchor, after) > _NEAR_M:
+            self._anchor = before
+            near = self._distance(before, ...) <= self._reach + 2 * max(_NEAR_M, way)
+            self._rows = np.flatnonzero(near & np.isfinite(self._limit))
+        future, pair = np.divmod(self._rows, len(self._one))
+        near = self._distance(after, (future, pair)) <= self._reach[pair] + 2 * way
+        future, pair = future[near], pair[near]
+        tracks = SceneTracks(
+            states=States.stack([before, after], axis=1), length=self._length, width=self._width, first=1
+        )
+        moves = Moves(tracks, future, np.zeros_like(pair), self._one[pair], self._two[pair])
+        touch = np.flatnonzero(moves.separation(np.ones(len(pair))) <= moves.way()[0])
+        moves, limit = moves.take(touch), self._limit[pair[touch]]
+        hit = moves.overlap(np.ones(len(touch))) > limit
+        left = np.flatnonzero(~hit)
+        hit[left[_exceeding(moves.take(left), limit[left])[1]]] = True
+        return moves.future[hit], moves.first[hit], moves.second[hit]
+
+    def _distance(self, states: States, rows: Any) -> FloatArray:
+        """Return the distance of the centres of pairs (C, P), or of some rows of them, m."""
+        future, pair = (slice(None), slice(None)) if rows is ... else rows
+        one, two = self._one[pair], self._two[pair]
+        return np.hypot(
+            states.x[future, two] - states.x[future, one], states.y[future, two] - states.y[future, one]
+        )
+
+
+def _way(before: States, after: States) -> float:
+    return float(np.hypot(after.x - before.x, after.y - before.y).max(initial=0.0))
 
 
 def _limits(moves: Moves, start: int, limit_m2: float) -> FloatArray:
@@ -341,6 +400,7 @@ def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, st
         overlap=_grown(hits, at, start),
         x=(one.x + two.x) / 2,
         y=(one.y + two.y) / 2,
+        consequence=np.zeros(len(at), dtype=np.bool_),
     )
     keys = (collisions.second, collisions.first, collisions.time_s, collisions.future)
     return collisions.take(np.lexsort(keys))

@@ -47,6 +47,7 @@ class Encounters(Rows):
     x: FloatArray  # midpoint of both centres then, m
     y: FloatArray
     relative_speed: FloatArray  # at impact, m/s; 0 without a collision
+    consequence: BoolArray  # a vehicle of the pair that touches had collided before
     towards: IntArray  # 1 if the first vehicle hits or follows the second, -1 for the reverse, 0 else
 
     def __len__(self) -> int:
@@ -54,8 +55,8 @@ class Encounters(Rows):
 
     @property
     def collided(self) -> BoolArray:
-        """(N,) whether the pair collides."""
-        return np.asarray(self.kind != NO_COLLISION)
+        """(N,) whether the pair collides, and neither vehicle has collided before."""
+        return np.asarray((self.kind != NO_COLLISION) & ~self.consequence)
 
     def happens(self, event: Event) -> BoolArray:
         """Return (N,) whether an event happens; a collision counts as each."""
@@ -81,13 +82,14 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
         gap_step, cross, drac = steps_of_gaps.astype(np.float64), np.zeros(size), np.zeros(size)
         least_pet, ttc = np.full((2, size), np.inf)
         ttc_step, towards = np.full(size, -1), np.zeros(size, dtype=np.int64)
-    kind = np.full(size, NO_COLLISION)
+    kind, later = np.full(size, NO_COLLISION), np.zeros(size, dtype=np.bool_)
     impact, x, y, speed = np.zeros((4, size))
     low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)
     number = np.zeros((scenes.vehicles, scenes.vehicles), dtype=np.int64)
     number[first, second] = np.arange(len(first))
     at = number[low, high] * futures + hits.future - start
     kind[at], impact[at], speed[at] = hits.kind, hits.time_s, hits.relative_speed
+    later[at] = hits.consequence
     hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # 1 if the front hits
     towards[at] = np.where(hits.first == low, hit_by, -hit_by)
     # Steps count from the first evaluated one, times from the seed moment before it.
@@ -117,6 +119,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
         x=x[rows],
         y=y[rows],
         relative_speed=speed[rows],
+        consequence=later[rows],
         towards=towards[rows],
     )
 

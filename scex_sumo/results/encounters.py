@@ -14,6 +14,7 @@ from scex_sumo.metrics.collisions import KINDS
 from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.results.extras import ExactProbability
+from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of
 from scex_sumo.roads.places import places_of
@@ -44,6 +45,7 @@ SCHEMA: Final = pa.schema(
         ("other_id", pa.int64()),
         *((name + end, pa.float64()) for name in QUESTIONS for end in ("", "_low", "_high")),
         ("met", pa.float64()),
+        ("consequence", pa.float64()),
         ("kind", pa.string()),
         ("relative_speed", pa.float64()),
         ("expected_mais3", pa.float64()),
@@ -61,7 +63,8 @@ SCHEMA: Final = pa.schema(
     ]
 )
 """One row a pair; ``met`` is the share of futures in which the pair has an encounter, ``expected_mais3`` the
-mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all futures."""
+mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all futures. ``consequence`` is
+the share in which the two touch, but one of them had collided before; nothing else counts those contacts."""
 
 OUTCOMES_SCHEMA: Final = pa.schema(
     [
@@ -154,7 +157,7 @@ def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
 def _injured(collisions: pa.Table | None, futures: int) -> dict[frozenset[int], float]:
     """Return the expected severe injuries of each pair of track ids that collides, per future."""
     found: dict[frozenset[int], float] = {}
-    for hit in [] if collisions is None else collisions.to_pylist():
+    for hit in [] if collisions is None else first_contacts(collisions).to_pylist():
         pair = frozenset((hit["track_id"], hit["other_id"]))
         risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
         found[pair] = found.get(pair, 0.0) + risk / futures
@@ -206,6 +209,7 @@ def _row(
         "track_id": int(track_ids[first]),
         "other_id": int(track_ids[second]),
         "met": len(mine) / futures,
+        "consequence": float(encounters.consequence[mine].sum() / futures),
         "kind": KINDS[int(encounters.kind[typical])] if hits.size else None,
         "relative_speed": float(np.median(encounters.relative_speed[hits])) if hits.size else None,
         **{f"gap_p{round(100 * level):02}": _near(gap) for level, gap in zip(_GAPS, quantiles, strict=True)},
@@ -263,7 +267,9 @@ def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> s
     gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
     name, event = event_of(row)
     if not name:
-        return f"{head}{event}, typically {gap} m apart"
+        share = row.get("consequence")  # older results have none
+        later = f", touches in {share:.1%} after an earlier collision" if share else ""
+        return f"{head}{event}, typically {gap} m apart{later}"
     if exact is not None:
         return f"{head}{event} in {100 * exact.value:.4g} %, {exact.told}"
     drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"

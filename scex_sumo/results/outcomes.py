@@ -17,6 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
@@ -206,10 +207,12 @@ COLLISIONS_SCHEMA: Final = pa.schema(
         *((name, pa.float64()) for name in ("relative_speed", "overlap", "x", "y")),
         *((name, pa.float64()) for name in ("delta_v", "delta_v_other", "p_mais3", "p_mais3_other")),
         ("fault", pa.string()),
+        ("consequence", pa.bool_()),
     ]
 )
-"""``step`` is the first one after the impact at ``time_s``; both count from the seed moment. The last
-five are those of `Severity`; ``p_mais3`` is null for types that the curve does not cover."""
+"""``step`` is the first one after the impact at ``time_s``; both count from the seed moment. ``delta_v`` to
+``fault`` are those of `Severity`; ``p_mais3`` is null for types that the curve does not cover. A
+``consequence`` is a contact of a vehicle that had collided before; no probability counts it."""
 
 _SMALL = {"first": np.int32, "second": np.int32, "kind": np.int8, "towards": np.int8}
 
@@ -240,8 +243,16 @@ def collisions_table(
             for name in ("delta_v", "delta_v_other", "p_mais3", "p_mais3_other")
         },
         "fault": pa.array(severity.faults(), pa.string()),
+        "consequence": hits.consequence,
     }
     return pa.table({name: pa.array(values) for name, values in columns.items()}, schema=COLLISIONS_SCHEMA)
+
+
+def first_contacts(collisions: pa.Table) -> pa.Table:
+    """Return the rows of ``collisions.parquet`` without consequences of earlier collisions."""
+    if "consequence" not in collisions.column_names:  # of an older version
+        return collisions
+    return collisions.filter(pc.invert(collisions["consequence"]))
 
 
 def collided(table: pa.Table, futures: IntArray) -> BoolArray:

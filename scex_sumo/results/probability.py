@@ -14,6 +14,7 @@ from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.results.extras import ExactProbability, extras_results
+from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.statistics.density import Interval
 
 
@@ -120,7 +121,7 @@ class Encounter:
 
     def happens(self, event: str) -> BoolArray:
         """Return (C,) whether an event, or any (``critical``), happens in each drawn future."""
-        hits, outcomes = self.run.collisions, self.run.pair_outcomes
+        hits, outcomes = first_contacts(self.run.collisions), self.run.pair_outcomes
         struck = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0)
         future = [np.asarray(hits["future"])[(np.array(self.pair) == struck.T).all(axis=1)]]
         a, b = (np.asarray(outcomes[name]) for name in ("track_a", "track_b"))

@@ -32,7 +32,10 @@ class World(Protocol):
     """Batch of futures in closed loop, set to the seed scene."""
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) where ``mask`` is True; SUMO drives the others."""
+        """Set the next states (C, V) where ``mask`` is True; SUMO drives the others.
+
+        A vehicle that SUMO drives may be set from some step on, to the end.
+        """
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
         """Set the next states (O,) of replayed pedestrians and cyclists."""

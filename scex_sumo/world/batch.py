@@ -201,6 +201,19 @@ class RunningBatch:
             else:
                 self._take_back(key, sumo)
 
+    def take_over(self, mask: BoolArray, sumo: Any) -> None:
+        """Let SUMO no longer drive the vehicles in the mask (C, V)."""
+        for future, vehicle in np.argwhere(mask).tolist():
+            key = self.id_of(future, vehicle)
+            self.route_ends.pop(key, None)
+            self.straight_on = [pose for pose in self.straight_on if pose.key != key]
+            self.speed[future, vehicle] = sumo.vehicle.getSpeed(key)
+            sumo.vehicle.setLaneChangeMode(key, 0)
+        if mask.any():
+            self.overridden = self.overridden | mask
+            self.lanes = np.where(mask, ANY_LANE, self.lanes)
+            self._selected.clear()
+
     def watch_route_ends(self, sumo: Any) -> None:
         """Take back vehicles that SUMO would remove at the next step."""
         for key, edge in list(self.route_ends.items()):

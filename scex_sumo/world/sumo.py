@@ -157,14 +157,12 @@ class SumoWorld:
                     self._sumo.vehicle.changeLaneRelative(key, intention.change, STEP_S)
 
     def move(self, states: States, mask: BoolArray) -> None:
-        """Set the next states (C, V) of the vehicles in the mask: all that SUMO does not drive."""
+        """Set the next states (C, V) of the vehicles in the mask: from now on SUMO drives the others only."""
         batch = self._batch
-        if not np.array_equal(mask, batch.overridden):
-            raise SimulationError(
-                f"{int((mask & ~batch.overridden).sum())} vehicles moved that SUMO drives, "
-                f"{int((~mask & batch.overridden).sum())} not moved that it does not drive"
-            )
+        if left := int((~mask & batch.overridden).sum()):
+            raise SimulationError(f"{left} vehicles not moved that SUMO does not drive")
         with self._session.refusals("move vehicles"):
+            batch.take_over(mask & ~batch.overridden, self._sumo)
             poses = self._poses(states)
             self._add_vehicles(batch.split(poses))
             self._place(poses, batch.moved, states.speed, (states.speed - batch.speed) / STEP_S)

@@ -105,4 +105,5 @@ def drive_all(
         route_draw=np.random.default_rng(0).random((1, scene.vehicles)),
         generators=[np.random.default_rng([0, 0])],
     )
-    return roll_out(PlainWorld(1, scene.vehicles), road, scene, batch, steps=steps, replan=replan).states
+    world = PlainWorld(1, scene.vehicles)
+    return roll_out(world, road, scene, batch, steps=steps, replan=replan, crash=False).states

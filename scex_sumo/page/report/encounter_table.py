@@ -14,7 +14,7 @@ from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import Head, console_table, counted, print_line, print_table
 from scex_sumo.results.encounters import QUESTIONS
 from scex_sumo.results.extras import extras_results
-from scex_sumo.results.outcomes import collided
+from scex_sumo.results.outcomes import collided, first_contacts
 from scex_sumo.results.probability import Probability
 from scex_sumo.results.region import Region
 from scex_sumo.results.run import Run
@@ -81,7 +81,7 @@ def _sure(share: Probability) -> str:
 
 def _share(run: Run, vehicles: Sequence[int]) -> str:
     """Return the share of the futures in which one of these vehicles collides."""
-    hits = run.collisions
+    hits = first_contacts(run.collisions)
     own = np.isin([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], vehicles).any(axis=0)
     return run.intervals.share(collided(hits.filter(pa.array(own)), np.arange(run.futures))).percent
 

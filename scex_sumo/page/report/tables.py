@@ -25,7 +25,7 @@ from scex_sumo.reports.encounter_rows import (
 )
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.encounters import arrows, event_of
-from scex_sumo.results.outcomes import COLLISIONS
+from scex_sumo.results.outcomes import COLLISIONS, first_contacts
 from scex_sumo.results.probability import Probability, critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
@@ -119,7 +119,7 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
     for run, found in zip(both, parts, strict=True):
         if not len(pairs):
             continue
-        hits = run.collisions
+        hits = first_contacts(run.collisions)
         tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, sum(BITS.values())))]
         if (run.folder / PAIR_OUTCOMES).is_file():
             met = run.pair_outcomes

@@ -12,6 +12,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.metrics.registry import COLLISION, column_named, side_of
+from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 from scex_sumo.studies.explain.effects import (
@@ -141,7 +142,7 @@ def metric_values(run: Run, metric: str) -> FloatArray:
     pair = pair_of(metric)
     if pair is None:
         return run.values(metric)
-    table = run.collisions
+    table = first_contacts(run.collisions)
     one, two = np.asarray(table["track_id"]), np.asarray(table["other_id"])
     both = np.isin(one, pair) & np.isin(two, pair) & (one != two)
     if not both.any():
@@ -209,7 +210,9 @@ def worst_rows(
     }
     pair = pair_of(explanation.metric)
     if explanation.metric == COLLISION or pair:
-        hits = run.collisions.sort_by([("time_s", "descending")]).to_pylist()  # the first of a future stays
+        hits = (
+            first_contacts(run.collisions).sort_by([("time_s", "descending")]).to_pylist()
+        )  # first one stays
         hits = [hit for hit in hits if not pair or {hit["track_id"], hit["other_id"]} == set(pair)]
         source = {hit["future"]: hit | {"timestamp_ms": MOMENT_MS + 1000 * hit["time_s"]} for hit in hits}
     values, rows = metric_values(run, explanation.metric), []

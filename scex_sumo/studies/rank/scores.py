@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.registries import Recording
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.encounters import answers_of
-from scex_sumo.results.outcomes import encounters_of_rows
+from scex_sumo.results.outcomes import encounters_of_rows, first_contacts
 from scex_sumo.results.parts import Part
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.run import StudySettings, built
@@ -90,7 +90,7 @@ def critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
         (hit["future"], frozenset((hit["track_id"], hit["other_id"]))): round(
             MICRO * ((hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0))
         )
-        for hit in part.collisions.to_pylist()
+        for hit in first_contacts(part.collisions).to_pylist()
     }
     found = encounters_of_rows(part.encounters)
     answers = answers_of(found)

@@ -16,6 +16,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import COLLISION, column_named, side_of
 from scex_sumo.results.design import is_critical, metric_density
+from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.run import UNDER_TEST, Run
 from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -99,13 +100,16 @@ class UnderTest:
             raise ResultError(f"{run.folder}: its baseline was not run; run again without --no-baseline")
         driven: dict[Driven, Run] = {"under_test": run, "baseline": run.baseline}
         tested, without = (
-            _with_own_collisions(one.table(UNDER_TEST), one.collisions, known) for one in driven.values()
+            _with_own_collisions(one.table(UNDER_TEST), first_contacts(one.collisions), known) for one in driven.values()
         )
         if without["future"] != tested["future"]:
             raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
         injuries = None
         if "p_mais3" in run.collisions.column_names:
-            injuries = {k: _own_injuries(one.collisions, known, one.futures) for k, one in driven.items()}
+            injuries = {
+                k: _own_injuries(first_contacts(one.collisions), known, one.futures)
+                for k, one in driven.items()
+            }
         return cls(
             {int(track): model for track, model in known.items()},
             tested,
