@@ -107,11 +107,11 @@ def test_the_terminal_says_the_same(roundabout: Run) -> None:
 
 
 def test_a_whole_queue_counts(tmp_path: Path) -> None:
-    """Whether the last car hits the one before it hangs on what that one has hit."""
+    """Whether the last car comes too close to the one before it hangs on all that brake or crash ahead."""
     run = run_of(queues(4), tmp_path / "out", 200)
     exact = exact_of(run)
     assert exact is not None
-    table = exact.table(3, 4)
+    table = exact.table(3, 4, "ttc")
     assert table is not None and table.track_ids == (1, 2, 3, 4)
 
 

@@ -100,7 +100,8 @@ class UnderTest:
             raise ResultError(f"{run.folder}: its baseline was not run; run again without --no-baseline")
         driven: dict[Driven, Run] = {"under_test": run, "baseline": run.baseline}
         tested, without = (
-            _with_own_collisions(one.table(UNDER_TEST), first_contacts(one.collisions), known) for one in driven.values()
+            _with_own_collisions(one.table(UNDER_TEST), first_contacts(one.collisions), known)
+            for one in driven.values()
         )
         if without["future"] != tested["future"]:
             raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
