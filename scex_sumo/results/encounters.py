@@ -139,7 +139,7 @@ def encounters_table(
 def _doubts(rows: list[dict[str, Any]], scene: SeedScene) -> list[str | None]:
     index = {track: v for v, track in enumerate(scene.track_ids.tolist())}
     one, other = (np.array([index[row[name]] for row in rows], int) for name in ("track_id", "other_id"))
-    return doubts_of(scene, one, other, np.array([row["time_s"] for row in rows]))
+    return doubts_of(scene, one, other)
 
 
 def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:

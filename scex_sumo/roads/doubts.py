@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.roads.matching import off_road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, SeedScene
 
 NEAR_M: Final = 0.1
 """Boxes that are closer nearly touch."""
@@ -23,19 +23,11 @@ TOWED_S: Final = 0.15
 TOWED_MPS: Final = 3.0
 
 
-def doubts_of(
-    scene: SeedScene, one: IntArray, other: IntArray, time_s: FloatArray | float = 0.0
-) -> list[str | None]:
-    """Return (n,) why the data of pairs are doubtful; None where they are not.
-
-    Args:
-        one: (n,) index into the vehicles; so ``other``.
-        time_s: (n,) of what the pair does, after the seed moment; until then both are in the recording.
-    """
-    off, leaves = _off_lanes(scene), _leaves_s(scene)
+def doubts_of(scene: SeedScene, one: IntArray, other: IntArray) -> list[str | None]:
+    """Return why the data of pairs of vehicles, (n,) indices, are doubtful; None where they are not."""
+    off, leaves = _off_lanes(scene), _leaves(scene)
     near, overlap = _near(scene, one, other)
     found = []
-    times = np.broadcast_to(time_s, one.shape)
     for k, (a, b) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):
         both = "{} and {}".format(*sorted((int(scene.track_ids[a]), int(scene.track_ids[b]))))
         reasons = [
@@ -47,7 +39,7 @@ def doubts_of(
             reasons += [
                 (off[v], f"{track} is off the mapped lanes"),
                 (scene.recorded_steps[v] < HISTORY_STEPS, f"{track} is recorded for less than a second"),
-                (leaves[v] < times[k], f"{track} leaves the recording before that"),
+                (leaves[v], f"{track} leaves the recording within a second"),
             ]
         found.append(next((words for is_so, words in reasons if is_so), None))
     return found
@@ -60,12 +52,12 @@ def _off_lanes(scene: SeedScene) -> BoolArray:
     return off
 
 
-def _leaves_s(scene: SeedScene) -> FloatArray:
-    """Return the time (V,) at which vehicles leave before the recording ends, s; inf for never."""
+def _leaves(scene: SeedScene) -> BoolArray:
+    """Return (V,) whether vehicles leave within a second, and others do not: at the edge of what is seen."""
     if scene.future_valid is None or not scene.future_valid.size:
-        return np.full(scene.vehicles, np.inf)
+        return np.zeros(scene.vehicles, dtype=np.bool_)
     steps = scene.future_valid.sum(axis=1)
-    return np.where(steps < steps.max(), STEP_S * steps, np.inf)
+    return np.asarray(steps < min(HISTORY_STEPS, steps.max()))
 
 
 def _near(scene: SeedScene, one: IntArray, other: IntArray) -> tuple[BoolArray, BoolArray]:

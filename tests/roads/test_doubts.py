@@ -13,8 +13,8 @@ from scex_sumo.scene import SeedScene
 from tests.certainty.queues import queues
 
 
-def doubt(scene: SeedScene, time_s: float = 1.0) -> str | None:
-    (found,) = doubts_of(scene, np.array([0]), np.array([1]), np.array([time_s]))
+def doubt(scene: SeedScene) -> str | None:
+    (found,) = doubts_of(scene, np.array([0]), np.array([1]))
     return found
 
 
@@ -45,12 +45,11 @@ def test_a_short_track_is() -> None:
     assert doubt(scene) == "1 is recorded for less than a second"
 
 
-def test_a_vehicle_that_leaves_before_the_others_and_before_the_contact_is() -> None:
+def test_a_vehicle_that_leaves_within_a_second_and_before_the_others_is() -> None:
     scene = queues(2, gap_m=5.0)
     valid = np.ones((2, 20), dtype=np.bool_)
-    valid[1, 8:] = False
-    leaving = dataclasses.replace(scene, future_valid=valid)
-    assert doubt(leaving, 1.0) == "2 leaves the recording before that"
-    assert doubt(leaving, 0.5) is None
-    ended = dataclasses.replace(leaving, future_valid=np.stack([valid[1]] * 2))
-    assert doubt(ended, 1.0) is None
+    for steps, words in ((9, "2 leaves the recording within a second"), (10, None)):
+        valid[1] = np.arange(20) < steps
+        assert doubt(dataclasses.replace(scene, future_valid=valid)) == words
+    ended = dataclasses.replace(scene, future_valid=valid[:, :5])
+    assert doubt(ended) is None

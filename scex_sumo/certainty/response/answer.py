@@ -46,6 +46,8 @@ from scex_sumo.scene import SeedScene
 
 SELDOM: Final = 1e-4
 """Actions at least this often, and the one that is told, count for what a careful driver prevents."""
+MOTIONS: Final = "the expected motions"
+"""Begin of a doubt that is about the expected drivers, not about the recording."""
 UNPROTECTED_KG: Final = 80.0
 """Mass of people without a mass in `MASSES_KG`: pedestrians, cyclists."""
 
@@ -157,7 +159,7 @@ def _columns(cases: Cases, people: People) -> tuple[dict[str, Any], Cases, Float
         **impact,
         **_room(worst),
         "preventable": np.asarray((careful | ~counts).all(axis=1)),
-        "doubt": doubts_of(pairs, worst.pair, impact["time_s"]),
+        "doubt": doubts_of(pairs, worst.pair),
     }
     return columns, cases, response, often
 
@@ -273,13 +275,13 @@ def _sides(road: Road, lane_id: int, width: float) -> tuple[float, float]:
     return free + beside[0], free + beside[1]
 
 
-def doubts_of(pairs: Pairs, rows: IntArray, time_s: FloatArray | float = 0.0) -> list[str | None]:
-    """Return why the data of pairs at indices (m,) are doubtful, which meet at ``time_s``; None else."""
+def doubts_of(pairs: Pairs, rows: IntArray) -> list[str | None]:
+    """Return why pairs at indices (m,) are doubtful, their data or `MOTIONS`; None where they are not."""
     scene, one, other = pairs.expected.scene, pairs.initiator[rows], pairs.responder[rows]
     meet = pairs.blocked.touched(pairs.expected.s[pairs.responder])[rows].tolist()
-    found = scene_doubts(scene, one, other, time_s)
+    found = scene_doubts(scene, one, other)
     both = zip(scene.track_ids[one].tolist(), scene.track_ids[other].tolist(), strict=True)
-    words = (f"the expected motions of {a} and {b} overlap" for a, b in map(sorted, both))
+    words = (f"{MOTIONS} of {a} and {b} overlap" for a, b in map(sorted, both))
     return [
         doubt or (overlap if is_so else None)
         for doubt, overlap, is_so in zip(found, words, meet, strict=True)

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 
-from scex_sumo.certainty.response.answer import either, once_in
+from scex_sumo.certainty.response.answer import MOTIONS, either, once_in
 from scex_sumo.certainty.response.usual import USUAL, Population, usual_columns, usual_of
 from scex_sumo.results.extras import DOUBTFUL, NOTHING, TEST, Decision
 
@@ -54,6 +54,11 @@ class PairResponse:
     def arrow(self) -> str:
         """The pair in words."""
         return "{} → {}".format(*self.pair)
+
+    @property
+    def has_doubtful_data(self) -> bool:
+        """Whether the doubt is about the recording."""
+        return self.doubt is not None and not self.doubt.startswith(MOTIONS)
 
     @property
     def is_to_be_tested(self) -> bool:
@@ -147,9 +152,11 @@ def _depends(worst: PairResponse, others: Sequence[PairResponse]) -> str:
 
 
 def deciding(found: Sequence[PairResponse], *, keep_doubtful: bool = False) -> PairResponse | None:
-    """Return the pair that decides: the first to be tested without doubt, else with, else the first."""
+    """Return the pair that decides: the first to be tested without doubt, else with doubtful data, else the
+    first without doubt."""
     sure = [one for one in found if keep_doubtful or one.doubt is None]
-    tested = (one for one in (*sure, *found) if one.is_to_be_tested)
+    doubtful = [one for one in found if one.has_doubtful_data]
+    tested = (one for one in (*sure, *doubtful) if one.is_to_be_tested)
     return next(tested, sure[0] if sure else None)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from scex_sumo.base.errors import ResultError
+from scex_sumo.base.errors import ResultError, listed
 from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.extrapolation.models import ModelSet
@@ -121,13 +121,16 @@ class CriticalResponse(Extra):
         """Return what it takes, of the worst pairs."""
         if not (run.folder / RESPONSE).is_file():
             return ()
-        from scex_sumo.certainty.response.answer import any_collision, once_in
+        from scex_sumo.certainty.response.answer import TOLD, any_collision, once_in
         from scex_sumo.certainty.response.usual import usual_of
         from scex_sumo.certainty.response.words import told
 
         groups = self._groups(run)[:_WORST]
+        rows = [row for row in run.table(RESPONSE).to_pylist() if row["doubt"] and row["probability"] >= TOLD]
+        doubts = [] if run.keeps_doubtful else list(dict.fromkeys(row["doubt"] for row in rows))
+        left = [f"  left out as doubtful: {listed(doubts)}"] if doubts else []
         if not groups:
-            return (f"{HEAD}: two vehicles collide less than once in a million such moments",)
+            return (f"{HEAD}: two vehicles collide less than once in a million such moments", *left)
         total = any_collision(run.table(RESPONSE).to_pylist(), doubtful=run.keeps_doubtful)
         head = f"{HEAD}: a collision about {once_in(total)} such moments; what it takes:"
         worst = groups[0][0]

@@ -65,6 +65,12 @@ def test_a_doubtful_pair_decides_only_if_no_other_is_to_be_tested() -> None:
     assert decide([doubtful], keep_doubtful=True).kind == "test"
 
 
+def test_expected_motions_that_overlap_are_no_doubtful_data() -> None:
+    unclear = dangerous(1, 2, doubt="the expected motions of 1 and 2 overlap")
+    assert decide([unclear, row(3, 4)]).pair == (4, 3)
+    assert decide([unclear]).kind == "nothing"
+
+
 def test_both_orders_and_all_actions_of_a_pair_count_together() -> None:
     rows = [row(1, 2, probability=0.1), row(2, 1, probability=0.2), row(1, 2, probability=0.5)]
     (found,) = pair_responses([rows[0] | {"preventable": False}, *rows[1:]])

@@ -91,6 +91,17 @@ def test_a_ranking_says_what_is_usual(run: scex.Run, tmp_path: Path) -> None:
     assert any("× the median at this site, 1st of 21" in line for line in lines)
 
 
+def test_the_summary_names_what_is_left_out(tmp_path: Path) -> None:
+    scene = dataclasses.replace(queues(2, gap_m=5.0), recorded_steps=np.array([10, 4]))
+    options = {"futures": 2, "models": "standard_driver", "world": "plain", "exact": False, "report": False}
+    for keep in (False, True):
+        out = tmp_path / str(keep)
+        run = scex.extrapolate(scene, reference=None, out=out, keep_doubtful=keep, **options)
+        lines = [line for extra in extras_results() for line in extra.lines(run)]
+        left = "  left out as doubtful: 2 is recorded for less than a second"
+        assert (left in lines) == (not keep) and any("1 brakes" in line for line in lines) == keep
+
+
 def test_the_row_of_the_summary_is_human_like(run: scex.Run) -> None:
     stress, human = run_answer(run)["rows"]["critical response"]
     assert stress is None
