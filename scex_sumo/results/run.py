@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
@@ -27,6 +26,7 @@ from scex_sumo.statistics.intervals import DesignIntervals
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from scex_sumo.base.arrow import ArrowTable
     from scex_sumo.converters.net.sumo_net import SumoNet
     from scex_sumo.results.states import StateBlocks
 
@@ -109,24 +109,24 @@ class Run:
         return as_xarray(states, models, vehicle=tracks, step=np.arange(moments) - (LOGGED_HISTORY - 1))
 
     @cached_property
-    def metrics(self) -> pa.Table:
+    def metrics(self) -> ArrowTable:
         """One row per future: ``future``, the metric columns, null where undefined, and ``collision``."""
         return read_metrics(self.folder / "metrics.parquet", rows=self.info.get("futures"))
 
     @cached_property
-    def recorded(self) -> pa.Table | None:
+    def recorded(self) -> ArrowTable | None:
         """The metric columns of the recorded future, one row; None without one."""
         there = (self.folder / "recorded.parquet").exists()
         return self.table("recorded.parquet", columns=self.columns, rows=1) if there else None
 
     @cached_property
-    def assignments(self) -> pa.Table:
+    def assignments(self) -> ArrowTable:
         """``future``, ``track_id``, ``model``: the model of each vehicle."""
         rows = self.futures * int(self.info["seed_scene"]["vehicles"])
         return read_assignments(self.folder / "assignments.parquet", rows=rows)
 
     @cached_property
-    def tracks(self) -> pa.Table:
+    def tracks(self) -> ArrowTable:
         """States of all futures in INTERACTION columns; ``case_id`` is the future."""
         from scex_sumo.results.states import read_states
 
@@ -134,22 +134,22 @@ class Run:
         return read_states(self.folder / "tracks.parquet", rows=self.futures * vehicles * frames)
 
     @cached_property
-    def worst(self) -> pa.Table:
+    def worst(self) -> ArrowTable:
         """Origin of each extremum: future, metric, time, the two tracks, value, ``after_collision``."""
         return self.table("worst.parquet", columns=("future", "metric", "timestamp_ms", "track_id", "value"))
 
     @cached_property
-    def collisions(self) -> pa.Table:
+    def collisions(self) -> ArrowTable:
         """Collisions, one row per future and pair of vehicles: time, place, severity."""
         return self.table("collisions.parquet")
 
     @cached_property
-    def encounters(self) -> pa.Table:
+    def encounters(self) -> ArrowTable:
         """Encounters, one row per pair of vehicles that meet in some future; the most critical pair first."""
         return self.table("encounters.parquet")
 
     @cached_property
-    def pair_outcomes(self) -> pa.Table:
+    def pair_outcomes(self) -> ArrowTable:
         """Least TTC on the path, largest DRAC, least PET by ``future``, ``track_a`` and ``track_b``."""
         return self.table(PAIR_OUTCOMES, columns=("future", "track_a", "track_b", "min_ttc_path"))
 
@@ -321,7 +321,7 @@ class Run:
         index = np.nanargmin(values) if side_of(column) == "left" else np.nanargmax(values)
         return int(self.metrics["future"][int(index)].as_py())
 
-    def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
+    def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> ArrowTable:
         """Read one of the folder's Parquet files, checked for columns and number of rows."""
         return read_table(self.folder / name, columns=columns, rows=rows)
 
