@@ -125,6 +125,13 @@ def python_words(kinds: Callable[[], Sequence[type]]) -> Callable[[Callable[P, T
     return decorate
 
 
+def present_names(arguments: Iterable[str]) -> list[str]:
+    """Return arguments with options under their present names, for scripts that use former ones."""
+    former = {"--children": "--futures", "--child": "--future"}
+    named = [(one, *one.partition("=")) for one in arguments]
+    return [former[name] + equals + value if name in former else one for one, name, equals, value in named]
+
+
 def last_of_list(incomplete: str, names: Iterable[str]) -> list[str]:
     """Complete the last entry of a comma-separated list."""
     typed, comma, last = incomplete.rpartition(",")

@@ -10,7 +10,7 @@ from typing import Any, Final
 from typer.core import TyperArgument, TyperCommand
 
 from scex_sumo.base.errors import UsageError, nearest
-from scex_sumo.commands.options import present_names
+from scex_sumo.base.options import present_names
 
 SHARED: Final = ("config", "quiet", "verbose", "json", "help")
 

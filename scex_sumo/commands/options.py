@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,13 +9,6 @@ import typer
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list
-
-
-def present_names(arguments: Iterable[str]) -> list[str]:
-    """Return arguments with options under their present names, for scripts that use former ones."""
-    former = {"--children": "--futures", "--child": "--future"}
-    named = [(one, *one.partition("=")) for one in arguments]
-    return [former[name] + equals + value if name in former else one for one, name, equals, value in named]
 
 
 def complete_models(incomplete: str) -> list[str]:
@@ -42,12 +34,6 @@ def complete_results(incomplete: str) -> list[str]:
     return sorted(f"{typed}{slash}{name}" for name in names if name.startswith(begin))
 
 
-MapPath = Annotated[
-    Path,
-    typer.Argument(
-        metavar="MAP", help="Lanelet2, CommonRoad, SUMO, OpenDRIVE, Argoverse 2, ..., or a folder with one."
-    ),
-]
 Origin = Annotated[
     str | None,
     typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; default: that of meta_data.csv."),

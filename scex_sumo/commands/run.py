@@ -12,8 +12,7 @@ from typing import Any
 from scex_sumo.base.options import from_command_line, split_options
 from scex_sumo.commands.console import output_console, progress_bar, resumable, warn
 from scex_sumo.commands.generated import with_options
-from scex_sumo.commands.options import MapPath
-from scex_sumo.commands.seed import seed_scene
+from scex_sumo.commands.seed import MapPath, seed_scene
 from scex_sumo.commands.shared import COMMANDS, Answer
 from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options

@@ -5,7 +5,9 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from scex_sumo.commands import console
 from scex_sumo.commands.console import progress_bar, warn
@@ -13,6 +15,13 @@ from scex_sumo.commands.console import progress_bar, warn
 if TYPE_CHECKING:
     from scex_sumo.scenarios.options import SeedOptions
     from scex_sumo.scene import SeedScene
+
+MapPath = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP", help="Lanelet2, CommonRoad, SUMO, OpenDRIVE, Argoverse 2, ..., or a folder with one."
+    ),
+]
 
 _LONG = 200
 

@@ -15,7 +15,8 @@ from typer import Option
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.commands.console import progress_bar, warn
-from scex_sumo.commands.options import MapPath, Origin, Overwrite, Seed, Speed
+from scex_sumo.commands.options import Origin, Overwrite, Seed, Speed
+from scex_sumo.commands.seed import MapPath
 
 if TYPE_CHECKING:
     from scex_sumo.base.progress import Progress

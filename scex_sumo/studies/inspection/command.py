@@ -11,7 +11,8 @@ from typer import Option
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import Case, MapPath, Origin, Time, Tracks
+from scex_sumo.commands.options import Case, Origin, Time, Tracks
+from scex_sumo.commands.seed import MapPath
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:

@@ -15,14 +15,13 @@ from scex_sumo.base.options import from_command_line
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.generated import with_options
 from scex_sumo.commands.options import (
-    MapPath,
     Overwrite,
     Preset,
     Processes,
     ResultPath,
     Seed,
 )
-from scex_sumo.commands.seed import seed_scene
+from scex_sumo.commands.seed import MapPath, seed_scene
 from scex_sumo.commands.tables import write_table
 from scex_sumo.scenarios.options import SeedOptions
 

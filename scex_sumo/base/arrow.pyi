@@ -1,13 +1,12 @@
 """Arrow table for type checkers: pyarrow ships no types, so that its tables would be ``Any``.
 
-Imported by checkers only.
+A stub without a module: only checkers import it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any, Protocol
-
 
 class ArrowTable(Protocol):
     """What users do with a `pyarrow.Table`; columns are Arrow arrays, which NumPy takes."""
