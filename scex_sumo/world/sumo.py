@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,11 +14,11 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import Rgb, model_colors
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.scene import HISTORY_STEPS, REPLAYED, STEP_S, SeedScene, States
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 from scex_sumo.world.base import BatchStart, SumoDriven, World, WorldRequest
 from scex_sumo.world.batch import (
-    ANY_LANE,
-    CAR_LANE,
+    MATCH_M,
+    NO_LANE,
     RunningBatch,
     Selection,
     from_sumo,
@@ -33,13 +32,9 @@ from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
+    from scex_sumo.world.driven import SumoDrivers
 
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
-# Distance of a vehicle to its lane. Faster than SUMO's 100 m; 5 m misses some forking lanes.
-_MATCH_M = 20.0
-_REACH_M = 250.0  # between vehicles that can meet within some seconds
-_NO_LANE = -1
-_AS_TOLD = 0b0001010101  # SUMO's lane change mode: its own decisions, and told ones without regard of gaps
 
 
 class SumoWorld:
@@ -77,8 +72,7 @@ class SumoWorld:
         self._running: RunningBatch | None = None
         self._speeds: list[tuple[str, float, float]] = []
         self._routes = 0
-        self._changing: dict[str, int] = {}
-        self._obstacles = _obstacles_in_reach(scene)
+        self._drivers: SumoDrivers | None = None
 
     def __enter__(self) -> SumoWorld:
         return self
@@ -107,7 +101,7 @@ class SumoWorld:
             self._types.enter(d.vehicle, d.model, d.parameters)
         self._running = None
         self._speeds.clear()
-        self._changing.clear()
+        self._drivers = None
         self._sumo = self._session.ready(load_sumo(gui=self._gui))
         self._call = VehicleCalls.of(self._sumo)
         ids = vehicle_ids(wanted, self._scene.track_ids)
@@ -122,39 +116,12 @@ class SumoWorld:
         if others := self._scene.obstacles:
             self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
         self._advance(batch)
-        with self._session.refusals("hand vehicles over to its drivers"):
-            batch.hand_over(driven, self._sumo)
-            self._plan_stops(batch, driven)
-            self._go_on_changing(batch, driven)
+        if driven:
+            from scex_sumo.world.driven import SumoDrivers
 
-    def _plan_stops(self, batch: RunningBatch, driven: Sequence[SumoDriven]) -> None:
-        for d in driven:
-            intention = self._scene.intention(d.vehicle)
-            key, slot = batch.id_of(d.future, d.vehicle), batch.slots[d.future]
-            for stop in () if intention is None else intention.stops:
-                edge, _, lane = stop.lane.rpartition("_")
-                begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
-                with suppress(*self._session.errors):  # too near to brake, or off the route
-                    self._sumo.vehicle.setStop(
-                        key,
-                        tile_id(slot, edge),
-                        stop.end_m,
-                        int(lane),
-                        stop.duration_s,
-                        stop.flags,
-                        stop.start_m,
-                        stop.until_s + begin_s,
-                    )
-
-    def _go_on_changing(self, batch: RunningBatch, driven: Sequence[SumoDriven]) -> None:
-        """Let vehicles go on that change their lanes, whoever is beside them, as SUMO had decided."""
-        for d in driven:
-            intention, key = self._scene.intention(d.vehicle), batch.id_of(d.future, d.vehicle)
-            if intention is not None and intention.change:
-                with suppress(*self._session.errors):  # no lane there
-                    self._changing[key] = self._sumo.vehicle.getLaneChangeMode(key)
-                    self._sumo.vehicle.setLaneChangeMode(key, _AS_TOLD)
-                    self._sumo.vehicle.changeLaneRelative(key, intention.change, STEP_S)
+            self._drivers = SumoDrivers(driven, batch, self._scene, self._sumo)
+            with self._session.refusals("hand vehicles over to its drivers"):
+                self._drivers.hand_over(self._session.errors)
 
     def move(self, states: States, mask: BoolArray) -> None:
         """Set the next states (C, V) of the vehicles in the mask: from now on SUMO drives the others only."""
@@ -162,7 +129,9 @@ class SumoWorld:
         if left := int((~mask & batch.overridden).sum()):
             raise SimulationError(f"{left} vehicles not moved that SUMO does not drive")
         with self._session.refusals("move vehicles"):
-            batch.take_over(mask & ~batch.overridden, self._sumo)
+            taken = mask & ~batch.overridden
+            if self._drivers is not None and taken.any():
+                self._drivers.take_over(taken)
             poses = self._poses(states)
             self._add_vehicles(batch.split(poses))
             self._place(poses, batch.moved, states.speed, (states.speed - batch.speed) / STEP_S)
@@ -170,41 +139,22 @@ class SumoWorld:
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
         """Set the states (O,) of pedestrians and cyclists after the next step, for SUMO's drivers."""
-        batch, others = self._batch, self._scene.obstacles
-        if others is None:
-            return
-        front_x, front_y, angle = to_sumo(states, others.length)
-        with self._session.refusals("move pedestrians and cyclists"):
-            for future in np.flatnonzero(batch.mixed):
-                slot, (dx, dy) = batch.slots[future], batch.offset[:, future, 0]
-                for o in self._obstacles:
-                    name = others.ids[o]
-                    key = tile_id(slot, f"other{name}")
-                    if present[o]:
-                        if key not in batch.obstacles:
-                            self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.obstacle(o))
-                            # Vehicles on crossings and walking areas crash libsumo 1.28.
-                            self._sumo.vehicle.setVehicleClass(key, "passenger")
-                            batch.obstacles.add(key)
-                        x, y = float(front_x[o] + dx), float(front_y[o] + dy)
-                        self._put(key, x, y, float(angle[o]), lanes=CAR_LANE)
-                    elif key in batch.obstacles:
-                        self._sumo.vehicle.remove(key)
-                        batch.obstacles.remove(key)
+        if self._scene.obstacles is not None:
+            from scex_sumo.world.obstacles import put_obstacles
+
+            with self._session.refusals("move pedestrians and cyclists"):
+                put_obstacles(self._scene, self._batch, self._sumo, self._types, states, present)
 
     def step(self) -> None:
         """Advance by 0.1 s."""
         batch = self._batch
-        with self._session.refusals("move vehicles on beyond the end of their route"):
-            for pose in batch.go_straight_on():
-                self._put(pose.key, pose.x, pose.y, pose.angle)
-                self._speeds.append((pose.key, pose.speed, 0.0))
+        if self._drivers is not None:
+            with self._session.refusals("move vehicles on beyond the end of their route"):
+                self._speeds += self._drivers.go_straight_on()
         self._advance(batch)
-        with self._session.refusals("follow routes"):
-            for key, mode in self._changing.items():
-                self._sumo.vehicle.setLaneChangeMode(key, mode)
-            self._changing.clear()
-            batch.watch_route_ends(self._sumo)
+        if self._drivers is not None:
+            with self._session.refusals("follow routes"):
+                self._drivers.follow_routes()
 
     def read(self) -> States:
         """Return SUMO's states (C, V), headings in (-pi, pi].
@@ -254,14 +204,11 @@ class SumoWorld:
         x, y, degrees = (values.reshape(-1)[some.index].tolist() for values in poses)
         move = self._call.moveToXY
         for key, to_x, to_y, turned, lanes in zip(some.ids, x, y, degrees, some.lanes, strict=True):
-            move(key, "", _NO_LANE, to_x, to_y, turned, lanes, _MATCH_M)
+            move(key, "", NO_LANE, to_x, to_y, turned, lanes, MATCH_M)
         if some.watched:
             at = some.index[some.watched]
             speeds, changes = (values.reshape(-1)[at].tolist() for values in (speed, acceleration))
             self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
-
-    def _put(self, key: str, x: float, y: float, angle: float, *, lanes: int = ANY_LANE) -> None:
-        self._sumo.vehicle.moveToXY(key, "", _NO_LANE, x, y, angle, lanes, _MATCH_M)
 
     def _advance(self, batch: RunningBatch) -> None:
         """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles."""
@@ -293,15 +240,6 @@ class SumoWorld:
                 if batch.mixed[future]:
                     # Else others give way to lane changes that never happen.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
-
-
-def _obstacles_in_reach(scene: SeedScene) -> list[int]:
-    """Return the obstacles of SUMO's world: replayed vehicles far from all simulated ones are left out."""
-    if (others := scene.obstacles) is None:
-        return []
-    now, there = scene.now, others.states[:, HISTORY_STEPS]
-    apart = np.hypot(there.x[:, None] - now.x, there.y[:, None] - now.y).min(axis=1)
-    return [o for o, kind in enumerate(others.types) if kind != REPLAYED or apart[o] <= _REACH_M]
 
 
 class SumoSimulator:

@@ -18,7 +18,7 @@ from scex_sumo.results.region import AROUND_M, Region, region_of, replaying
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
-from scex_sumo.world.sumo import _obstacles_in_reach
+from scex_sumo.world.obstacles import obstacles_in_reach
 from tests.behaviors import roads
 from tests.runs import extrapolate
 
@@ -114,4 +114,4 @@ def test_a_recorded_future_is_what_replayed_vehicles_do(tmp_path: Path) -> None:
 
 def test_sumo_drivers_meet_replayed_vehicles_within_reach_only() -> None:
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0), (200.0, 0.0, 0.0, 10.0), (900.0, 0.0, 0.0, 10.0))
-    assert _obstacles_in_reach(replaying(scene, [0])) == [0] and _obstacles_in_reach(scene) == []
+    assert obstacles_in_reach(replaying(scene, [0])) == [0] and obstacles_in_reach(scene) == []

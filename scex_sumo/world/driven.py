@@ -1,0 +1,130 @@
+"""Vehicles that SUMO drives in its world: start, stops, lane changes under way, end of the route."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.world.base import SumoDriven
+from scex_sumo.world.batch import ANY_LANE, MATCH_M, NO_LANE, RunningBatch
+from scex_sumo.world.tiles import tile_id
+
+_AS_TOLD = 0b0001010101  # SUMO's lane change mode: its own decisions, and told ones without regard of gaps
+_MAX_GAIN_MPS = 1.0  # in one step
+_ARRIVAL_M = 0.2  # SUMO removes vehicles 0.1 m before the end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """Pose of a vehicle in SUMO's frame: front bumper in m, degrees clockwise from north, m/s."""
+
+    key: str
+    x: float
+    y: float
+    angle: float
+    speed: float
+
+    def ahead(self) -> Pose:
+        """Return the pose after one step, straight on at constant speed."""
+        heading, way = math.radians(90.0 - self.angle), self.speed * STEP_S
+        return replace(self, x=self.x + way * math.cos(heading), y=self.y + way * math.sin(heading))
+
+
+class SumoDrivers:
+    """Vehicles of a batch that SUMO drives."""
+
+    def __init__(
+        self, driven: Sequence[SumoDriven], batch: RunningBatch, scene: SeedScene, sumo: Any
+    ) -> None:
+        self._driven, self._batch, self._scene, self._sumo = driven, batch, scene, sumo
+        self._route_ends: dict[str, str] = {}  # last edge, by id
+        self._straight_on: list[Pose] = []  # vehicles beyond the end of their route
+        self._changing: dict[str, int] = {}  # lane change mode after the change under way, by id
+
+    def hand_over(self, refused: tuple[type[Exception], ...]) -> None:
+        """Let SUMO drive from now on; a vehicle on no lane goes straight on.
+
+        Args:
+            refused: SUMO's errors.
+        """
+        for d in self._driven:
+            key = self._batch.id_of(d.future, d.vehicle)
+            if self._sumo.vehicle.getLaneID(key):
+                self._route_ends[key] = tile_id(self._batch.slots[d.future], d.edges[-1])
+            else:
+                self._take_back(key)
+        self._plan_stops(refused)
+        self._go_on_changing(refused)
+
+    def _plan_stops(self, refused: tuple[type[Exception], ...]) -> None:
+        for d in self._driven:
+            intention = self._scene.intention(d.vehicle)
+            key, slot = self._batch.id_of(d.future, d.vehicle), self._batch.slots[d.future]
+            for stop in () if intention is None else intention.stops:
+                edge, _, lane = stop.lane.rpartition("_")
+                begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
+                with suppress(*refused):  # too near to brake, or off the route
+                    self._sumo.vehicle.setStop(
+                        key,
+                        tile_id(slot, edge),
+                        stop.end_m,
+                        int(lane),
+                        stop.duration_s,
+                        stop.flags,
+                        stop.start_m,
+                        stop.until_s + begin_s,
+                    )
+
+    def _go_on_changing(self, refused: tuple[type[Exception], ...]) -> None:
+        """Let vehicles go on that change their lanes, whoever is beside them, as SUMO had decided."""
+        for d in self._driven:
+            intention, key = self._scene.intention(d.vehicle), self._batch.id_of(d.future, d.vehicle)
+            if intention is not None and intention.change:
+                with suppress(*refused):  # no lane there
+                    self._changing[key] = self._sumo.vehicle.getLaneChangeMode(key)
+                    self._sumo.vehicle.setLaneChangeMode(key, _AS_TOLD)
+                    self._sumo.vehicle.changeLaneRelative(key, intention.change, STEP_S)
+
+    def take_over(self, mask: BoolArray) -> None:
+        """Let SUMO no longer drive the vehicles in the mask (C, V)."""
+        for future, vehicle in np.argwhere(mask).tolist():
+            key = self._batch.id_of(future, vehicle)
+            self._route_ends.pop(key, None)
+            self._straight_on = [pose for pose in self._straight_on if pose.key != key]
+            self._batch.speed[future, vehicle] = self._sumo.vehicle.getSpeed(key)
+            self._sumo.vehicle.setLaneChangeMode(key, 0)
+        self._batch.override(mask)
+
+    def go_straight_on(self) -> Iterator[tuple[str, float, float]]:
+        """Move vehicles on that were taken back; yield id, speed in m/s and acceleration of each."""
+        self._straight_on = [pose.ahead() for pose in self._straight_on]
+        for pose in self._straight_on:
+            self._sumo.vehicle.moveToXY(pose.key, "", NO_LANE, pose.x, pose.y, pose.angle, ANY_LANE, MATCH_M)
+            yield pose.key, pose.speed, 0.0
+
+    def follow_routes(self) -> None:
+        """After a step, end the lane changes that were under way, and take back vehicles at the end."""
+        for key, mode in self._changing.items():
+            self._sumo.vehicle.setLaneChangeMode(key, mode)
+        self._changing.clear()
+        self._watch_route_ends()
+
+    def _watch_route_ends(self) -> None:
+        """Take back vehicles that SUMO would remove at the next step."""
+        for key, edge in list(self._route_ends.items()):
+            left = self._sumo.vehicle.getDrivingDistance(key, edge, self._sumo.lane.getLength(f"{edge}_0"))
+            if 0 <= left <= (self._sumo.vehicle.getSpeed(key) + _MAX_GAIN_MPS) * STEP_S + _ARRIVAL_M:
+                del self._route_ends[key]
+                self._take_back(key)
+
+    def _take_back(self, key: str) -> None:
+        x, y = self._sumo.vehicle.getPosition(key)
+        angle, speed = self._sumo.vehicle.getAngle(key), self._sumo.vehicle.getSpeed(key)
+        self._straight_on.append(Pose(key=key, x=x, y=y, angle=angle, speed=speed))
