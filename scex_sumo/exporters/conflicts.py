@@ -99,7 +99,7 @@ def _future(request: Request, future: int) -> _Future:
 
 
 def _collisions(request: Request, future: int) -> list[Row]:
-    rows: list[Row] = request.run.collisions.to_pylist()
+    rows: Sequence[Row] = request.run.collisions.to_pylist()
     seed_s = LOGGED_HISTORY * STEP_S
     return [{**row, "time_s": row["time_s"] + seed_s} for row in rows if row["future"] == future]
 

@@ -107,7 +107,7 @@ def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
     return sorted(found, key=lambda one: first[one.pair])
 
 
-def named_as(lead: Mapping[str, Any], row: Mapping[str, Any]) -> Mapping[str, Any]:
+def named_as(lead: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row of a pair with the order of its vehicles and the place of another row of the pair."""
     if row["track_id"] != lead["track_id"]:
         models = [{name: by[_SWAP.get(name, name)] for name in by} for by in row["models"]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -19,17 +19,20 @@ from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.results.tables import as_table, check_fit, read_table
 from scex_sumo.scene import SeedScene, States
 
+if TYPE_CHECKING:
+    from scex_sumo.base.arrow import ArrowTable
+
 _STATES = ("x", "y", "vx", "vy", "psi_rad")
 MAX_STATE = 1e8
 """Limit of positions in m and all else, as in recordings."""
 
 
-def read_states(file: Path, *, rows: int) -> pa.Table:
+def read_states(file: Path, *, rows: int) -> ArrowTable:
     """Read ``tracks.parquet``, with finite states no larger than those of a recording."""
     return _checked_states(file, read_table(file, columns=("case_id", "track_id", *_STATES), rows=rows))
 
 
-def _checked_states(file: Path, table: pa.Table) -> pa.Table:
+def _checked_states(file: Path, table: ArrowTable) -> ArrowTable:
     for name in _STATES:
         numbers = pa.types.is_floating(table.schema.field(name).type)
         if not numbers or not (np.abs(np.asarray(table[name])) <= MAX_STATE).all():

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.base.errors import ResultError, UsageError, one_line
 from scex_sumo.metrics.registry import COLLISION, metric_of
+
+if TYPE_CHECKING:
+    from scex_sumo.base.arrow import ArrowTable
 
 
 @contextmanager
@@ -22,15 +26,15 @@ def as_table(file: Path) -> Iterator[None]:
         raise ResultError(f"{file}: cannot be read: {one_line(error)[:160]}") from None
 
 
-def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = None) -> pa.Table:
+def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = None) -> ArrowTable:
     """Read a Parquet file of a result, as `Run.table`."""
     with as_table(file):
-        table = pq.ParquetFile(file.absolute()).read()  # a relative one may be a URI to Arrow
+        table: ArrowTable = pq.ParquetFile(file.absolute()).read()  # a relative one may be a URI to Arrow
     check_fit(file, table.column_names, columns, table.num_rows, rows)
     return table
 
 
-def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
+def read_metrics(file: Path, *, rows: int | None) -> ArrowTable:
     """Read ``metrics.parquet``: futures in order, and numbers of known metrics."""
     table = read_table(file, columns=("future",), rows=rows)
     if table["future"].to_pylist() != list(range(table.num_rows)):
@@ -50,7 +54,7 @@ def read_metrics(file: Path, *, rows: int | None) -> pa.Table:
     return table
 
 
-def read_assignments(file: Path, *, rows: int) -> pa.Table:
+def read_assignments(file: Path, *, rows: int) -> ArrowTable:
     """Read ``assignments.parquet``."""
     table = read_table(file, columns=("future", "track_id", "model"), rows=rows)
     if not pa.types.is_string(table.schema.field("model").type) or table["model"].null_count:

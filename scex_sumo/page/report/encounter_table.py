@@ -39,7 +39,7 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
     """Print at most ``most`` lines of both sets of futures, the most critical pair first."""
     scene, found = run.info["seed_scene"]["name"], meetings(run, region)
     indices = None if region is None else region.vehicles(run.scene)
-    if indices is not None:
+    if region is not None and indices is not None:
         inside = run.scene.track_ids[list(indices)].tolist()
         line = (
             f"{len(inside)} of {run.scene.vehicles} vehicles are {region.words()}; one of them collides in "
