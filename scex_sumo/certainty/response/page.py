@@ -37,7 +37,7 @@ def _map() -> Html:
     return element(
         "div",
         element("div.scroll", id="response-table"),
-        element("canvas", id="response-map", tabindex="0"),
+        element("canvas", id="response-map", tabindex="0", role="slider", aria_label="Action of the map"),
         element("p.soft", id="response-said"),
         sliders,
         element("div.row", element("button", "people as counted", id="own-people")),

@@ -44,7 +44,8 @@ function makeChart(run, state, element) {
   }
 
   const toX = (value) => (value - low) / (high - low) * canvas.clientWidth, toValue = (px) => low + px / canvas.clientWidth * (high - low);
-  const isNear = (px, value) => value !== null && Math.abs(toX(value) - px) < 9;
+  const gripX = (value) => clamp(toX(value), 5, canvas.clientWidth - 5); // within reach, also of a threshold beyond the axis
+  const isNear = (px, value) => value !== null && Math.abs(gripX(value) - px) < 9, told = (value) => `${Number(value.toFixed(3))} ${metric.unit}`.trim();
 
   function draw(isCumulative) {
     const pen = sharp(canvas), { paint, write, width } = pen, threshold = state.thresholds[m], own = toX(column[state.future]);
@@ -63,7 +64,10 @@ function makeChart(run, state, element) {
     if (threshold !== null) {
       box(toX(threshold), metric.sign === "≤" ? 0 : width, 0, base, "critical", 0.1);
       upright(toX(threshold), { stroke: "critical" });
-      box(toX(threshold) - 4, toX(threshold) + 4, base / 2 - 9, base / 2 + 9, "critical");
+      box(gripX(threshold) - 4, gripX(threshold) + 4, base / 2 - 9, base / 2 + 9, "critical");
+      const style = { fill: "critical", halo: "card" };
+      if (threshold < low) write(`← ${told(threshold)}`, 12, base / 2 + 4, { ...style, align: "left" });
+      if (threshold > high) write(`${told(threshold)} →`, width - 12, base / 2 + 4, { ...style, align: "right" });
     }
     if (isCumulative) area(curveLine(drawn, metric.band), curveLine(drawn, -metric.band), "drawn", 0.2);
     curve(drawn, "drawn");
@@ -93,8 +97,21 @@ function makeChart(run, state, element) {
   }
 
   function setLimit(value) {
+    const isOther = value !== state.thresholds[m];
     state.thresholds[m] = value;
     state.change({}, "thresholds");
+    if (isOther && value !== null) announce(`P(${metric.name} ${metric.sign} ${told(value)}) ${percent(state.share(m).value)} stress test, ${percent(state.share(m, true).value)} human-like`);
+  }
+
+  function list() { // the values of the curves as text
+    const sets = { "stress test": samplesOf(false), ...(run.info.human ? { "human-like": samplesOf(true) } : {}) };
+    if (state.count < run.futures) sets.selected = [...column.subarray(0, run.futures)].filter((value, c) => state.mask[c] && !Number.isNaN(value));
+    const rows = Object.entries(sets).map(([name, values]) => {
+      const sorted = Float64Array.from(values).sort(), at = (share) => sorted.length ? short(sorted[Math.max(Math.ceil(share * sorted.length) - 1, 0)], 3) : "–";
+      return [name, sorted.length, at(0), at(0.05), at(0.25), at(0.5), at(0.75), at(0.95), at(1)];
+    });
+    const title = `${metric.name}${metric.unit && ` in ${metric.unit}`}, ${metric.mean ? "mean" : "worst"} of a future`;
+    tabulate(canvas, title, ["futures driven as", "with a value", "least", "5 %", "25 %", "median", "75 %", "95 %", "largest"], rows);
   }
 
   function select(values) { // brushes a range of values
@@ -109,12 +126,14 @@ function makeChart(run, state, element) {
   };
   canvas.onpointermove = ({ offsetX }) => {
     const px = clamp(offsetX, 0, canvas.clientWidth);
-    if (!drag) canvas.style.cursor = isNear(px, state.thresholds[m]) ? "ew-resize" : "crosshair";
+    const isGrip = isNear(px, state.thresholds[m]);
+    canvas.title = isGrip ? `threshold ${told(state.thresholds[m])}` : "";
+    if (!drag) canvas.style.cursor = isGrip ? "ew-resize" : "crosshair";
     else if (drag.isLimit) setLimit(isNear(px, metric.threshold) ? metric.threshold : toValue(px)); // the run's own attracts
     else if (Math.abs(px - drag.from) > 3) select([toValue(px), toValue(drag.from)]);
   };
   canvas.onpointerup = canvas.onpointercancel = () => { drag = null; };
-  return { element, metric, draw, describe, select, setLimit };
+  return { element, metric, draw, describe, list, select, setLimit };
 }
 
 // Cumulative curves of the driver under test and of the baseline, with their bands.
@@ -124,6 +143,8 @@ function testedCurves(host, charts) {
   return () => charts.forEach(({ sets, view: [low, high], threshold, side, ticks }, i) => {
     const pen = sharp(canvases[i]), { paint, write, width } = pen, toX = (value) => (value - low) / (high - low) * width;
     if (!sets.length) return write("defined in no future", width / 2, 60);
+    const shares = sets.map(({ values }) => stepsOf(values.map((value) => value ?? Infinity), ticks.map(([value]) => value)));
+    tabulate(canvases[i], `${charts[i].title}: share at or below`, ["value", ...sets.map(({ kind }) => kind)], ticks.map(([, words], k) => [words, ...shares.map((share) => percent(share[k]))]));
     const base = bottomAxis(pen, ticks, toX), xs = Array.from({ length: width + 1 }, (_, px) => low + px / width * (high - low));
     const at = (x, share) => [toX(x), base - clamp(share, 0, 1) * (base - 4)];
     if (threshold !== null) {

@@ -98,6 +98,14 @@ function announce(words) {
   resting = setTimeout(() => tell(byId("changes"), words), REST_MS);
 }
 
+// Values of a drawing as a table behind it, for those who do not see it.
+function tabulate(canvas, title, heads, rows) {
+  const cells = (tag, words) => words.map((word) => make(tag, String(word))), lines = rows.map(([name, ...values]) => make("tr", {}, make("th", { textContent: name, scope: "row" }), ...cells("td", values)));
+  const table = make("table", {}, make("caption", title), make("thead", {}, make("tr", {}, ...cells("th", heads))), make("tbody", {}, ...lines)), behind = canvas.nextElementSibling;
+  if (behind && behind.matches(".sr")) behind.replaceChildren(table);
+  else canvas.after(make("div.sr", {}, table));
+}
+
 const say = (words) => { byId("said").textContent = words; };
 
 function save(blob, name) {

@@ -61,6 +61,7 @@ function exactCard({ models, shares: own, pairs }) {
     const rest = 1 - shares[m];
     shares = shares.map((share, k) => (k === m ? value : rest > 1e-9 ? share * (1 - value) / rest : (1 - value) / (models.length - 1)));
     draw();
+    announce(`any collision ${byId("any-collision").textContent}`);
   }
 
   sliders.forEach((slider, m) => { slider.oninput = () => weigh(m, Number(slider.value)); });

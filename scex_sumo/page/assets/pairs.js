@@ -102,6 +102,17 @@ function pairStrips(run, state, host) {
     if (low < 0) write(short(low10, 1), width - 2, base - 3, { align: "right", halo: "card" });
   }
 
+  // All curves each half second: of the shown future, else from the least to the largest of all.
+  function list(own) {
+    const courses = own ? [own.course] : lines.filter(({ picked }) => picked).map(({ course }) => course), names = state.pair.map(run.id);
+    const heads = strips.flatMap(({ name, title, unit }) => (dashes.length === courses[0]?.[name].length ? names : [""]).map((who) => `${title} ${who} [${unit}]`));
+    const rows = Array.from({ length: Math.floor(last / 5) + 1 }, (_, k) => [seconds(5 * k), ...strips.flatMap(({ name }) => (courses[0]?.[name] ?? []).map((_line, i) => {
+      const values = courses.map((course) => course[name][i][5 * k]), ends = [Math.min(...values), Math.max(...values)].map((value) => short(value, 1));
+      return ends[0] === ends[1] ? ends[0] : `${ends[0]} to ${ends[1]}`;
+    }))]);
+    tabulate(host.lastElementChild.querySelector("canvas"), `${names.join(" and ")} over time`, ["after", ...heads], rows);
+  }
+
   // Draws the curves if they changed, and moves the cursor.
   return (isNew) => {
     const { pair, future, step } = state, isRecorded = run.recorded && byId("show-recorded").checked, wanted = `${pair} ${state.selection} ${isRecorded}`, t = Math.round(step);
@@ -112,6 +123,7 @@ function pairStrips(run, state, host) {
       recorded = isRecorded ? courseOf(run, run.recorded, pair, pair) : null;
     }
     const [own, beside] = [future, state.beside].map((one) => lines.find((line) => line.futures.includes(one)));
+    if (isNew || isOther) list(own);
     for (const strip of strips) {
       if (isNew || isOther) draw(strip, own, beside);
       strip.cursor.style.left = `${100 * step / last}%`;

@@ -21,6 +21,7 @@ function runReport(run) {
   const encounters = makeTable(byId("encounters"), info.encounters, { onRow: jump, isChosen: isOpen, onSort: () => address.later() });
   const worst = makeTable(byId("worst"), info.events, { onRow: jump, isChosen: ({ futures }) => futures.includes(state.future) });
 
+  let isSelected = false;
   function drawSelection() { // chips, P(collision), and what tables have of the selected futures
     const chips = [...state.filters].map(([key, { words }]) => make("button.chip", { textContent: `${words} ×`, title: "Clear", onclick: () => state.filter(key) }));
     byId("chips").replaceChildren(...(chips.length ? [make("b", `${state.count} of ${run.futures} futures`)] : []), ...chips);
@@ -32,6 +33,9 @@ function runReport(run) {
       said.classList.toggle("hot", count > 0);
       told.textContent = chips.length ? words : told.title;
     }
+    const shares = ["p-collision", "likely-collision"].map((name) => byId(name)?.textContent).filter(Boolean);
+    if (chips.length || isSelected) announce(`${state.count} of ${run.futures} futures; P(collision) ${shares.join(", human-like ")}`);
+    isSelected = chips.length > 0;
     encounters.show(select.encounterRows(find.value.trim()));
     drawWorstEncounters();
   }
@@ -90,6 +94,7 @@ function runReport(run) {
     if (any("pair", "future", "beside", "step", "selection", "size", "view")) drawPair(any("pair", "future", "beside", "selection", "size"));
     if (any("selection", "find")) drawSelection();
     if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
+    if (any("selection")) listed.restart();
     if (any("thresholds", "focus", "selection")) models.draw(select.isShown);
     if (any("focus", "selection")) drawWorst();
     if (any("pair", "future")) for (const table of [encounters, worst]) table.choose();
@@ -158,6 +163,10 @@ function runReport(run) {
   const drawTested = info.tested_curves ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
   if (byId("exact")) exactCard(info.exact);
   const responses = byId("response-map") ? responseCard(run, state, info.responses, jump) : { draw() {}, follow() {} };
+  const listed = { restart() { // at rest: it takes longer than a frame
+    clearTimeout(listed.timer);
+    listed.timer = setTimeout(() => charts.forEach((chart) => chart.list()), REST_MS);
+  } };
   const redraw = () => state.change({}, "size");
   find.oninput = () => state.change({}, "find");
   byId("focus").onchange = ({ target }) => state.change({ focus: Number(target.value) });

@@ -52,6 +52,8 @@ function oneDigit(number) {
 }
 const onceIn = (share) => share > 0 ? share < 0.5 ? `once in ${oneDigit(1 / share)}` : `in ${(100 * share).toFixed(0)} %` : "never";
 
+const MAX_SHOWN_S = 4.5; // response time
+
 function responseCard(run, state, { people: counted, pairs }, jump) {
   const canvas = byId("response-map"), sliders = [byId("people-median"), byId("people-away")], figures = all("#people output");
   const columns = [{ title: "pair" }, { title: "action", kind: "words" }, { title: "collides about", kind: "names" }, { title: "as counted", kind: "names" }];
@@ -69,6 +71,7 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     level = actionOf(pair).values.indexOf(pair.value);
     table.choose();
     draw();
+    list();
   }
 
   function open(pair) { // here, and on the map
@@ -84,9 +87,9 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     parts = partsOf(people, chosen);
     sliders[0].value = people.response_s[kind];
     sliders[1].value = people.away_share;
-    [`${short(people.response_s[kind], 1)} s`, percent(people.away_share)].forEach((said, i) => tell(figures[i], said));
+    [`${short(people.response_s[kind])} s`, percent(people.away_share)].forEach((said, i) => tell(figures[i], said));
     const pen = sharp(canvas), { paint, write, width, height } = pen, [left, right, top, base] = [30, width - 64, 46, height - 30];
-    const highest = Math.max(...responses.flat()), most = clamp(1.25 * highest, 3, counted.last_s), least = values[0], largest = values.at(-1);
+    const highest = Math.max(...responses.flat()), most = clamp(1.25 * highest, 3, MAX_SHOWN_S), least = values[0], largest = values.at(-1);
     if (!width) return;
     const toX = (value) => left + (value - least) / (largest - least) * (right - left), toY = (time) => base - clamp(time ?? most, 0, most) / most * (base - top);
     counted.decelerations.forEach((_, k) => {
@@ -113,7 +116,16 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     const at = toX(values[level]);
     paint([[at, 6], [at, base]], { stroke: "picked" });
     for (const response of responses[level]) paint(circle([at, toY(response)], 3.5), { fill: "picked" });
-    tell(byId("response-said"), saidOf(words));
+    const said = saidOf(words);
+    tell(byId("response-said"), said);
+    for (const [name, value] of Object.entries({ valuemin: least, valuemax: largest, valuenow: values[level], valuetext: said })) canvas.setAttribute(`aria-${name}`, value);
+  }
+
+  function list() { // the map as text
+    const { values, unit } = actionOf(chosen), { often, responses } = chosen, asText = (time) => time === null ? "never" : time < 0 ? "always" : `${short(time, 2)} s`;
+    const heads = [unit, "at least so", ...counted.decelerations.map((braking) => `contact if later, at ${braking} m/s²`), "responds later", "share of P"], total = sum(parts.map(([, part]) => part));
+    tabulate(canvas, `${chosen.track_id} ${chosen.action}, ${chosen.other_id} responds`, heads, values.map((value, i) => (
+      [value, onceIn(often[i]), ...responses[i].map(asText), onceIn(parts[i][0]), percent(parts[i][1] / total)])));
   }
 
   function saidOf(words) { // of the value under the cursor
@@ -130,6 +142,7 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     people = next;
     table.show(rows());
     draw();
+    list();
     announce(`${chosen.other_id} and ${chosen.track_id} collide about ${onceIn(responseProbability(people, chosen))}`);
   }
 

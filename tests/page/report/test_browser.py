@@ -50,7 +50,7 @@ def test_the_verdict_comes_first_and_says_what_the_tables_say(page: Any, run: Ru
     assert f"{collided} of {run.futures} futures" in verdict
     share = run.p_critical("wttc").value
     assert f"{100 * share:.0f} %" in verdict
-    assert page.locator("#verdict li").count() == 3
+    assert page.locator("#worst-encounters li").count() == 3
 
 
 def test_it_plays_to_the_end(page: Any) -> None:

@@ -18,7 +18,7 @@ def test_sliders_change_p_and_the_button_brings_it_back(page: Any, run: Run) -> 
     page.locator(p).first.click()
     before = page.locator(p).all_inner_texts()
     assert before[2] == before[3]  # as counted
-    assert text(page, "#people output >> nth=0") == "1.3 s"
+    assert text(page, "#people output >> nth=0") == "1.25 s"
     page.locator("#people-median").fill("3")
     slow = page.locator(p).all_inner_texts()
     assert slow[2] != before[2] and slow[3] == before[3]
