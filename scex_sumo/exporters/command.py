@@ -39,8 +39,8 @@ def export_command(
         str,
         Option(
             metavar="FORMAT",
-            help="interaction, interpret, fcd, openscenario, commonroad, scenarionet, sumo, ssm, collisions, "
-            "mp4, gif.",
+            help="interaction, interpret, fcd, openscenario, commonroad, scenarionet, omega-prime, osi, "
+            "sumo, ssm, collisions, mp4, gif.",
             autocompletion=_complete_formats,
         ),
     ] = "interaction",

@@ -27,6 +27,12 @@ class LightCycle:
     phases: tuple[tuple[int, str], ...]
     offset: int
 
+    def at(self, step: int) -> str:
+        """Return the letter that is shown at a step after the seed scene."""
+        ends = np.cumsum([steps for steps, _ in self.phases])
+        shown = np.searchsorted(ends, (step - self.offset) % ends[-1], side="right")
+        return self.phases[int(shown)][1]
+
 
 Cycles: TypeAlias = Mapping[int, Mapping[LightCycle, str]]
 

@@ -40,6 +40,8 @@ EXPORTERS: Final = Registry(
         "gif": "scex_sumo.exporters.video:write_gif",
         "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
         "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
+        "omega-prime": "scex_sumo.exporters.osi:write_omega_prime",
+        "osi": "scex_sumo.exporters.osi:write_osi",
     },
 )
 

@@ -166,6 +166,11 @@ def is_py123d_lights(path: Path) -> bool:
     return path.name == PY123D_LOG
 
 
+def is_osi(path: Path) -> bool:
+    """Whether a file is a trace of ASAM OSI: omega-prime or a bare one."""
+    return path.suffix in (".mcap", ".osi")
+
+
 def is_spat(path: Path) -> bool:
     """Whether a file may be a recording of signal phases (SPaT)."""
     return path.suffix == ".csv"
@@ -177,6 +182,7 @@ HIGHD_MAP = Declaration(is_highd_map, "scex_sumo.formats.levelx:HIGHD")
 OPENDD_MAP = Declaration(is_opendd_map, "scex_sumo.formats.opendd:OPENDD_MAP")
 OPENDRIVE = Declaration(is_opendrive, "scex_sumo.formats.sumo.imported:OPENDRIVE")
 OPEN_STREET_MAP = Declaration(is_open_street_map, "scex_sumo.formats.sumo.imported:OPEN_STREET_MAP")
+OSI_MAP = Declaration(is_osi, "scex_sumo.formats.osi:OSI_MAP")
 PY123D_MAP = Declaration(is_py123d_map, "scex_sumo.formats.py123d:PY123D_MAP")
 SCENARIONET_MAP = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET_MAP")
 SIMULATION_MAP = Declaration(is_simulation, "scex_sumo.formats.sumo.scenario:SCENARIO_MAP")
@@ -187,6 +193,7 @@ COMMONROAD = Declaration(is_commonroad_recording, "scex_sumo.formats.commonroad.
 FCD = Declaration(is_fcd, "scex_sumo.formats.sumo.fcd:FCD")
 LEVELX = Declaration(is_levelx, "scex_sumo.formats.levelx:LEVELX")
 OPENDD = Declaration(is_opendd, "scex_sumo.formats.opendd:OPENDD")
+OSI = Declaration(is_osi, "scex_sumo.formats.osi:OSI")
 PY123D = Declaration(is_py123d, "scex_sumo.formats.py123d:PY123D")
 SCENARIONET = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET")
 SIMULATION = Declaration(is_simulation, "scex_sumo.formats.sumo.scenario:SCENARIO")

@@ -54,12 +54,27 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache."""
     path = Path(path)
     content = unpacked(path)
+    if is_opendrive(path):
+        return opendrive_road(path, content)
+    _check_safe(path, content)
+    return _imported(path, content, "osm", _OPEN_STREET_MAP)
+
+
+def opendrive_road(path: Path, content: bytes) -> Road:
+    """Return the road of an OpenDRIVE text that stands in a file."""
+    _check_safe(path, content)
+    content, repairs = repaired_opendrive(path, content)
+    return _imported(path, content, "opendrive", _OPENDRIVE, repairs)
+
+
+def _check_safe(path: Path, content: bytes) -> None:
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise MapError(f"{path}: has a DOCTYPE, which could read other files; remove it")
-    kind, options, repairs = "osm", _OPEN_STREET_MAP, tuple[str, ...]()
-    if is_opendrive(path):
-        kind, options = "opendrive", _OPENDRIVE
-        content, repairs = repaired_opendrive(path, content)
+
+
+def _imported(
+    path: Path, content: bytes, kind: str, options: dict[str, str], repairs: tuple[str, ...] = ()
+) -> Road:
     made_with = repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items())))
     net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, kind, content, options))
     try:

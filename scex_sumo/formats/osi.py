@@ -1,0 +1,162 @@
+"""Traces of ASAM OSI: omega-prime (``.mcap`` with the map inside) and bare traces (``.osi``) beside a map."""
+
+from __future__ import annotations
+
+import errno
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.base.importing import extra_for
+from scex_sumo.converters.naming import map_name
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.boxes import MAX_ITEMS, box_table, one_line
+from scex_sumo.formats.recognition import is_osi
+from scex_sumo.formats.sumo.imported import opendrive_road
+from scex_sumo.road import Road
+
+TOPICS = {"ground_truth": "GroundTruth", "map": "MapAsamOpenDrive"}
+_VEHICLES = {
+    7: "truck", 16: "truck", 8: "truck", 6: "truck", 9: "trailer", 10: "motorcycle", 11: "bicycle", 12: "bus",
+    13: "tram", 14: "train", 15: "wheelchair", 17: "scooter", 18: "scooter", 19: "work machine",
+    20: "watercraft", 21: "aircraft",
+}  # fmt: skip
+"""Our type by OSI's type of vehicle; every other one is a car."""
+_OTHERS = {1: "other", 3: "pedestrian", 4: "animal"}
+_UNKNOWN, _VEHICLE = 0, 2
+_CUT = "it ends within a record"
+MAX_TILT_RAD = 0.5  # of a box that lies on a road
+
+
+def _osi() -> Any:
+    with extra_for("traces of OSI need betterosi", "osi"):
+        import betterosi
+    return betterosi
+
+
+@contextmanager
+def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[None]:
+    from mcap.exceptions import McapError
+
+    with one_line(error, path, "trace of OSI"):
+        try:
+            yield
+        except OSError as why:
+            if why.errno != errno.EINVAL:  # the reader seeks its summary before the beginning
+                raise
+            raise ValueError(_CUT) from None
+        except (McapError, EOFError, struct.error) as why:
+            raise ValueError(str(why) or _CUT) from None
+
+
+def _messages(path: Path, kind: str) -> Iterator[Any]:
+    """Yield the messages of one kind in a trace."""
+    betterosi = _osi()
+    message = getattr(betterosi, kind)
+    if path.suffix == ".osi":
+        with path.open("rb") as file:
+            while size := file.read(4):
+                body = file.read(int.from_bytes(size, "little"))
+                if len(size) < 4 or len(body) < int.from_bytes(size, "little"):
+                    raise EOFError
+                yield message.from_binary(body)
+        return
+    from mcap.reader import make_reader
+
+    with path.open("rb") as file:
+        for schema, _, record in make_reader(file).iter_messages():
+            if schema is not None and schema.name.rpartition(".")[2] == kind:
+                yield message.from_binary(record.data)
+
+
+def _read_road(path: Path, **_: Any) -> Road:
+    """Read the OpenDRIVE map inside a trace, by way of netconvert."""
+    osi_road = next(iter(_maps(path)), None)
+    if osi_road is None:
+        beside = _map_beside(path)
+        if beside is None:
+            raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
+        return opendrive_road(beside, beside.read_bytes())
+    return opendrive_road(path, osi_road.encode())
+
+
+def _maps(path: Path) -> list[str]:
+    if path.suffix == ".osi":
+        return []
+    with _damage(MapError, path):
+        return [one.open_drive_xml_content for one in _messages(path, TOPICS["map"])][:1]
+
+
+def _map_beside(path: Path) -> Path | None:
+    own = path.with_suffix(".xodr")
+    found = [own] if own.is_file() else sorted(path.parent.glob("*.xodr"))
+    return found[0] if len(found) == 1 else None
+
+
+def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    path = paths[0]
+    with _damage(TrackError, path):
+        names, kinds, values, ego = _boxes(path)
+        return box_table(path, names, kinds, values, ego=ego)
+
+
+def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray, str]:
+    """Return track and type of each box, (N, 8) values as `box_table` reads them, and the host vehicle.
+
+    OSI's position is the centre of the box; its time is that of the trace.
+    """
+    names: list[str] = []
+    kinds: dict[str, str] = {}
+    rows: list[tuple[float, ...]] = []
+    ego = ""
+    for truth in _messages(path, TOPICS["ground_truth"]):
+        time_ms = truth.timestamp.seconds * 1e3 + truth.timestamp.nanos / 1e6
+        ego = str(truth.host_vehicle_id.value) if truth.host_vehicle_id is not None else ego
+        for one in truth.moving_object:
+            names.append(str(one.id.value))
+            kinds.setdefault(names[-1], _kind(one))
+            rows.append((time_ms, *_state(one.base)))
+        if len(rows) > MAX_ITEMS // 8:
+            raise ValueError(f"more than {MAX_ITEMS // 8} boxes in it")
+    return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, 8), ego
+
+
+def _kind(one: Any) -> str:
+    number = int(one.type)
+    if number in _OTHERS:
+        return _OTHERS[number]
+    known = one.vehicle_classification
+    if number == _UNKNOWN and known is None:
+        return "unknown"
+    return _VEHICLES.get(int(known.type), "car") if known is not None else "car"
+
+
+def _state(base: Any) -> tuple[float, ...]:
+    """Return x, y, vx, vy, heading, length, width; nan for what is not recorded."""
+    place, speed, turn, size = base.position, base.velocity, base.orientation, base.dimension
+    if max(abs(turn.roll), abs(turn.pitch)) > MAX_TILT_RAD:
+        raise ValueError(f"a box is tilted by {max(abs(turn.roll), abs(turn.pitch)):.1f} rad")
+    vx, vy = (speed.x, speed.y) if speed is not None else (np.nan, np.nan)
+    length, width = (size.length, size.width) if size is not None else (np.nan, np.nan)
+    return place.x, place.y, vx, vy, turn.yaw, length, width
+
+
+def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
+    for path in files:
+        beside = _map_beside(path) if path.suffix == ".osi" else None
+        map_path = beside or path
+        name = map_name(path)
+        yield Recording(
+            name=name, site=map_name(map_path), dataset="osi", map_path=map_path, track_paths=(path,)
+        )
+
+
+OSI_MAP = MapFormat(is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE")
+OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, from_car=True)
