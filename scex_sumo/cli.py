@@ -97,7 +97,8 @@ def main() -> None:
         sys.stderr.close()
         raise SystemExit(1) from None
     except OSError as error:  # a full disk, a removed file
-        _fail(f"error: {error.filename or 'a file'}: {error.strerror or error}; correct it and try again", 1)
+        where = error.filename2 or error.filename or "standard output or a file"  # filename2: of a copy
+        _fail(f"error: {where}: {error.strerror or error}; correct it and try again", 1)
     except Exception as error:
         if _stopped:  # a library that was being imported raised its own error
             _fail("interrupted", 130)

@@ -144,7 +144,7 @@ class Intention:
         parameters: attributes of its ``vType`` that make no driver random.
         speed_factor: desired speed over the limit.
         stops: the next ones, in order.
-        change: 1 (-1) while it changes to the left (right) and is on its old lane, else 0.
+        change_mps: lateral speed while it changes its lane, positive to the left, else 0.
         lanes: lanes of the road along the route, those within junctions included.
     """
 
@@ -154,7 +154,7 @@ class Intention:
     parameters: Mapping[str, str] = field(default_factory=dict)
     speed_factor: float = 1.0
     stops: tuple[Stop, ...] = ()
-    change: int = 0
+    change_mps: float = 0.0
     lanes: frozenset[int] = frozenset()
 
 

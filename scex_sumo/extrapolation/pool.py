@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import pickle
 import queue
+import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -27,6 +28,7 @@ T = TypeVar("T")
 Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], Any]]]
 """Opens what tasks share, such as a world; yields the function that does one task."""
 
+_OUT_OF_TIME = f"signal {int(signal.SIGPROF)}"  # of a task that limits its own processor time
 _DIED = (EOFError, OSError, pickle.UnpicklingError)  # raised by the pipes of a process that has died
 
 
@@ -150,7 +152,7 @@ class Pool:
     def _try_twice(self, worker: WorkerProcess, where: str, order: Callable[[], Report]) -> Any:
         """Return the result of an order, from a second process if the first one dies."""
         reasons: list[str] = []
-        while len(reasons) < TRIES:
+        while len(reasons) < TRIES and _OUT_OF_TIME not in reasons:
             try:
                 kind, content = order()
             except _DIED:
@@ -185,17 +187,18 @@ def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
 
 
 def in_other_process(
-    function: Callable[..., T], *, where: str, died: str, on_step: OnStep | None = None
+    function: Callable[..., T], *, where: str, died: str, endless: str = "", on_step: OnStep | None = None
 ) -> T:
     """Call a function in another process, and return what it returns; ``on_step`` as of `Pool.submit`.
 
     Raises:
-        SimulationError: two processes died over it; ``died`` tells so.
+        SimulationError: two processes died over it, or one out of its time; ``died`` or ``endless`` tells so.
     """
     with Pool(1) as pool:
         future = pool.submit(function, where=where, on_step=on_step)
         try:
             result: T = future.result()
         except WorkersDied as error:
-            raise SimulationError(f"{died} ({error.args[1][-1]})") from None
+            last = error.args[1][-1]
+            raise SimulationError(endless if last == _OUT_OF_TIME else f"{died} ({last})") from None
     return result

@@ -13,7 +13,7 @@ import numpy as np
 from typer import Option
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import replacing, write_atomic
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Origin, Overwrite, Seed, Speed
 from scex_sumo.commands.seed import MapPath
@@ -108,7 +108,8 @@ def generate_command(
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / map_path.name
     if target.resolve() != map_path.resolve():
-        shutil.copyfile(map_path, target)
+        with replacing(target) as written:
+            shutil.copyfile(map_path, written)
     if map_format(map_path).read is LANELET2.read and road.origin != (0.0, 0.0):
         lat, lon = road.origin
         write_atomic(folder / META_DATA, f"originLat,originLon\n{lat!r},{lon!r}\n".encode())

@@ -14,9 +14,9 @@ from scex_sumo.base.arrays import BoolArray
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.world.base import SumoDriven
 from scex_sumo.world.batch import ANY_LANE, MATCH_M, NO_LANE, RunningBatch
+from scex_sumo.world.lane_change import LaneChange
 from scex_sumo.world.tiles import tile_id
 
-_AS_TOLD = 0b0001010101  # SUMO's lane change mode: its own decisions, and told ones without regard of gaps
 _MAX_GAIN_MPS = 1.0  # in one step
 _ARRIVAL_M = 0.2  # SUMO removes vehicles 0.1 m before the end
 
@@ -46,7 +46,8 @@ class SumoDrivers:
         self._driven, self._batch, self._scene, self._sumo = driven, batch, scene, sumo
         self._route_ends: dict[str, str] = {}  # last edge, by id
         self._straight_on: list[Pose] = []  # vehicles beyond the end of their route
-        self._changing: dict[str, int] = {}  # lane change mode after the change under way, by id
+        self._changing: dict[str, LaneChange] = {}
+        self._refused: tuple[type[Exception], ...] = ()
 
     def hand_over(self, refused: tuple[type[Exception], ...]) -> None:
         """Let SUMO drive from now on; a vehicle on no lane goes straight on.
@@ -60,17 +61,18 @@ class SumoDrivers:
                 self._route_ends[key] = tile_id(self._batch.slots[d.future], d.edges[-1])
             else:
                 self._take_back(key)
-        self._plan_stops(refused)
-        self._go_on_changing(refused)
+        self._refused = refused
+        self._plan_stops()
+        self._go_on_changing()
 
-    def _plan_stops(self, refused: tuple[type[Exception], ...]) -> None:
+    def _plan_stops(self) -> None:
         for d in self._driven:
             intention = self._scene.intention(d.vehicle)
             key, slot = self._batch.id_of(d.future, d.vehicle), self._batch.slots[d.future]
             for stop in () if intention is None else intention.stops:
                 edge, _, lane = stop.lane.rpartition("_")
                 begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
-                with suppress(*refused):  # too near to brake, or off the route
+                with suppress(*self._refused):  # too near to brake, or off the route
                     self._sumo.vehicle.setStop(
                         key,
                         tile_id(slot, edge),
@@ -82,39 +84,40 @@ class SumoDrivers:
                         stop.until_s + begin_s,
                     )
 
-    def _go_on_changing(self, refused: tuple[type[Exception], ...]) -> None:
-        """Let vehicles go on that change their lanes, whoever is beside them, as SUMO had decided."""
+    def _go_on_changing(self) -> None:
+        """Let vehicles go on that change their lanes."""
         for d in self._driven:
             intention, key = self._scene.intention(d.vehicle), self._batch.id_of(d.future, d.vehicle)
-            if intention is not None and intention.change:
-                with suppress(*refused):  # no lane there
-                    self._changing[key] = self._sumo.vehicle.getLaneChangeMode(key)
-                    self._sumo.vehicle.setLaneChangeMode(key, _AS_TOLD)
-                    self._sumo.vehicle.changeLaneRelative(key, intention.change, STEP_S)
+            if intention is not None and intention.change_mps and key in self._route_ends:
+                with suppress(*self._refused):  # no lane there
+                    self._changing[key] = LaneChange.of(self._sumo, key, intention.change_mps)
 
     def take_over(self, mask: BoolArray) -> None:
         """Let SUMO no longer drive the vehicles in the mask (C, V)."""
         for future, vehicle in np.argwhere(mask).tolist():
             key = self._batch.id_of(future, vehicle)
             self._route_ends.pop(key, None)
+            self._changing.pop(key, None)
             self._straight_on = [pose for pose in self._straight_on if pose.key != key]
             self._batch.speed[future, vehicle] = self._sumo.vehicle.getSpeed(key)
             self._sumo.vehicle.setLaneChangeMode(key, 0)
         self._batch.override(mask)
 
     def go_straight_on(self) -> Iterator[tuple[str, float, float]]:
-        """Move vehicles on that were taken back; yield id, speed in m/s and acceleration of each."""
+        """Move vehicles on that were taken back, before a step; yield id, speed (m/s), acceleration."""
+        for change in self._changing.values():
+            with suppress(*self._refused):  # no lane there
+                change.switch(self._sumo)
         self._straight_on = [pose.ahead() for pose in self._straight_on]
         for pose in self._straight_on:
             self._sumo.vehicle.moveToXY(pose.key, "", NO_LANE, pose.x, pose.y, pose.angle, ANY_LANE, MATCH_M)
             yield pose.key, pose.speed, 0.0
 
     def follow_routes(self) -> None:
-        """After a step, end the lane changes that were under way, and take back vehicles at the end."""
-        for key, mode in self._changing.items():
-            self._sumo.vehicle.setLaneChangeMode(key, mode)
-        self._changing.clear()
+        """After a step, take back vehicles at the end, and go on with the lane changes under way."""
         self._watch_route_ends()
+        changing = [(key, change) for key, change in self._changing.items() if key in self._route_ends]
+        self._changing = {key: change for key, change in changing if change.go_on(self._sumo)}
 
     def _watch_route_ends(self) -> None:
         """Take back vehicles that SUMO would remove at the next step."""

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import os
+import signal
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import ResultError
+from scex_sumo.base.errors import ResultError, SimulationError
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import Job, batch_size
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.pool import Pool, succeeded
+from scex_sumo.extrapolation.pool import Pool, in_other_process, succeeded
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.humans.reference import HumanReference
@@ -78,3 +79,11 @@ def test_each_process_has_two_batches_of_few_enough_vehicles(
     assignment = np.zeros((futures, scene.vehicles), dtype=np.int64)
     job = Job(scene, net, settings, ModelSet.of(settings), assignment, tmp_path)
     assert -(-futures // batch_size(job, processes=2)) == batches
+
+
+def test_a_task_out_of_its_own_time_is_not_tried_again() -> None:
+    out_of_time = partial(signal.raise_signal, signal.SIGPROF)
+    with pytest.raises(SimulationError, match="endless"):
+        in_other_process(out_of_time, where="here", died="died", endless="endless")
+    with pytest.raises(SimulationError, match=r"died \(signal 9\)"):
+        in_other_process(partial(signal.raise_signal, signal.SIGKILL), where="here", died="died")

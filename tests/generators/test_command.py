@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
 from pathlib import Path
@@ -46,6 +47,15 @@ def test_a_run_starts_from_a_generated_case(tmp_path: Path) -> None:
     done = scex("run", tmp_path / "scenes" / MAP.name, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "run.json").is_file()
+
+
+def test_a_full_disk_is_of_the_copy_not_of_the_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(source: Path, target: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(source), None, str(target))
+
+    monkeypatch.setattr("shutil.copyfile", full)
+    with pytest.raises(ResultError, match=rf"{tmp_path}/scenes/\S+: cannot write: No space left"):
+        generate_command(MAP, vehicles=4, count=1, out=tmp_path / "scenes")
 
 
 def test_a_folder_is_replaced_only_on_demand(tmp_path: Path) -> None:

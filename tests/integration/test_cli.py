@@ -338,6 +338,14 @@ def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -
     assert not (tmp_path / "out" / "run.json").exists()
 
 
+def test_an_output_on_a_full_disk_is_said_in_one_line() -> None:
+    command = [sys.executable, "-m", "scex_sumo", "models"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: standard output or a file: No space left on device")
+
+
 def test_a_terminal_without_unicode_gets_a_summary_too(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--futures", "2", "--no-plots"]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}

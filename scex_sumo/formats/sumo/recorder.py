@@ -40,7 +40,7 @@ _RAILS = ("rail", "rail_urban", "rail_electric", "rail_fast", "subway", "cable_c
 _RAIL_SIGNALS = (1, 2)
 _STATIC, _BY_TRAFFIC = 0, (3, 5)  # types with known phases: fixed ones; actuated and delay-based ones
 _HELD_S = 1000.0
-_SIDEWAYS = 1e-4  # m²/s: speed times offset of a vehicle that leaves the middle of its lane
+_SIDEWAYS_MPS = 0.01  # slower vehicles change no lane
 _PARKS, _TRIGGERED = 1, 2 + 4  # bits of a planned stop's flags
 MAX_EDGES, MAX_STOPS = 50, 3  # of a vehicle that are kept
 INTENTIONS_S = 1.0  # between records of intentions
@@ -146,8 +146,8 @@ def _intention_at(recorded: Recorded, name: str, time_s: float) -> Intention | N
         dataclasses.replace(stop, until_s=stop.until_s - time_s if stop.until_s >= 0 else -1.0)
         for stop in intention.stops
     ]
-    change = intention.change if round(time_s, 3) in recorded.asked_s else 0
-    return dataclasses.replace(intention, stops=tuple(stops), change=change)
+    change_mps = intention.change_mps if round(time_s, 3) in recorded.asked_s else 0.0
+    return dataclasses.replace(intention, stops=tuple(stops), change_mps=change_mps)
 
 
 def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Intention | None, ...]:
@@ -259,7 +259,7 @@ class Recorder:
                 parameters=usable_parameters(attributes),
                 speed_factor=float(ask.getSpeedFactor(name)),
                 stops=tuple(_stop(ask, name, k, time_s) for k in range(len(ask.getStops(name, MAX_STOPS)))),
-                change=_change(ask, name),
+                change_mps=_change(ask, name),
             )
             changes = self.recorded.intentions.setdefault(self._labels[False, name], [])
             while changes and changes[-1][0] >= time_s:
@@ -316,9 +316,9 @@ def types_of(sumo: Any) -> dict[str, dict[str, str]]:
     return found
 
 
-def _change(vehicles: Any, name: str) -> int:
-    speed, offset = vehicles.getLateralSpeed(name), vehicles.getLateralLanePosition(name)
-    return int(np.sign(speed)) if speed * offset > _SIDEWAYS else 0
+def _change(vehicles: Any, name: str) -> float:
+    speed = float(vehicles.getLateralSpeed(name))
+    return speed if abs(speed) > _SIDEWAYS_MPS else 0.0
 
 
 def _stop(vehicles: Any, name: str, index: int, time_s: float) -> Stop:

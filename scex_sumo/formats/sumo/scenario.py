@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import re
+import signal
 import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -13,6 +15,8 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
+
+import numpy as np
 
 from scex_sumo.base.errors import MapError, SimulationError, TrackError
 from scex_sumo.base.files import TemporaryFolder
@@ -31,6 +35,8 @@ from scex_sumo.world.session import load_sumo, silence
 
 MAX_SCALE = 100.0  # of the traffic; a larger one loads vehicles for minutes before the first step
 MAX_VEHICLES = 20_000  # driving and waiting to be inserted
+MAX_FLOW_HZ = 1_000.0  # departures of one flow; SUMO makes those of a step at once
+MAX_STEP_S = 60  # processor time of one step
 WITHOUT_END_S = 600.0  # simulated if neither a time is given nor the configuration has an end
 _QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-validation", "never")
 SUBLANE = "the sublane model simulated it; futures with SUMO drivers keep to the middle of their lanes"
@@ -43,6 +49,7 @@ _INPUTS = (NET, ROUTES, ADDITIONAL, STATE, "weight-files", "device.fcd-replay.fi
 _LEFT_OUT = ("configuration", "output", "report", "traci_server", "gui_only", "ssm_device")
 _WRITERS = ("file", "output", "dest")  # attributes that name a file to write
 _READERS = {"include": "href", "rerouter": "file", "variableSpeedSign": "file"}  # that name one to read
+_FLOWS = ("flow", "personFlow", "containerFlow")
 _NOWHERE = "NUL"  # SUMO's own word for an output that is not written
 
 
@@ -170,6 +177,27 @@ def _check_scale(file: Path, value: str) -> None:
         raise MapError(f"{file}: scales the traffic by {value}, at most {MAX_SCALE:g} is run; lower scale")
 
 
+def _check_flow(file: Path, flow: Mapping[str, str]) -> None:
+    """Raise a `MapError` for a flow whose departures SUMO would not finish to make within a step."""
+
+    def number(name: str, otherwise: float = math.nan) -> float:
+        try:
+            return float(flow[name].strip().removeprefix("exp(").removesuffix(")"))
+        except (KeyError, ValueError):
+            return otherwise  # SUMO knows other words, and says what is wrong
+
+    rates = [number(name) / 3600 for name in ("vehsPerHour", "personsPerHour", "perHour")]
+    if (period := flow.get("period")) is not None:
+        rates.append(number("period") if "exp" in period else 1 / max(number("period"), 1e-300))
+    else:
+        rates.append(number("number") / max(number("end", 86_400.0) - number("begin", 0.0), 1.0))
+    if any(rate > MAX_FLOW_HZ for rate in rates):
+        raise MapError(
+            f"{file}: flow {flow.get('id', '')} has {np.nanmax(rates):.3g} departures a second, at most "
+            f"{MAX_FLOW_HZ:,.0f} are run; lower it"
+        )
+
+
 def _files(config: Path, value: str) -> list[Path]:
     names = [name.strip() for name in re.split("[,;]", value) if name.strip()]
     return [(config.parent / _expanded(name)).absolute() for name in names]
@@ -191,6 +219,8 @@ def _names_files(file: Path) -> bool:
         nonlocal found
         if tag == "vType":
             _check_scale(file, attributes.get(SCALE, "1"))
+        elif tag in _FLOWS:
+            _check_flow(file, attributes)
         found |= tag in _READERS or _is_output_parameter(tag, attributes)
         found |= any(name in attributes for name in _WRITERS)
 
@@ -255,6 +285,11 @@ def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], 
     end = end if end > 0 else begin + WITHOUT_END_S
     first, last = (begin if window[0] is None else window[0]), (end if window[1] is None else window[1])
 
+    def step(to_s: float = 0.0) -> None:
+        signal.setitimer(signal.ITIMER_PROF, MAX_STEP_S)  # kills: SUMO does not return to Python
+        sumo.simulationStep(to_s)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
     def tell() -> float:
         waiting = len(sumo.simulation.getPendingVehicles())
         if (count := sumo.vehicle.getIDCount() + waiting) > MAX_VEHICLES:
@@ -268,10 +303,10 @@ def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], 
 
     if begin + step_s < (before := first - step_s):
         while (now := tell()) < before - 5e-4:
-            sumo.simulationStep(min(before, now + max((last - begin) / 200, step_s)))
+            step(min(before, now + max((last - begin) / 200, step_s)))
     recorder, asked_s = Recorder(sumo), -INTENTIONS_S
     while (now := tell()) < last - step_s / 2 and sumo.simulation.getMinExpectedNumber():
-        sumo.simulationStep()
+        step()
         recorder.take()
         if (now + step_s) // INTENTIONS_S != asked_s // INTENTIONS_S:
             recorder.take_intentions()
@@ -312,6 +347,8 @@ def _read(
         partial(simulate, path, window),
         where="in the simulation",
         died=f"{path}: SUMO crashed twice in it",
+        endless=f"{path}: SUMO works for more than {MAX_STEP_S} s on one step; look for vehicles with "
+        "sizes, speeds or numbers without measure",
         on_step=None if progress is None else lambda permille: progress(permille, 1000),
     )
     return recorded.tracks(path)

@@ -60,6 +60,23 @@ def test_futures_of_its_own_drivers_are_what_sumo_does(scene: SeedScene, tmp_pat
     assert np.nanmedian(off) < 0.1 and np.nanmax(off) < 2.0
 
 
+OVERTAKES = """<routes>
+ <vType id="slow" sigma="0" maxSpeed="4" speedDev="0"/><vType id="fast" sigma="0" speedDev="0"/>
+ <trip id="slow" type="slow" depart="0" from="A0A1" to="A1A2" departLane="1"/>
+ <trip id="fast" type="fast" depart="6" from="A0A1" to="A1A2" departLane="1" departSpeed="8"/>
+</routes>"""
+
+
+@pytest.mark.parametrize(("time_s", "most_m"), [(9.0, 0.5), (11.0, 0.1)])
+def test_a_lane_change_goes_on_as_it_began(tmp_path: Path, time_s: float, most_m: float) -> None:
+    grid = write_grid(tmp_path, routes=OVERTAKES, processing=SMOOTH)
+    scene = read_seed(grid.config, time=time_s)
+    fast = scene.intention(index_of(scene, "fast"))
+    assert fast is not None and fast.change_mps == pytest.approx(3.2 / 3.0)  # a lane in 3 s
+    # From 8.5 s to 11.5 s; SUMO's lane is the new one from 10.1 s on.
+    assert np.nanmax(distances(scene, "sumo:own", tmp_path / "own")) < most_m
+
+
 def test_a_scene_knows_types_speeds_routes_and_stops(scene: SeedScene) -> None:
     fast, slow, stops = (scene.intention(index_of(scene, name)) for name in ("f.2", "s.1", "stops"))
     assert fast is not None and slow is not None and stops is not None

@@ -195,6 +195,10 @@ def test_more_traffic_than_can_be_run_is_refused_before_or_when_it_comes(
     (tmp_path / "r.rou.xml").write_text('<routes><vType id="c" scale="1e9"/></routes>')
     with pytest.raises(MapError, match="scales the traffic by 1e9"):
         read_seed(scaled, time=5.0)
+    for flow in ('period="1e-9"', 'period="exp(1e9)"', 'vehsPerHour="1e12"', 'number="1000000000"'):
+        (tmp_path / "r.rou.xml").write_text(f'<routes><flow id="f" begin="0" end="90" {flow}/></routes>')
+        with pytest.raises(MapError, match=r"flow f has \S+ departures a second, at most 1,000 are run"):
+            read_seed(scaled, time=5.0)
     monkeypatch.setattr("scex_sumo.formats.sumo.scenario.MAX_VEHICLES", 5)
     with pytest.raises(SimulationError, match=r"\d+ vehicles at \S+ s, \d+ of them wait .* at most 5"):
         simulate(grid.config, (TIME_S, TIME_S))
