@@ -136,7 +136,7 @@ class CriticalResponse(Extra):
         worst = groups[0][0]
         usual = usual_of(worst.row)
         place = (f"  {worst.arrow}: {usual.words(worst.probability)}",) if usual else ()
-        return (head, *(f"  {told(group)}" for group in groups), *place)
+        return (head, *(f"  {told(group)}" for group in groups), *place, *left)
 
     def _groups(self, run: Run) -> Sequence[Sequence[PairResponse]]:
         """Return the pairs that are told, by what is said of them."""
