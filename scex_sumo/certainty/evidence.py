@@ -140,7 +140,7 @@ def _encounter(run: Run, row: Mapping[str, Any]) -> tuple[str, ...]:
     braked = None if table is None else avoidable(table, (one, other))
     return (
         f"{one} → {other}",
-        f"{found.collision.estimate.value:.2%}" + ("" if known is not None else " (sampled)"),
+        found.collision.percent + ("" if known is not None else " (sampled)"),
         "sampled" if known is None else known.told or "sampled",
         " / ".join("–" if change is None else f"{change:.1f}" for change in changes),
         " / ".join("–" if risk is None else f"{risk:.1%}" for risk in risks),

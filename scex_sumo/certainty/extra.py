@@ -62,16 +62,21 @@ class ExactProbabilities(Extra):
         if found is None or value is None:
             return None
         table = found.table(*pair, event) if pair is not None and event in EVENTS else None
-        ways = () if table is None else tuple(table.in_words())
-        return ExactProbability(value=value, checked=found.told(), ways=ways)
+        if table is None:
+            return ExactProbability(value=value, checked=found.told(), remainder=found.remainder)
+        ways = tuple(table.in_words())
+        return ExactProbability(value=value, checked=table.told(), remainder=table.remainder, ways=ways)
 
     def pair_lines(self, run: Run, row: Mapping[str, Any]) -> Sequence[str]:
         """Return the cut sets of a collision, and whose models matter how much."""
         found = _tables(run)
-        table = None if found is None else found.table(row["track_id"], row["other_id"])
-        if found is None or table is None or table.probability() == 0:
+        pair = row["track_id"], row["other_id"]
+        table = None if found is None else found.table(*pair)
+        if found is not None and (why := found.why_sampled(*pair)):
+            return [f"no exact table of the collision: {why}"]
+        if table is None or table.probability() == 0:
             return ()
-        lines = [f"collides exactly if ({found.told()}):", *(f"  {words}" for words in table.in_words())]
+        lines = [f"collides exactly if ({table.told()}):", *(f"  {words}" for words in table.in_words())]
         for track, models in table.leverage().items():
             most = max(models, key=lambda model: abs(models[model]))
             lines.append(f"  {track}: P changes by {models[most]:+.3f} per share of {most}")

@@ -33,9 +33,17 @@ def exact_contents(run: Run) -> dict[str, Any] | None:
         cubes = None if table is None else [sorted(cube) for cube in table.cut_sets]
         name, words = f"{row['track_id']} → {row['other_id']}", [] if table is None else table.in_words()
         pairs.append(
-            {"name": name, "cubes": cubes, "words": "; or ".join(words), "sampled": row["collision"]}
+            {
+                "name": name,
+                "cubes": cubes,
+                "words": "; or ".join(words)
+                or f"sampled: {exact.why_sampled(row['track_id'], row['other_id'])}",
+                "sampled": row["collision"],
+                "remainder": exact.remainder if table is None else table.remainder,
+            }
         )
-    return {"models": list(exact.models), "shares": exact.shares.tolist(), "pairs": pairs}
+    shares = exact.shares.tolist()
+    return {"models": list(exact.models), "shares": shares, "pairs": pairs, "remainder": exact.remainder}
 
 
 def exact_card(run: Run) -> list[Html]:

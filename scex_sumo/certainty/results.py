@@ -90,6 +90,10 @@ class Exact:
         tables = [table for table in known if table is not None]
         return union_probability(tables, weights) if len(tables) == len(known) else None
 
+    def why_sampled(self, one: int, other: int, event: str = COLLISION) -> str:
+        """Return why the sampled value of a pair's event stays; empty if its table is exact."""
+        return self.sampled.get((min(one, other), max(one, other), event), "")
+
     @property
     def remainder(self) -> float:
         """Remainder of the least checked table of a collision."""
@@ -102,8 +106,7 @@ class Exact:
 
     def told(self) -> str:
         """Return how the tables of collisions were checked, in words: the least checked one counts."""
-        checked = f"checked on {self._least.checked} futures: none differs"
-        return f"exact, {checked} (remainder {self.remainder:.1%})"
+        return self._least.told()
 
 
 def weighted_probability(

@@ -82,6 +82,10 @@ class InfluenceTable:
         """Share of assignments that the table may get wrong, at most, with 95 %; see `remainder_of`."""
         return remainder_of(self.checked)
 
+    def told(self) -> str:
+        """Return how the table was checked, in words."""
+        return f"exact, checked on {self.checked} futures: none differs (remainder {self.remainder:.1%})"
+
     def probability(self, weights: Weights | None = None) -> float:
         """Return the exact probability of the event.
 

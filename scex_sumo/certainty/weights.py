@@ -14,6 +14,7 @@ from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.reports.encounter_rows import STRESS_TEST, Meeting
 from scex_sumo.reports.run_table import Head, console_table, print_line, print_table
+from scex_sumo.results.extras import known_percent
 from scex_sumo.results.probability import Probability
 from scex_sumo.results.run import Run
 
@@ -60,12 +61,12 @@ def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, m
         before = {event: found.probability(event) for event in EVENTS}
         sampled |= any(share.exact is None for share in before.values())
         after = weighted(run, found.pair, weights)
-        cells = [f"{_marked(before[event])} → {_percent(after[event])}" for event in EVENTS]
+        cells = [f"{_marked(share)} → {_percent(after[event], share)}" for event, share in before.items()]
         rows.append([f"{row['track_id']} → {row['other_id']}", *cells])
     any_one, new = run.collision, None
     with suppress(TooFewFuturesError):
         new = weighted_probability(run, weights)
-    rows.append(["any", f"{_marked(any_one)} → {_percent(new)}", *[""] * (len(EVENTS) - 1)])
+    rows.append(["any", f"{_marked(any_one)} → {_percent(new, any_one)}", *[""] * (len(EVENTS) - 1)])
     print_table(console_table(f"P with {given} instead of the run's weights", heads, rows), console)
     if sampled or any_one.exact is None:
         print_line("~ from the drawn futures, weighted; – too few of them are driven like this", console)
@@ -74,8 +75,10 @@ def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, m
 
 
 def _marked(share: Probability) -> str:
-    return f"{'~' if share.exact is None else ''}{share.estimate.value:.2%}"
+    return f"{'~' if share.exact is None else ''}{share.percent}"
 
 
-def _percent(share: float | None) -> str:
-    return "–" if share is None else f"{share:.2%}"
+def _percent(share: float | None, before: Probability) -> str:
+    """Return a share in percent, with the digits that the run's own one has."""
+    sampled = before.sampled.high - before.sampled.low
+    return "–" if share is None else known_percent(share, before.known.remainder if before.known else sampled)

@@ -281,7 +281,7 @@ def _shares(share: Interval) -> tuple[str, str]:
 
 
 def _collision_shares(share: Probability) -> tuple[str, str]:
-    return _shares(share.sampled) if share.exact is None else (f"{share.exact:.1%}", "exact")
+    return _shares(share.sampled) if share.exact is None else (share.percent.replace(" ", ""), "exact")
 
 
 def _recorded_overlaps(run: Run) -> str:

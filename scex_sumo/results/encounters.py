@@ -271,7 +271,7 @@ def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> s
         later = f", touches in {share:.1%} after an earlier collision" if share else ""
         return f"{head}{event}, typically {gap} m apart{later}"
     if exact is not None:
-        return f"{head}{event} in {100 * exact.value:.4g} %, {exact.told}"
+        return f"{head}{event} in {exact.percent}, {exact.told}"
     drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
     apart = "" if name == "collision" else f"{gap} m apart, "
     return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"

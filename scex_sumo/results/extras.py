@@ -6,6 +6,7 @@ a page. `scex_sumo.extrapolation.extras.Extra` adds what it does while the run i
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,12 +22,22 @@ if TYPE_CHECKING:
 EXTRAS: Final = Registry(group="scex_sumo.extras", kind="extra of a run")
 
 
+def known_percent(value: float, remainder: float) -> str:
+    """Return a share in percent, rounded to what a remainder leaves, with one significant digit or more."""
+    if value <= 0 or value >= 1 or remainder <= 0:
+        return f"{100 * value:.4g} %"
+    digits = math.floor(-math.log10(100 * remainder))
+    first = math.floor(-math.log10(100 * min(value, 1 - value))) + 1
+    return f"{100 * value:.{max(digits, first, 0)}f} %"
+
+
 @dataclass(frozen=True, kw_only=True)
 class ExactProbability:
     """Probability of an event that was not sampled.
 
     Attributes:
         checked: how it was checked, in words.
+        remainder: share that may be wrong, at most, with 95 %.
         ways: when the event happens, in words; empty for several pairs.
 
     Example:
@@ -36,7 +47,13 @@ class ExactProbability:
 
     value: float
     checked: str
+    remainder: float = 0.0
     ways: tuple[str, ...] = ()
+
+    @property
+    def percent(self) -> str:
+        """The probability, rounded to what the remainder leaves, e.g. ``56 %`` with a remainder of 0.8 %."""
+        return known_percent(self.value, self.remainder)
 
     @property
     def told(self) -> str:

@@ -66,8 +66,8 @@ class Probability:
 
     @property
     def percent(self) -> str:
-        """The estimate in words, e.g. ``12 % [9–16]``, or ``12.5 %`` if it is exact."""
-        return self.sampled.percent if self.known is None else f"{100 * self.known.value:.4g} %"
+        """The estimate in words, e.g. ``12 % [9–16]``, or ``12 %`` if it is exact."""
+        return self.sampled.percent if self.known is None else self.known.percent
 
     @property
     def words(self) -> str:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import json
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.certainty.evidence import write_evidence
 from scex_sumo.certainty.results import exact_of, weighted_probability
 from scex_sumo.certainty.weights import weighted
+from scex_sumo.reports.run_table import print_summary
+from scex_sumo.results.extras import known_percent
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
@@ -97,13 +103,62 @@ def test_other_weights_without_tables_weight_the_drawn_futures(tmp_path: Path) -
 
 def test_the_terminal_says_the_same(roundabout: Run) -> None:
     weights = scex("encounters", roundabout.folder, "--weights", "standard_driver=0.9").stdout
-    assert f"{100 * weighted_probability(roundabout, {'standard_driver': 0.9}):.2f}%" in weights
+    assert known_percent(weighted_probability(roundabout, {"standard_driver": 0.9}), 3 / 385) in weights
     pair = scex("encounters", roundabout.folder, "--pair", "15,16").stdout
     told = scex("explain", roundabout.folder, "--encounter", "15,16", "--no-report").stdout
     words = "15 brakes hard (emergency_brake) and 16 keeps its speed (constant_velocity)"
     assert words in pair and words in told and "none differs (remainder 0.8%)" in pair
     for given, reason in (("x=1", "unknown model 'x'"), ("standard_driver", "needs MODEL=WEIGHT")):
         assert reason in refused("encounters", roundabout.folder, "--weights", given, status=2)
+
+
+def test_every_place_has_one_p_with_the_digits_that_the_remainder_leaves(roundabout: Run) -> None:
+    """1 - 55/64 (15/16)² = 24.47 %, of which a remainder of 0.8 % leaves 24 %."""
+    any_one, pair = roundabout.collision.percent, roundabout.encounter(7, 11).collision.percent
+    assert (any_one, pair) == ("24 %", "14 %")
+    console = Console(file=StringIO(), width=200)
+    print_summary(roundabout, console)
+    table = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "24%" in table and f"a collision in {any_one} of futures" in table
+    assert f"a collision in {any_one}" in repr(roundabout)
+    explained = scex("explain", roundabout.folder, "--encounter", "7,11", "--no-report").stdout
+    assert f"collision of 7 and 11: {pair} of 385 futures; exact, checked on 385" in explained
+    assert f"collision: {any_one} of 385 futures" in scex("explain", roundabout.folder, "--no-report").stdout
+    assert f"collides in {pair}" in scex("encounters", roundabout.folder, "--pair", "7,11").stdout
+    assert f">{pair}<" in write_evidence(roundabout).read_text()
+
+
+def test_a_pair_tells_its_own_remainder_and_a_table_that_failed_its_check_says_so(tmp_path: Path) -> None:
+    run = run_of(queues(2, 2), tmp_path / "out", 100)
+    file = run.folder / "exact.json"
+    content = json.loads(file.read_text())
+    (event,) = (e for e in content["events"] if (e["track_id"], e["event"]) == (1, "collision"))
+    event["checked"] = 96
+    content["events"] = [e for e in content["events"] if (e["track_id"], e["event"]) != (3, "collision")]
+    why = "its table and a drawn future differ"
+    content["sampled"] = [{"track_id": 3, "other_id": 4, "event": "collision", "why": why}]
+    file.write_text(json.dumps(content))
+    assert "checked on 96 futures: none differs (remainder 3.1%)" in told_of(run, "1,2")
+    assert f"no exact table of the collision: {why}" in told_of(run, "3,4")
+
+
+def told_of(run: Run, pair: str) -> str:
+    return str(scex("encounters", run.folder, "--pair", pair).stdout)
+
+
+@pytest.mark.parametrize(
+    ("value", "remainder", "words"),
+    [
+        (0.5578, 0.0078, "56 %"),
+        (0.0625, 0.0078, "6 %"),
+        (1 / 256, 0.0078, "0.4 %"),
+        (0.5578, 0.0009, "55.8 %"),
+        (0.0, 0.0078, "0 %"),
+        (1.0, 0.0078, "100 %"),
+    ],
+)
+def test_digits_are_those_that_are_known(value: float, remainder: float, words: str) -> None:
+    assert known_percent(value, remainder) == words
 
 
 def test_a_whole_queue_counts(tmp_path: Path) -> None:

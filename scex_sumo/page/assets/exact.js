@@ -41,18 +41,25 @@ function connected(cubes) {
   return groups.map((group) => group.cubes);
 }
 
-function exactCard({ models, shares: own, pairs }) {
+// A share in percent, rounded to what the remainder leaves, with one significant digit or more.
+function known(share, remainder) {
+  if (share <= 0 || share >= 1) return `${100 * share} %`;
+  const digits = (value) => Math.floor(-Math.log10(100 * value));
+  return `${(100 * share).toFixed(Math.max(digits(remainder), digits(Math.min(share, 1 - share)) + 1, 0))} %`;
+}
+
+function exactCard({ models, shares: own, pairs, remainder }) {
   const sliders = all("#weights input"), figures = all("#weights output");
   let shares = own;
-  const columns = [{ title: "pair" }, { title: "P", as: "percent2", down: true }, { title: "collides exactly if", kind: "words" }];
-  const rows = () => pairs.map(({ name, cubes, words, sampled }) => (
-    { cells: [name, cubes ? unionOf(cubes, shares) : sampled, cubes ? words : "sampled: too many vehicles decide it"] }));
+  const columns = [{ title: "pair" }, { title: "P", down: true }, { title: "collides exactly if", kind: "words" }];
+  const rows = () => pairs.map(({ name, cubes, words, sampled, remainder: own }) => (
+    { cells: [name, known(cubes ? unionOf(cubes, shares) : sampled, own), words] }));
   const table = makeTable(byId("exact-table"), { columns, rows: rows() });
 
   function draw() {
     sliders.forEach((slider, m) => { slider.value = shares[m]; figures[m].textContent = percent(shares[m]); });
     const isWhole = pairs.every(({ cubes }) => cubes);
-    byId("any-collision").textContent = isWhole ? FORMATS.percent2(unionOf(pairs.flatMap(({ cubes }) => cubes), shares)) : "sampled only";
+    byId("any-collision").textContent = isWhole ? known(unionOf(pairs.flatMap(({ cubes }) => cubes), shares), remainder) : "sampled only";
     table.show(rows());
   }
 

@@ -51,7 +51,8 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
     human = f" and {run.reference.futures} human-like ones" if run.reference is not None else ""
     title = f"{scene}: {pairs} of vehicles meet in {counted(run.futures, 'future')}{human}"
     caption = (
-        "→: hits or follows; shares: of the line's futures; no human-like line: critical in none\n"
+        "→: hits or follows; shares: of the line's futures, a collision counts as TTC, PET and DRAC\n"
+        "no human-like line: critical in none\n"
         "gap (–: over 10 m), after, driven by: of the typical future, as view --encounter shows it\n"
         "doubtful: the recording, not the traffic, see --pair"
     )

@@ -208,11 +208,11 @@ def comparison_lines(
     about = f"{count} runs, distance {comparison.kind}: mean over {len(comparison.metrics)} metrics"
     yield f"{about}; {comparison.unit}"
     yield f"by chance alone, two runs of one seed scene differ by about {comparison.chance:.2f}"
-    told = [(label, run.collision.estimate) for label, run in zip(names, runs, strict=True) if run.outcomes]
+    told = [(label, run.collision.percent) for label, run in zip(names, runs, strict=True) if run.outcomes]
     if 0 < len(told) <= MAX_IN_MATRIX:
         yield "P(collision), 95 % interval:"
         wide = max(len(label) for label in names)
-        yield from (f"  {label:<{wide}} {p.value:6.1%}  {p.low:.1%} – {p.high:.1%}" for label, p in told)
+        yield from (f"  {label:<{wide}} {percent}" for label, percent in told)
     yield ""
     yield from _matrix(comparison, grouping)
     if count > 2:

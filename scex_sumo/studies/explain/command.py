@@ -97,7 +97,7 @@ def explain_command(
                     "question": e.question(e.metric),
                     "defined": e.defined,
                     "threshold": e.threshold,
-                    "p_critical": interval(e.p_critical),
+                    "p_critical": interval(e.p_critical.estimate),
                     "effects": effect_rows(e, ids),
                     "rules": condition_rows(replace(e, conditions=e.rules), ids, names),
                     "worst": worst_of[e.metric],
@@ -147,23 +147,25 @@ def _told(
     names: Sequence[str],
     worst: Sequence[dict[str, Any]],
 ) -> Iterator[str]:
+    from scex_sumo.studies.explain.explain import undefined
+
     if explanation.defined == 0:
-        yield f"{explanation.metric}: defined in no future"
+        yield f"{explanation.metric}: {undefined(explanation)}"
         return
     p, whole = explanation.p_critical, run.intervals.whole
-    sure = "" if whole else f" (95 %: {p.low:.1%} – {p.high:.1%})"
-    yield f"{explanation.question(explanation.metric)}: {p.value:.1%} of {p.count} futures{sure}"
+    checked = "" if p.known is None else f"; {p.known.checked}"
+    yield f"{explanation.question(explanation.metric)}: {p.percent} of {run.futures} futures{checked}"
     table = _exact_table(run, explanation.metric)
     if table is not None:
-        yield f"  exactly if ({100 * table.probability():.4g} %, checked on {table.checked} futures):"
+        yield "  exactly if:"
         yield from (f"    {words}" for words in table.in_words())
     for c in explanation.rules if table is None else ():
         models = " and ".join(f"{ids[v]}={names[m]}" for v, m in zip(c.vehicles, c.models, strict=True))
         sure = "" if whole else f"95 %: {c.low:.0%} – {c.high:.0%}, "
-        counted = f"{c.critical} of {c.futures}; {c.covered:.0%} of the critical ones"
-        yield f"  {c.share:.0%} with {models} ({sure}{counted})"
+        counted = f"{sure}{c.critical} of {c.futures}), {c.covered:.0%} of the critical ones"
+        yield f"  {c.share:.0%} of the futures with {models} ({counted}"
     if explanation.effects and table is None:
-        yield f"  variance: {_sources(explanation.effects, ids)}"
+        yield f"  its variance over the futures is due to the models of: {_sources(explanation.effects, ids)}"
     for row in worst:
         value = [f"{row['value']:.3g}"] if explanation.metric in run.columns else []
         if row["track_id"] is not None:

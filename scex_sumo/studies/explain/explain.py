@@ -11,8 +11,10 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.progress import Progress, progress_of
+from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION, column_named, side_of
 from scex_sumo.results.outcomes import first_contacts
+from scex_sumo.results.probability import Probability, probability_of
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 from scex_sumo.studies.explain.effects import (
@@ -48,7 +50,7 @@ class Explanation:
     effects: list[Effect]
     threshold: float
     given: bool
-    p_critical: Interval
+    p_critical: Probability
     conditions: list[Condition]
     rules: list[Condition]
     worst: list[int]
@@ -114,11 +116,25 @@ def _explain(
         effects=found,
         threshold=limit,
         given=given,
-        p_critical=run.intervals.share(critical),
+        p_critical=_probability(run, metric, run.intervals.share(critical)),
         conditions=conditions(cells, critical),
         rules=covering(cells, critical, RULES),
         worst=[int(c) for c in order[: min(worst, int(known.sum()))]],
     )
+
+
+def _probability(run: Run, metric: str, sampled: Interval) -> Probability:
+    """Return the probability of a collision as all places have it, else the share of critical futures."""
+    if metric == COLLISION:
+        return run.collision
+    pair = pair_of(metric)
+    return Probability(sampled=sampled) if pair is None else probability_of(run, sampled, COLLISION, pair)
+
+
+def undefined(explanation: Explanation) -> str:
+    """Return in words that a metric is defined in no future, and what encounters count in its place."""
+    counts = f"; encounters count a collision as {EVENTS[explanation.metric].words}"
+    return f"defined in no future{counts if explanation.metric in EVENTS else ''}"
 
 
 def meeting(run: Run) -> set[tuple[int, int]]:

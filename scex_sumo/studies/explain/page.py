@@ -16,7 +16,7 @@ from scex_sumo.page.study import Column, Table, card, page_table, plots, table_p
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.studies.explain.effects import Condition
-from scex_sumo.studies.explain.explain import WORST_SHARE, Explanation, pair_of
+from scex_sumo.studies.explain.explain import WORST_SHARE, Explanation, pair_of, undefined
 
 HTML = "explain.html"
 _CELL_PX = 26
@@ -65,7 +65,7 @@ def _question(one: Explanation) -> str:
 
 def _sentences(one: Explanation, ids: Sequence[int], names: Sequence[str]) -> Html:
     if not one.defined:
-        return element("p", f"{_titled(one.metric)}: defined in no future.")
+        return element("p", f"{_titled(one.metric)}: {undefined(one)}.")
     rules = [
         element(
             "li",
@@ -74,7 +74,7 @@ def _sentences(one: Explanation, ids: Sequence[int], names: Sequence[str]) -> Ht
         )
         for rule in one.rules
     ]
-    head = element("b", f"{one.p_critical.value:.1%} of the futures have {_question(one)}.")
+    head = element("b", f"{one.p_critical.percent} of the futures have {_question(one)}.")
     return element("div", element("p", head), *([element("ul", *rules)] if rules else []))
 
 
@@ -111,9 +111,11 @@ def _titled(metric: str) -> str:
 
 def _conditions(found: Sequence[Explanation], ids: Sequence[int], names: Sequence[str]) -> Table:
     rows = [
-        vars(c) | {"question": _question(one), "models": _models(c, ids, names), "all": one.p_critical.value}
+        vars(c)
+        | {"question": _question(one), "models": _models(c, ids, names), "all": one.p_critical.estimate.value}
         for one in found
-        if one.given or one.p_critical.value <= 2 * WORST_SHARE  # else many share the value of the tenth
+        if one.given
+        or one.p_critical.estimate.value <= 2 * WORST_SHARE  # else many share the value of the tenth
         for c in one.conditions
     ]
     return page_table(_CONDITIONS, sorted(rows, key=lambda row: -row["share"]))

@@ -60,7 +60,7 @@ def test_what_must_happen_is_said_as_it_is(folder: Path) -> None:
     (found,) = explain(open_run(folder), ["distance"], worst=2)
     levels, names = assignment_of(open_run(folder))
     assert names == list(MODELS)
-    assert found.p_critical.value == 3 / 27
+    assert found.p_critical.estimate.value == 3 / 27
     assert found.worst == [2, 5]  # the first: 7 brakes, 11 races, and 8 brakes, then cruises
     assert levels[2].tolist() == [0, 0, 2]
 
@@ -100,7 +100,7 @@ def test_the_command_prints_and_writes_it(folder: Path, capsys: pytest.CaptureFi
     explain_command(folder, metric="distance", worst=1, plots=True)
     said = capsys.readouterr().out
     assert "50.0%" in said
-    assert "distance <= 5: 11.1% of 27 futures" in said
+    assert "distance <= 5: 11.1 % of 27 futures" in said
     assert "future 2: 3, 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races" in said
     effects = pq.read_table(folder / "explain_effects.parquet").to_pylist()
     pair = next(r for r in effects if r["metric"] == "distance" and r["kind"] == "pair" and r["share"] > 0.4)
@@ -108,7 +108,7 @@ def test_the_command_prints_and_writes_it(folder: Path, capsys: pytest.CaptureFi
     worst = pq.read_table(folder / "explain_worst.parquet").to_pylist()
     assert worst[0]["assignment"] == "7=brakes 8=brakes 11=races"
     page = (folder / "explain.html").read_text()
-    assert "11.1% of the futures have distance [m] ≤ 5." in page
+    assert "11.1 % of the futures have distance [m] ≤ 5." in page
     assert page.count("<figure>") == 1  # nothing else varies
 
 
@@ -119,7 +119,7 @@ def test_two_that_collide_are_explained_with_the_futures_in_which_they_do(
     pq.write_table(pa.table(hits), folder / "collisions.parquet")
     explain_command(folder, encounter="7,11", worst=5, plots=True)
     said = capsys.readouterr().out
-    assert "collision of 7 and 11: 3.7% of 27 futures" in said
+    assert "collision of 7 and 11: 3.7 % of 27 futures" in said
     assert [line for line in said.splitlines() if "future 2" in line] == [
         "  future 2: 11 with 7 after 2.2 s: 7=brakes 8=brakes 11=races"
     ]
