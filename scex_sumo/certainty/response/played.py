@@ -22,7 +22,7 @@ def played(scene: SeedScene, row: Mapping[str, Any]) -> States:
         row: of ``response.parquet``: which vehicles, the action with its value, and ``response_s``.
     """
     pairs = pairs_of(expected_motion(scene))
-    ids, cases = scene.track_ids, cases_of(pairs)
+    ids, cases = pairs.expected.scene.track_ids, cases_of(pairs)
     kind = [action.name for action in ACTIONS].index(row["action"])
     one, other = ids[pairs.initiator[cases.pair]], ids[pairs.responder[cases.pair]]
     is_row = (one == row["track_id"]) & (other == row["other_id"]) & (cases.action == kind)

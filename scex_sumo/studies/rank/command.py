@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 _SHOWN_FAILURES = 3
 _ALL = "of all encounters, because the site has fewer than 20 of its kind"
 _COUNTS = (
-    "{encounters} encounters in {seeds} seed scenes, {doubtful} with doubtful data (end of ranking.csv); "
-    "{futures_run} futures"
+    "{encounters} encounters in {seeds} seed scenes: {to_test} to be tested, {doubtful} with doubtful data "
+    "(end of ranking.csv); {futures_run} futures"
 )
 
 EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
@@ -89,7 +89,9 @@ def rank_command(
     more = len(failed) - _SHOWN_FAILURES
     warn(failed[:_SHOWN_FAILURES] + ([f"{more} more failed; see moments.csv"] if more > 0 else []))
     _print_top(ranking, top)
-    counts = {name: ranking.info[name] for name in ("seeds", "futures_run", "encounters", "doubtful")}
+    counts = {
+        name: ranking.info[name] for name in ("seeds", "futures_run", "encounters", "doubtful", "to_test")
+    }
     print(_COUNTS.format(**counts))
     print(f"result: {out / 'ranking.csv'}")
     print(f"look:   {out / 'ranking.html'}")
@@ -114,7 +116,7 @@ def _print_top(ranking: Ranking, top: int) -> None:
     console, rows = output_console(width=160), ranking.table.slice(0, top).to_pylist()
     rows = [row for row in rows if row["rank"] is not None]
     print_columns(printed_columns(), rows, console, "encounters worth testing")
-    about = "people collide, severe injury (MAIS 3+, expected): human-like, by actions and response times"
-    print_line(f"{about}; ranked by {ranking.info['by']}", console)
+    about = "people collide, severe injury (MAIS 3+, expected): human-like; braking: needed, m/s²"
+    print_line(f"{about}; stress: P(collision), stress test; ranked by {ranking.info['by']}", console)
     usual = f"usual: P over the median of its kind at the site, and its place; (all): {_ALL}"
     print_line(usual, console)

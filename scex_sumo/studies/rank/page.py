@@ -17,6 +17,7 @@ from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.certainty.extra import ExactProbabilities
 from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.certainty.response.extra import CriticalResponse
 from scex_sumo.certainty.response.usual import usual_of
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.settings import RunOptions
@@ -33,12 +34,13 @@ from scex_sumo.studies.rank.encounters import TRIAGE
 from scex_sumo.studies.rank.futures import REPORTS
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.stage import stage_of
-from scex_sumo.studies.rank.table import page_columns, pair_words
+from scex_sumo.studies.rank.table import page_columns, pair_words, severity_words
 from scex_sumo.studies.rank.triage import KEY, VERDICTS
 
 HTML = "ranking.html"
 SCRIPTS = ("stage.js", "triage.js")
 _ROWS = 1000
+_EXTRAS = (ExactProbabilities(), CriticalResponse())  # of the reports of moments
 _BY = {"severity": "the severe injuries (MAIS 3+) that are to be expected"}
 _HOW = (
     "An encounter is two vehicles in consecutive moments of a recording, shown at its most critical moment. "
@@ -72,7 +74,7 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
             for row in (row for row in top if row["seed"] == task.ref.moment):
                 found[row["rank"]] = _card(row, scene, command, ran)
     shown = [found[row["rank"]] for row in top if row["rank"] in found]
-    rows = ranking.slice(0, _ROWS).to_pylist()
+    rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
     parts = [
         _bar(),
         element("div.moments", *(html for html, _ in shown)),
@@ -108,7 +110,7 @@ def _write_report(
     with TemporaryFolder() as folder:
         try:
             options = RunOptions(compared=False, out=Path(folder) / "run")
-            run = run_scene(scene, settings, workers=workers, options=options, extras=[ExactProbabilities()])
+            run = run_scene(scene, settings, workers=workers, options=options, extras=_EXTRAS)
         except ScexError:
             return False
         info, arrays = report_contents(run, scene)
@@ -186,7 +188,8 @@ def _where(row: Mapping[str, Any]) -> str:
 def _facts(row: Mapping[str, Any]) -> list[str]:
     careful = "avoids it" if row["preventable"] else "does not always avoid it"
     facts = [
-        f"severe injuries: {once_in(row['severity'])}; a careful and competent driver (UN R157) {careful}",
+        f"{'To be tested' if row['to_test'] else 'Not to be tested'}; severe injuries {severity_words(row)}",
+        f"a careful and competent driver (UN R157) {careful}",
         _room(row),
         _usual(row),
     ]

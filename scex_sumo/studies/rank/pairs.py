@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from scex_sumo.certainty.response.answer import SCHEMA, critical_responses
 from scex_sumo.certainty.response.decision import PairResponse, pair_responses
+from scex_sumo.certainty.response.expected import expected_motion
 from scex_sumo.certainty.response.words import takes
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
@@ -27,6 +28,7 @@ PAIRS: Final = pa.schema(
         ("takes", pa.string()),
         *(SCHEMA.field(name) for name in (*ROW, *ROOM)),
         ("contact_s", pa.float64()),
+        ("to_test", pa.bool_()),
         ("preventable", pa.bool_()),
         ("doubt", pa.string()),
         ("gap_m", pa.float64()),
@@ -37,11 +39,11 @@ PAIRS: Final = pa.schema(
 def pairs_of_moment(scene: SeedScene) -> pa.Table:
     """Return the pairs of a seed scene with a road that may collide, see `PAIRS`.
 
-    ``severity`` is the expected number of severe injuries, ``gap_m`` the least distance of the outlines as
+    ``severity`` is the expected number of severe injuries, ``to_test`` as of `decide`, ``gap_m`` the least distance of the outlines as
     far as the scene knows the recording.
     """
     rows = [_row(pair) for pair in pair_responses(critical_responses(scene).to_pylist())]
-    table = pa.Table.from_pylist(rows, schema=PAIRS)
+    table, scene = pa.Table.from_pylist(rows, schema=PAIRS), expected_motion(scene).scene
     place = {int(track): v for v, track in enumerate(scene.track_ids)}
     one, other = ([place[track] for track in table[name].to_pylist()] for name in ("track_id", "other_id"))
     gaps = pa.array(_least_gaps(scene, one, other), pa.float64())
@@ -59,6 +61,7 @@ def _row(pair: PairResponse) -> Mapping[str, Any]:
         "takes": takes([pair.row]),
         **{name: pair.row[name] for name in (*ROW, *ROOM)},
         "contact_s": pair.row["time_s"],
+        "to_test": pair.is_to_be_tested,
         "preventable": pair.preventable,
         "doubt": pair.doubt,
     }

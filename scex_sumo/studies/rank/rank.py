@@ -140,6 +140,7 @@ def rank(
             "failed": len(moments) - len(ranking.refs),
             "encounters": len(table),
             "doubtful": len(table) - table["doubt"].null_count,
+            "to_test": pc.sum(table.filter(pc.is_valid(table["rank"]))["to_test"]).as_py() or 0,
             "futures_run": sum(pc.sum(moments[name]).as_py() or 0 for name in ("futures", "extra")),
             "fallbacks": pc.sum(moments["fallbacks"]).as_py() or 0,
             "by": by,

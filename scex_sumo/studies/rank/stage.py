@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.certainty.response.expected import expected_motion
 from scex_sumo.certainty.response.played import played
 from scex_sumo.page.html import Html
 from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, scene_svg
@@ -38,23 +39,24 @@ class Stage:
 
 def stage_of(scene: SeedScene, row: Mapping[str, Any]) -> Stage:
     """Return the stage of an encounter in its seed scene with a road, see `ENCOUNTERS`."""
-    assert scene.road is not None
-    one, other = (int(np.flatnonzero(scene.track_ids == row[name])[0]) for name in ("track_id", "other_id"))
-    states, known = recorded(scene)
+    whole = expected_motion(scene).scene
+    assert whole.road is not None
+    one, other = (int(np.flatnonzero(whole.track_ids == row[name])[0]) for name in ("track_id", "other_id"))
+    states, known = recorded(whole)
     stop = HISTORY_STEPS + 1 + _STEPS
     states, known = states[:, :stop], known[:, :stop]
-    before = scene.history[[one, other], :-1]
+    before = whole.history[[one, other], :-1]
     happens = States.concatenate([before, played(scene, row)], axis=1)
     box = _box(happens)
     tracks, shown = [], []
     for v in np.flatnonzero((_inside(states, box) & known).any(axis=1)).tolist():
         kind = "ghost" if v in (one, other) else "vehicle"
         tracks.append(_outline(states[v], known[v]))
-        shown.append(outline_svg(kind, scene.length[v], scene.width[v]))
+        shown.append(outline_svg(kind, whole.length[v], whole.width[v]))
     for row_of, v in enumerate((one, other)):
         tracks.append(_outline(happens[row_of], np.ones(happens.shape[1], np.bool_)))
-        shown.append(outline_svg(("acts", "responds")[row_of], scene.length[v], scene.width[v]))
-    picture = scene_svg("the two vehicles, from above", box, lane_lines(scene.road, box), shown)
+        shown.append(outline_svg(("acts", "responds")[row_of], whole.length[v], whole.width[v]))
+    picture = scene_svg("the two vehicles, from above", box, lane_lines(whole.road, box), shown)
     return Stage(picture=picture, outlines=tracks, contact=happens.shape[1] - 1)
 
 

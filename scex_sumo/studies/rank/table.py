@@ -123,16 +123,21 @@ def printed_columns() -> list[Column]:
         Column("time_s", "time", "seconds"),
         Column(lambda row: once_in(row["probability"]), "people collide", "words"),
         Column("takes", "what it takes", "words"),
-        Column("needed_braking", "needed braking", ".1f"),
-        Column(lambda row: once_in(row["severity"]), "severe injury", "words"),
+        Column("needed_braking", "braking", ".1f"),
+        Column(severity_words, "severe injury", "words"),
         Column(_times_usual, "usual", "words"),
-        Column("stress_p_collision", "stress test", "percent"),
+        Column("stress_p_collision", "stress", "percent"),
     ]
 
 
 def pair_words(row: Row) -> str:
     """Return an encounter's vehicles: who responds, who acts."""
     return f"{row['other_id']} → {row['track_id']}"
+
+
+def severity_words(row: Row) -> str:
+    """Return the expected severe injuries of an encounter in words."""
+    return once_in(row["severity"]) if row["severity"] else "never"
 
 
 def _times_usual(row: Row) -> str | None:

@@ -65,6 +65,7 @@ def pairs_table(*pairs: tuple[int, int], probability: float = 1e-4, **values: An
         "kind": "merge",
         "takes": "it brakes",
         "contact_s": 2.0,
+        "to_test": True,
         "preventable": True,
         "gap_m": 3.0,
         "probability": probability,
