@@ -39,8 +39,8 @@ PAIRS: Final = pa.schema(
 def pairs_of_moment(scene: SeedScene) -> pa.Table:
     """Return the pairs of a seed scene with a road that may collide, see `PAIRS`.
 
-    ``severity`` is the expected number of severe injuries, ``to_test`` as of `decide`, ``gap_m`` the least distance of the outlines as
-    far as the scene knows the recording.
+    ``severity`` is the expected number of severe injuries; ``to_test`` as `decide` has it; ``gap_m`` the
+    least distance of the outlines, as far as the scene knows the recording.
     """
     rows = [_row(pair) for pair in pair_responses(critical_responses(scene).to_pylist())]
     table, scene = pa.Table.from_pylist(rows, schema=PAIRS), expected_motion(scene).scene
