@@ -82,7 +82,7 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
         *failure_card("Failed", {name: one.reason for name, one in (run.unreadable | run.failures).items()}),
     ]
     info = {
-        "name": str(folder.resolve()),
+        "name": run.identity,
         "verdicts": VERDICTS,
         "cards": [data for _, data in shown],
         "rows": [{name: row[name] for name in (*KEY, *TRIAGE)} for row in rows],

@@ -65,6 +65,11 @@ class RankingRun:
                 self.listings[recording.name] = listing
 
     @property
+    def identity(self) -> str:
+        """Identity of the ranking, by recordings and options."""
+        return self._folder.identity
+
+    @property
     def listed(self) -> list[MomentRef]:
         """All moments, in the order of the dataset."""
         listings = (self.listings.get(recording.name) for recording in self.recordings)

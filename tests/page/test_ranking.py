@@ -1,0 +1,87 @@
+"""The page of a ranking in a real browser: verdicts by keys, kept, saved and read again."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scex_sumo import example_path
+from scex_sumo.studies.rank.triage import read_triage
+from tests.command import scex
+
+
+@pytest.fixture(scope="module")
+def ranking(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("ranking") / "out"
+    words = ("--every", 9, "--futures", 2, "--top", 2, "-o", out)
+    scex("rank", example_path("roundabout"), *words).check_returncode()
+    return out
+
+
+@pytest.fixture
+def page(tab: tuple[Any, list[str]], ranking: Path) -> Any:
+    page, wrong = tab
+    wrong.clear()
+    page.goto(f"file://{ranking / 'ranking.html'}")
+    page.evaluate("localStorage.clear()")
+    page.reload()
+    yield page
+    assert wrong == []
+
+
+def verdicts(page: Any) -> list[str]:
+    return [cell.inner_text() for cell in page.locator("#all-encounters tbody tr td:last-child").all()[:2]]
+
+
+def judge(page: Any) -> None:
+    """The first card is to be tested, with a note; the second one is a data error."""
+    for key in ("j", "1", "n"):
+        page.keyboard.press(key)
+    page.keyboard.type('sees, or "not"')
+    for key in ("Enter", "j", "3"):
+        page.keyboard.press(key)
+
+
+def test_keys_judge_the_card_that_has_the_focus(page: Any) -> None:
+    judge(page)
+    assert verdicts(page) == ["test", "data error"]
+    assert page.inner_text("#counts") == "1 test, 0 discard, 1 data error"
+    page.keyboard.press("3")  # the same again takes it back
+    assert verdicts(page) == ["test", "–"]
+
+
+def test_the_browser_keeps_verdicts(page: Any) -> None:
+    judge(page)
+    page.reload()
+    assert verdicts(page) == ["test", "data error"]
+    assert page.locator(".note").first.input_value() == 'sees, or "not"'
+
+
+def test_verdicts_are_saved_and_read_by_page_and_command(page: Any, tmp_path: Path) -> None:
+    judge(page)
+    with page.expect_download() as download:
+        page.click("#save")
+    file = tmp_path / "triage.csv"
+    download.value.save_as(file)
+    rows = read_triage(file)
+    assert [(row["verdict"], row["note"]) for row in rows] == [("test", 'sees, or "not"'), ("data error", "")]
+    page.evaluate("localStorage.clear()")
+    page.reload()
+    assert verdicts(page) == ["–", "–"]
+    page.set_input_files("#read", file)
+    page.locator("#counts", has_text="1 test").wait_for()
+    assert verdicts(page) == ["test", "data error"]
+
+
+def test_another_file_says_what_it_lacks(page: Any, tmp_path: Path) -> None:
+    with (tmp_path / "other.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([["a", "b"], [1, 2]])
+    page.set_input_files("#read", tmp_path / "other.csv")
+    page.locator("#said", has_text="no column recording").wait_for()
+
+
+def test_the_two_vehicles_play_until_they_touch(page: Any) -> None:
+    page.locator("rect.responds.hit").first.wait_for(state="attached", timeout=30_000)
