@@ -10,11 +10,11 @@ import pytest
 
 from scex_sumo.page.figures.charts import Plane, density_plot, ticks, value_range
 from scex_sumo.page.html import element
-from scex_sumo.page.report.contents import report_contents
-from scex_sumo.page.report.scene import scene_svg
+from scex_sumo.page.report.scene import lane_lines, outline_svg, scene_svg
 from scex_sumo.page.study import card, plots, table, table_place, write_study
-from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import density
+from tests.converters.plain_net import lane
+from tests.converters.sumo_roads import road
 from tests.page.conftest import is_foreign
 
 
@@ -46,12 +46,13 @@ def test_a_metric_that_is_defined_nowhere_says_so() -> None:
     assert "defined in no future" in density_plot("ttc", [("drawn", None)], (0.0, 1.0))
 
 
-def test_the_picture_of_a_scene_has_its_vehicles_and_where_they_go(run: Run) -> None:
-    info, arrays = report_contents(run)
-    picture = scene_svg(info, arrays)
-    assert picture.count('class="vehicle"') == len(info["track_ids"])
-    assert picture.count('class="way"') == len(arrays["owner"])
-    assert picture.count("<path") == len(info["road"]) + len(arrays["owner"])
+def test_a_picture_has_the_lanes_that_touch_its_box_and_its_outlines() -> None:
+    roads = road([lane(1, [(0, 0), (50, 0)]), lane(2, [(0, 500), (50, 500)])])
+    box = (0.0, 50.0, -10.0, 10.0)
+    picture = scene_svg("here", box, lane_lines(roads, box), [outline_svg("vehicle", 4.0, 2.0)])
+    assert 'viewBox="0.0 -10.0 50.0 20.0"' in picture
+    assert picture.count('class="vehicle"') == 1
+    assert picture.count('class="junction"') == 1 < len(lane_lines(roads)) / 3
 
 
 def test_columns_of_names_stand_left_and_those_of_numbers_right() -> None:
