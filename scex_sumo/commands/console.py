@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from scex_sumo.base.errors import one_line
 
@@ -18,15 +18,6 @@ level = 0
 """1 with ``--verbose``: notes in full; -1 with ``--quiet``: neither notes nor progress."""
 
 Tick = Callable[[int, int], None]
-Done = TypeVar("Done", bound="HasInfo")
-
-
-class HasInfo(Protocol):
-    """Result of a study."""
-
-    @property
-    def info(self) -> Mapping[str, Any]:
-        """Content of its JSON file; ``notes`` are printed."""
 
 
 # Control characters except tab and line feed, and those that turn the direction of text.
@@ -126,13 +117,3 @@ def resumable(what: str, out: Path) -> Iterator[None]:
     except KeyboardInterrupt:
         print(f"interrupted; {out} keeps finished {what}; run the same command to go on", file=sys.stderr)
         raise SystemExit(130) from None
-
-
-def run_study(
-    study: Callable[..., Done], label: str, *, roots: list[Path], out: Path, **options: Any
-) -> Done:
-    """Run a resumable study with the options of its command, show progress, and print its notes."""
-    with progress_bar(label) as tick, resumable("seeds", out):
-        done = study(roots, out=out, command=["scex-sumo", *sys.argv[1:]], progress=tick, **options)
-    warn(done.info["notes"])
-    return done

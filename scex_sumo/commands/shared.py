@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import inspect
-import io
-import json
-import math
-import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,9 +43,9 @@ class Command(TyperCommand):
         if not given["json"]:
             super().invoke(ctx)
             return None
-        with _elsewhere() as stdout:
-            answer = super().invoke(ctx)()
-            stdout.write(json.dumps(plain(answer), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        from scex_sumo.commands.json_output import print_alone
+
+        print_alone(lambda: super(Command, self).invoke(ctx)())
         return None
 
 
@@ -84,37 +79,6 @@ def with_shared(function: Callable[..., Any]) -> Callable[..., Any]:
     command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *more])  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in command.__signature__.parameters.values()}  # type: ignore[attr-defined]
     return command
-
-
-@contextlib.contextmanager
-def _elsewhere() -> Iterator[Any]:
-    """Yield standard output; meanwhile what Python prints is dropped, and what SUMO prints goes to errors."""
-    stdout = sys.stdout
-    stdout.flush()
-    kept = os.dup(1)
-    os.dup2(2, 1)
-    try:
-        with (
-            os.fdopen(os.dup(kept), "w", encoding="utf-8") as file,
-            contextlib.redirect_stdout(io.StringIO()),
-        ):
-            yield file
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-
-
-def plain(value: Any) -> Any:
-    """Return a value as JSON has it: NaN is null, infinity ``"inf"``, arrays and tuples are lists."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else ("inf" if value > 0 else "-inf")
-    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
 
 
 def _take_config(ctx: Any, _param: Any, value: str | None) -> None:

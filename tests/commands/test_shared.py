@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from scex_sumo import example_path
-from scex_sumo.commands.shared import plain
+from scex_sumo.commands.json_output import plain
 from tests.command import scex
 
 MAP = example_path("roundabout")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.commands.console import run_study, warn
+from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import (
     Cache,
     Cluster,
@@ -22,6 +22,7 @@ from scex_sumo.commands.options import (
     Thresholds,
 )
 from scex_sumo.commands.shared import Answer
+from scex_sumo.studies.moments.command import run_study
 
 if TYPE_CHECKING:
     from scex_sumo.studies.rank.rank import Ranking

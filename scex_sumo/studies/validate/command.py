@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.commands.console import run_study, warn
+from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import Cluster, Every, MinVehicles, Models, Processes, Roots, Seed
 from scex_sumo.commands.shared import Answer
+from scex_sumo.studies.moments.command import run_study
 
 if TYPE_CHECKING:
     from scex_sumo.studies.validate.validate import Validation

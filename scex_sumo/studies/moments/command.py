@@ -1,0 +1,30 @@
+"""Command of a study: progress, interruption, notes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from scex_sumo.commands.console import progress_bar, resumable, warn
+
+Done = TypeVar("Done", bound="HasInfo")
+
+
+class HasInfo(Protocol):
+    """Result of a study."""
+
+    @property
+    def info(self) -> Mapping[str, Any]:
+        """Content of its JSON file; ``notes`` are printed."""
+
+
+def run_study(
+    study: Callable[..., Done], label: str, *, roots: list[Path], out: Path, **options: Any
+) -> Done:
+    """Run a resumable study with the options of its command, show progress, and print its notes."""
+    with progress_bar(label) as tick, resumable("seeds", out):
+        done = study(roots, out=out, command=["scex-sumo", *sys.argv[1:]], progress=tick, **options)
+    warn(done.info["notes"])
+    return done
