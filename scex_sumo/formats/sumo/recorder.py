@@ -6,32 +6,25 @@ the simulation's own steps fail once a vehicle is removed, and its owner's subsc
 
 from __future__ import annotations
 
-import bisect
 import dataclasses
-import sys
 from array import array
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
-from xml.etree import ElementTree
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
-from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.programs import usable_parameters
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS
-from scex_sumo.converters.net.reading import lane_places, net_root, read_ends
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
-from scex_sumo.formats.sumo.imported import kept_net
-from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, Intention, SeedScene, Stop
+from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, types_of, with_lanes
+from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
+from scex_sumo.scene import STEP_S, Intention, SeedScene
 
 _NOWHERE_M = 1e8  # SUMO's coordinates of vehicles that are not in the network are beyond
 _PARKED = 2  # bit of a stop's state
@@ -39,34 +32,8 @@ _STANDING_MPS = 0.1  # nobody parks faster
 _RAILS = ("rail", "rail_urban", "rail_electric", "rail_fast", "subway", "cable_car")
 _RAIL_SIGNALS = (1, 2)
 _STATIC, _BY_TRAFFIC = 0, (3, 5)  # types with known phases: fixed ones; actuated and delay-based ones
-_HELD_S = 1000.0
-_SIDEWAYS_MPS = 0.01  # slower vehicles change no lane
-_PARKS, _TRIGGERED = 1, 2 + 4  # bits of a planned stop's flags
-MAX_EDGES, MAX_STOPS = 50, 3  # of a vehicle that are kept
-INTENTIONS_S = 1.0  # between records of intentions
 
 Frame: TypeAlias = tuple[float, list[str], "array[float]"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Light:
-    """State of a traffic light, which vehicles see in the steps that begin at ``since_s`` or later."""
-
-    since_s: float
-    programme: str
-    phase: int
-    state: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Programme:
-    """Programme of a traffic light: state, longest duration, s, and following phase of each phase.
-
-    ``fixed``: whether traffic does not shorten the phases.
-    """
-
-    fixed: bool
-    phases: tuple[tuple[str, float, int], ...]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -117,7 +84,8 @@ class Recorded:
 def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: SeedScene) -> SeedScene:
     """Complete a seed scene: lights in their phases, names of vehicles, notes on absent ones."""
     time_s, notes = scene.time_s, list[str]()
-    road, on_lights = with_lights(scene.road, recorded, time_s)
+    end_s = min(recorded.end_s, time_s + FUTURE_STEPS * STEP_S)
+    road, on_lights = with_lights(scene.road, recorded.lights, recorded.programmes, time_s, end_s)
     absent = [entry for entry in recorded.absent if abs(entry[0] - time_s) < STEP_S / 2]
     for _, teleporting, parked, waiting in absent[:1]:
         if teleporting:
@@ -128,45 +96,13 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
             notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
     notes += on_lights
     vehicles = {str(track): names[str(track)] for track in scene.track_ids}
-    intentions = [_intention_at(recorded, name, time_s) for name in vehicles.values()]
+    asked = round(time_s, 3) in recorded.asked_s
+    changes = [recorded.intentions.get(name, ()) for name in vehicles.values()]
+    intentions = [intention_at(of_vehicle, time_s, asked=asked) for of_vehicle in changes]
     if road is not None and road.net is not None and any(intentions):
         scene = dataclasses.replace(scene, intentions=with_lanes(road.net, intentions))
     source = {"kind": "simulation", "simulation": str(path), "time_s": time_s, "vehicles": vehicles}
     return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
-
-
-def _intention_at(recorded: Recorded, name: str, time_s: float) -> Intention | None:
-    """Return the last intention before a time, else the first one after it; stops count from the time."""
-    changes = recorded.intentions.get(name, ())
-    if not changes:
-        return None
-    known = [intention for since_s, intention in changes if since_s <= time_s + 1e-6]
-    intention = known[-1] if known else changes[0][1]
-    stops = [
-        dataclasses.replace(stop, until_s=stop.until_s - time_s if stop.until_s >= 0 else -1.0)
-        for stop in intention.stops
-    ]
-    change_mps = intention.change_mps if round(time_s, 3) in recorded.asked_s else 0.0
-    return dataclasses.replace(intention, stops=tuple(stops), change_mps=change_mps)
-
-
-def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Intention | None, ...]:
-    """Return intentions with the lanes of the net's road along their routes."""
-    root = net_root(net)
-    under = {name: [number for number, _ in places] for name, places in lane_places(root)}
-    of_edge: dict[str, set[int]] = {}
-    for name, numbers in under.items():
-        of_edge.setdefault(name.rpartition("_")[0], set()).update(numbers)
-    within: dict[tuple[str, str], set[int]] = {}
-    for name, ends in read_ends(root).items():
-        within.setdefault(ends, set()).update(under.get(name, ()))
-
-    def lanes(edges: Sequence[str]) -> frozenset[int]:
-        parts = [of_edge.get(edge, set()) for edge in edges]
-        parts += [within.get(ends, set()) for ends in pairwise(edges)]
-        return frozenset().union(*parts)
-
-    return tuple(known and dataclasses.replace(known, lanes=lanes(known.edges)) for known in intentions)
 
 
 class Recorder:
@@ -242,25 +178,12 @@ class Recorder:
 
     def take_intentions(self) -> None:
         """Record where the vehicles of the present step go, how they drive and where they stop."""
-        sumo, time_s = self._sumo, round(float(self._sumo.simulation.getTime()), 3)
-        ask = sumo.vehicle
-        types = {name: str(ask.getTypeID(name)) for name in ask.getIDList()}
-        if any(kind not in self._types for kind in types.values()):
-            self._types |= types_of(sumo)
+        time_s = round(float(self._sumo.simulation.getTime()), 3)
+        kinds = {str(self._sumo.vehicle.getTypeID(name)) for name in self._sumo.vehicle.getIDList()}
+        if kinds - self._types.keys():
+            self._types |= types_of(self._sumo)
         self.recorded.asked_s.add(time_s)
-        for name, kind in types.items():
-            attributes = self._types.get(kind, {})
-            index = max(int(ask.getRouteIndex(name)), 0)
-            edges = ask.getRoute(name)[index : index + MAX_EDGES]
-            intention = Intention(
-                edges=tuple(map(sys.intern, edges)),
-                model=attributes.get("carFollowModel", self._model),
-                vehicle_class=str(ask.getVehicleClass(name)),
-                parameters=usable_parameters(attributes),
-                speed_factor=float(ask.getSpeedFactor(name)),
-                stops=tuple(_stop(ask, name, k, time_s) for k in range(len(ask.getStops(name, MAX_STOPS)))),
-                change_mps=_change(ask, name),
-            )
+        for name, intention in intentions_now(self._sumo.vehicle, self._types, self._model, time_s):
             changes = self.recorded.intentions.setdefault(self._labels[False, name], [])
             while changes and changes[-1][0] >= time_s:
                 changes.pop()
@@ -296,141 +219,3 @@ class Recorder:
             # States set by TraCI, and those of other types, go on in ways that nobody knows.
             if logic.programID != "online" and (by_traffic or int(logic.type) == _STATIC):
                 known[light, logic.programID] = Programme(fixed=not by_traffic, phases=tuple(phases))
-
-
-def types_of(sumo: Any) -> dict[str, dict[str, str]]:
-    """Return the attributes of a simulation's vehicle types, as its saved state has them.
-
-    Empty if it cannot write one here.
-    """
-    with TemporaryFolder() as folder:
-        file = Path(folder, "state.xml")
-        sumo.simulation.saveState(str(file))
-        if not file.is_file():
-            return {}
-        found = {}
-        for _, element in ElementTree.iterparse(file):
-            if element.tag == "vType":
-                found[element.get("id", "")] = dict(element.attrib)
-            element.clear()
-    return found
-
-
-def _change(vehicles: Any, name: str) -> float:
-    speed = float(vehicles.getLateralSpeed(name))
-    return speed if abs(speed) > _SIDEWAYS_MPS else 0.0
-
-
-def _stop(vehicles: Any, name: str, index: int, time_s: float) -> Stop:
-    def asked(key: str) -> float:
-        value = vehicles.getStopParameter(name, index, key)
-        return float(value) if value else -1.0
-
-    stop = vehicles.getStops(name, index + 1)[index]
-    waits = stop.stopFlags & _TRIGGERED
-    duration, started = max(float(stop.duration), 0.0), asked("started")
-    if started >= 0:
-        duration = max(duration - (time_s - started), 0.0)
-    return Stop(
-        lane=str(stop.lane),
-        start_m=float(stop.startPos),
-        end_m=float(stop.endPos),
-        duration_s=_HELD_S if waits else duration,
-        until_s=float(stop.until) if stop.until >= 0 else -1.0,
-        flags=int(stop.stopFlags) & _PARKS,
-    )
-
-
-def with_lights(road: Road | None, recorded: Recorded, time_s: float) -> tuple[Road | None, list[str]]:
-    """Return a road whose net begins with the lights as they are at a time, and notes on the lights."""
-    if road is None or road.net is None:
-        return road, []
-    lights: dict[str, ElementTree.Element] = {}
-    groups: dict[str, list[str]] = {}
-    end_s = min(recorded.end_s, time_s + FUTURE_STEPS * STEP_S)
-    for name, changes in recorded.lights.items():
-        phases, group = _phases_from(changes, partial(_programme, recorded, name), time_s, end_s)
-        groups.setdefault(group, []).append(name)
-        # A future begins at 0.1 s of its simulation.
-        light = ElementTree.Element("tlLogic", id=name, type="static", programID="0", offset=str(STEP_S))
-        for state, duration in phases:
-            if duration > 5e-4:
-                ElementTree.SubElement(light, "phase", duration=f"{duration:.3f}", state=state)
-        lights[name] = light
-    if not lights:
-        return road, []
-    made_of = b"".join(ElementTree.tostring(light) for light in lights.values())
-    given = road.net
-    net = kept_net(given, given.read_bytes() + made_of, lambda: _relit(given, lights))
-    notes = [f"{said}: {listed(groups[said])}" for said in (_FOLLOWED, _LONGEST, _STILL) if said in groups]
-    return dataclasses.replace(road, net=net), notes
-
-
-_FIXED = ""
-_FOLLOWED = "traffic lights that do in each future what they do in the simulation, whatever the traffic"
-_LONGEST = "traffic lights, actuated in the simulation, whose phases have their longest durations"
-_STILL = "traffic lights that keep their present state in the futures"
-
-
-def _programme(recorded: Recorded, light: str, name: str) -> Programme | None:
-    return recorded.programmes.get((light, name))
-
-
-def _phases_from(
-    changes: Sequence[Light],
-    programme: Callable[[str], Programme | None],
-    time_s: float,
-    end_s: float,
-) -> tuple[list[tuple[str, float]], str]:
-    """Return state and duration, s, of the phases of a light from a time on, and the note they need.
-
-    A fixed programme goes on. Others follow the recording until ``end_s``, then their longest durations.
-    """
-    changes = [change for change in changes if change.since_s < end_s] or changes[:1]
-    first = max(bisect.bisect_left(changes, time_s - 1e-6, key=lambda change: change.since_s) - 1, 0)
-    now, last = changes[first], changes[-1]
-    ends = [max(change.since_s, time_s) for change in changes[first + 1 :]]
-    seen = [(a.state, d) for a, d in zip(changes[first:], np.diff([time_s, *ends, end_s]), strict=True)]
-    logic = programme(now.programme)
-    if logic is not None and logic.fixed:
-        phases = _going_on(logic, now, time_s)
-        if _begins_with(phases, seen):
-            return [*phases, (now.state, max(time_s - now.since_s, STEP_S))], _FIXED
-    at_s, logic = max(last.since_s, time_s), programme(last.programme)
-    before = now.state, HISTORY_STEPS * STEP_S  # which a replay shows
-    phases = [*seen[:-1], *_going_on(logic, last, at_s, at_least_s=end_s - at_s), before]
-    return phases, _FOLLOWED if end_s - time_s > STEP_S else _STILL if logic is None else _LONGEST
-
-
-def _begins_with(phases: Sequence[tuple[str, float]], seen: Sequence[tuple[str, float]]) -> bool:
-    """Whether phases begin with the recorded ones, whose last one may be cut short by the recording's end."""
-    *whole, cut = zip(phases, seen, strict=False)
-    return (
-        len(phases) >= len(seen)
-        and all(a == b for (a, _), (b, _) in [*whole, cut])
-        and all(abs(c - d) < STEP_S / 2 for (_, c), (_, d) in whole)
-        and cut[0][1] > cut[1][1] - STEP_S / 2
-    )
-
-
-def _going_on(
-    logic: Programme | None, now: Light, time_s: float, *, at_least_s: float = 0.0
-) -> list[tuple[str, float]]:
-    """Return state and duration, s, of each phase of a programme once, from a state at a time on."""
-    if logic is None or now.phase >= len(logic.phases):
-        return [(now.state, _HELD_S)]
-    _, duration, after = logic.phases[now.phase]
-    phases = [(now.state, max(duration - (time_s - now.since_s), at_least_s, 0.0))]
-    while after != now.phase and len(phases) < len(logic.phases):
-        state, duration, following = logic.phases[after]
-        phases.append((state, duration))
-        after = following
-    return phases
-
-
-def _relit(net: Path, lights: Mapping[str, ElementTree.Element]) -> bytes:
-    root = net_root(net)
-    others = [e for e in root if e.tag != "tlLogic" or e.get("id", "") not in lights]
-    after = next((k for k, element in enumerate(others) if element.tag == "junction"), len(others))
-    root[:] = [*others[:after], *lights.values(), *others[after:]]  # before the junctions, as SUMO has them
-    return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))

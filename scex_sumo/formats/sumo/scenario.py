@@ -28,8 +28,9 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.extrapolation.pool import in_other_process
 from scex_sumo.formats.recognition import is_simulation
+from scex_sumo.formats.sumo.intentions import INTENTIONS_S
 from scex_sumo.formats.sumo.net import read_sumo_road
-from scex_sumo.formats.sumo.recorder import INTENTIONS_S, Recorded, Recorder
+from scex_sumo.formats.sumo.recorder import Recorded, Recorder
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
 

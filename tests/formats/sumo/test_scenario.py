@@ -14,7 +14,7 @@ from scex_sumo.base.programs import program, user_sumo
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road
-from scex_sumo.formats.sumo.recorder import Light, Programme, Recorded, with_lights
+from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
 from scex_sumo.formats.sumo.scenario import PrivateRun, simulate
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
@@ -117,12 +117,9 @@ def test_actuated_lights_of_a_watch_have_their_longest_phases(grid: Simulation) 
     def light(since_s: float, programme: str) -> Light:
         return Light(since_s=since_s, programme=programme, phase=0, state="G")
 
-    recorded = Recorded(
-        lights={"A0": [light(10.0, "0")], "A1": [light(11.0, "online")]},
-        programmes={("A0", "0"): Programme(fixed=False, phases=(("G", 50.0, 1), ("y", 3.0, 0)))},
-    )
-    recorded.absent.append((12.0, (), (), 0))
-    road, notes = with_lights(read_sumo_road(grid.net), recorded, 12.0)
+    changes = {"A0": [light(10.0, "0")], "A1": [light(11.0, "online")]}
+    programmes = {("A0", "0"): Programme(fixed=False, phases=(("G", 50.0, 1), ("y", 3.0, 0)))}
+    road, notes = with_lights(read_sumo_road(grid.net), changes, programmes, 12.0, end_s=12.0)
     assert road is not None and road.net is not None
     lights = {light.get("id"): light for light in ElementTree.parse(road.net).getroot().iter("tlLogic")}
     phases = [(phase.get("state"), float(phase.get("duration", ""))) for phase in lights["A0"]]

@@ -1,0 +1,132 @@
+"""Intentions of a running simulation's vehicles: routes, types and stops."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.programs import usable_parameters
+from scex_sumo.converters.net.reading import lane_places, net_root, read_ends
+from scex_sumo.scene import Intention, Stop
+
+INTENTIONS_S = 1.0  # between records of intentions
+MAX_EDGES, MAX_STOPS = 50, 3  # of a vehicle that are kept
+_TRIGGERED_S = 1000.0  # of a stop that waits for somebody
+_SIDEWAYS_MPS = 0.01  # slower vehicles change no lane
+_PARKS, _TRIGGERED = 1, 2 + 4  # bits of a planned stop's flags
+
+
+def intentions_now(
+    vehicles: Any, types: Mapping[str, Mapping[str, str]], model: str, time_s: float
+) -> Iterator[tuple[str, Intention]]:
+    """Yield the name of each vehicle of the present step, and what it is to do.
+
+    Args:
+        vehicles: the connection's domain of vehicles.
+        types: as of `types_of`.
+        model: the simulation's car-following model, for types that name none.
+    """
+    for name in vehicles.getIDList():
+        attributes = types.get(str(vehicles.getTypeID(name)), {})
+        index = max(int(vehicles.getRouteIndex(name)), 0)
+        stops = range(len(vehicles.getStops(name, MAX_STOPS)))
+        yield (
+            name,
+            Intention(
+                edges=tuple(map(sys.intern, vehicles.getRoute(name)[index : index + MAX_EDGES])),
+                model=attributes.get("carFollowModel", model),
+                vehicle_class=str(vehicles.getVehicleClass(name)),
+                parameters=usable_parameters(attributes),
+                speed_factor=float(vehicles.getSpeedFactor(name)),
+                stops=tuple(_stop(vehicles, name, k, time_s) for k in stops),
+                change_mps=_change(vehicles, name),
+            ),
+        )
+
+
+def types_of(sumo: Any) -> dict[str, dict[str, str]]:
+    """Return the attributes of a simulation's vehicle types, as its saved state has them.
+
+    Empty if it cannot write one here.
+    """
+    with TemporaryFolder() as folder:
+        file = Path(folder, "state.xml")
+        sumo.simulation.saveState(str(file))
+        if not file.is_file():
+            return {}
+        found = {}
+        for _, element in ElementTree.iterparse(file):
+            if element.tag == "vType":
+                found[element.get("id", "")] = dict(element.attrib)
+            element.clear()
+    return found
+
+
+def _change(vehicles: Any, name: str) -> float:
+    speed = float(vehicles.getLateralSpeed(name))
+    return speed if abs(speed) > _SIDEWAYS_MPS else 0.0
+
+
+def _stop(vehicles: Any, name: str, index: int, time_s: float) -> Stop:
+    def asked(key: str) -> float:
+        value = vehicles.getStopParameter(name, index, key)
+        return float(value) if value else -1.0
+
+    stop = vehicles.getStops(name, index + 1)[index]
+    waits = stop.stopFlags & _TRIGGERED
+    duration, started = max(float(stop.duration), 0.0), asked("started")
+    if started >= 0:
+        duration = max(duration - (time_s - started), 0.0)
+    return Stop(
+        lane=str(stop.lane),
+        start_m=float(stop.startPos),
+        end_m=float(stop.endPos),
+        duration_s=_TRIGGERED_S if waits else duration,
+        until_s=float(stop.until) if stop.until >= 0 else -1.0,
+        flags=int(stop.stopFlags) & _PARKS,
+    )
+
+
+def intention_at(
+    changes: Sequence[tuple[float, Intention]], time_s: float, *, asked: bool
+) -> Intention | None:
+    """Return the last intention before a time, else the first one after it; stops count from the time.
+
+    Args:
+        asked: whether all intentions were recorded at this time; else no change of lane is known.
+    """
+    if not changes:
+        return None
+    known = [intention for since_s, intention in changes if since_s <= time_s + 1e-6]
+    intention = known[-1] if known else changes[0][1]
+    stops = [
+        dataclasses.replace(stop, until_s=stop.until_s - time_s if stop.until_s >= 0 else -1.0)
+        for stop in intention.stops
+    ]
+    change_mps = intention.change_mps if asked else 0.0
+    return dataclasses.replace(intention, stops=tuple(stops), change_mps=change_mps)
+
+
+def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Intention | None, ...]:
+    """Return intentions with the lanes of the net's road along their routes."""
+    root = net_root(net)
+    under = {name: [number for number, _ in places] for name, places in lane_places(root)}
+    of_edge: dict[str, set[int]] = {}
+    for name, numbers in under.items():
+        of_edge.setdefault(name.rpartition("_")[0], set()).update(numbers)
+    within: dict[tuple[str, str], set[int]] = {}
+    for name, ends in read_ends(root).items():
+        within.setdefault(ends, set()).update(under.get(name, ()))
+
+    def lanes(edges: Sequence[str]) -> frozenset[int]:
+        parts = [of_edge.get(edge, set()) for edge in edges]
+        parts += [within.get(ends, set()) for ends in pairwise(edges)]
+        return frozenset().union(*parts)
+
+    return tuple(known and dataclasses.replace(known, lanes=lanes(known.edges)) for known in intentions)
