@@ -38,7 +38,7 @@ from scex_sumo.evaluation.recordings import load_recording, recording_moments, s
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.humans.guard.corridors import GuardProfile
 from scex_sumo.humans.guard.guarded import Guarded, slowed
-from scex_sumo.scenarios.seeds import synthetic_seed
+from scex_sumo.scenarios.populated import synthetic_seed
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 REPOSITORY = Path(__file__).resolve().parents[1]

@@ -30,7 +30,7 @@ import scex_sumo
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.results.run import Run
-from scex_sumo.scenarios.seeds import synthetic_seed
+from scex_sumo.scenarios.populated import synthetic_seed
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.world.session import load_sumo
 

@@ -108,7 +108,7 @@ def copied_scene(scene: SeedScene, road: Road, vehicles: int) -> SeedScene:
 def measure(map_path: Path, vehicles: int, futures: int, steps: int, copies: int) -> dict[str, float]:
     """One run; for a process of its own."""
     import scex_sumo
-    from scex_sumo.scenarios.seeds import synthetic_seed
+    from scex_sumo.scenarios.populated import synthetic_seed
     from scex_sumo.world.sumo import load_sumo
 
     load_sumo()

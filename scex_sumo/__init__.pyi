@@ -16,8 +16,8 @@ from .converters.maps import read_map as read_map
 from .converters.net.convert import convert as convert
 from .converters.net.sumo_net import SumoNet as SumoNet
 from .converters.registries import Recording as Recording
+from .converters.tracks.build import track_rows as track_rows
 from .converters.tracks.rows import TrackTable as TrackTable
-from .converters.tracks.rows import track_rows as track_rows
 from .evaluation.recordings import LoadedRecording as LoadedRecording
 from .evaluation.recordings import load_recording as load_recording
 from .evaluation.recordings import recording_moments as recording_moments
@@ -50,8 +50,8 @@ from .results.run import open_run as open_run
 from .road import Lane as Lane
 from .road import Road as Road
 from .scenarios import example_path as example_path
+from .scenarios.populated import synthetic_seed as synthetic_seed
 from .scenarios.seeds import read_seed as read_seed
-from .scenarios.seeds import synthetic_seed as synthetic_seed
 from .scene import Plan as Plan
 from .scene import SceneHistory as SceneHistory
 from .scene import SeedScene as SeedScene

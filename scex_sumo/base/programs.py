@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Mapping
 from functools import cache
@@ -31,7 +30,7 @@ RANDOM_PARAMETERS = (
     "jmIgnoreJunctionFoeProb",
 )
 # A driver state adds random errors; a time between actions depends on the clock.
-_REFUSED = frozenset(
+REFUSED = frozenset(
     {"hasDriverState", "applyDriverState", "actionStepLength", "id", "length", "width", "carFollowModel"}
 )
 
@@ -65,31 +64,6 @@ def checked_path(path: Path | str) -> str:
     return str(path)
 
 
-OLDEST_SUMO = (1, 20)
-
-
-def user_sumo() -> Path | None:
-    """Return the user's own ``sumo``, in the folder that ``SUMO_HOME`` names; None for the wheel's.
-
-    Raises:
-        SimulationError: it is older than 1.20, or does not run.
-    """
-    home = os.environ.get("SUMO_HOME")
-    own = Path(home or "") / "bin" / ("sumo.exe" if sys.platform == "win32" else "sumo")
-    if not home or Path(home).resolve() == sumo_home().resolve() or not own.is_file():
-        return None
-    remedy = "set SUMO_HOME to another one, or unset it"
-    try:
-        done = subprocess.run([own, "--version"], capture_output=True, text=True, check=False, timeout=20)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise SimulationError(f"{own}: does not run ({error}); {remedy}") from None
-    version = re.search(r"\b(\d+)\.(\d+)", done.stdout)
-    if version is None or tuple(map(int, version.groups())) < OLDEST_SUMO:
-        got = f"version {version[0]}" if version else "of no known version"
-        raise SimulationError(f"{own}: {got}; needs {'.'.join(map(str, OLDEST_SUMO))} or newer; {remedy}")
-    return own
-
-
 OWN_MODEL = "own"
 """In the place of a model's name: each vehicle's own one, in scenes of a SUMO simulation."""
 
@@ -104,7 +78,7 @@ def check_driver(model: str, parameters: Mapping[str, str]) -> None:
                 f"sumo:{model}: {key}={value} makes the driver random, and SUMO's random numbers depend on "
                 f"where a future is simulated; leave {key} at 0"
             )
-        if key in _REFUSED or key not in _known_parameters():
+        if key in REFUSED or key not in known_parameters():
             raise UsageError(f"sumo:{model}: unknown parameter {key!r}; SUMO's own names are meant, e.g. tau")
         try:
             float(value)
@@ -112,15 +86,9 @@ def check_driver(model: str, parameters: Mapping[str, str]) -> None:
             raise UsageError(f"sumo:{model}: {key}={value} is not a number") from None
 
 
-def usable_parameters(attributes: Mapping[str, str]) -> dict[str, str]:
-    """Return the attributes of a ``vType`` that are parameters of its driver and make it not random."""
-    left_out = {*_REFUSED, *RANDOM_PARAMETERS, "speedFactor", "probability"}
-    known = {key: value for key, value in attributes.items() if key in _known_parameters() - left_out}
-    return {key: value for key, value in known.items() if re.fullmatch(r"-?\d+(\.\d+)?(e[+-]?\d+)?", value)}
-
-
 @cache
-def _known_parameters() -> frozenset[str]:
+def known_parameters() -> frozenset[str]:
+    """Return the names of the parameters of SUMO's drivers, from SUMO's own schema."""
     schema = ElementTree.parse(sumo_home() / "data" / "xsd" / "types" / "route.xsd")
     xsd = "{http://www.w3.org/2001/XMLSchema}"
     types = {kind.get("name", ""): kind for kind in schema.iter(f"{xsd}complexType")}

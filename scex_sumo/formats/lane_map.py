@@ -16,6 +16,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.converters.lanelet.tags import GERMANY, default_speed_mps
 from scex_sumo.formats.lane_links import Links, connected
+from scex_sumo.formats.overlaps import overlapping
 from scex_sumo.formats.sumo.net import beside
 from scex_sumo.geometry.polylines import (
     along,
@@ -29,7 +30,6 @@ from scex_sumo.geometry.polylines import (
     wrap,
 )
 from scex_sumo.road import Area, Georeference, Lane, Marking, Regulation, Road
-from scex_sumo.roads.conflicts import overlapping
 
 MAX_M = 1e8
 FAR_M = 1e5  # coordinates beyond this are moved by whole kilometres

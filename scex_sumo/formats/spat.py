@@ -21,7 +21,8 @@ from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.registries import SignalFormat
 from scex_sumo.formats.recognition import is_spat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
-from scex_sumo.lanelet2sumo.plan.elements import Connection, NetLayout, Programme, phase_state
+from scex_sumo.lanelet2sumo.plan.elements import Connection, NetLayout, Programme
+from scex_sumo.lanelet2sumo.plan.lights import phase_state
 
 # SAE J2735 movement states in SUMO's letters.
 LETTERS = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -13,7 +13,6 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 2**21  # of segments
 INSIDE_M = 1.5  # a nearer vehicle stands in the lane's traffic
-SHORT_M = 2.5  # on a shorter lane a vehicle stands at its end
 END_M = 3.0  # points this near to a loose end may lie on the map's border
 
 
@@ -229,35 +228,6 @@ def _pass(start: FloatArray, end: FloatArray, i: IntArray, j: IntArray) -> BoolA
     sides = (along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0] for to in (ahead, behind))
     apart: BoolArray = np.multiply(*sides) < 0
     return apart
-
-
-def begin_inside(
-    shapes: Mapping[str, FloatArray],
-    *,
-    starts: Iterable[str],
-    loose: Collection[str],
-    apart: Mapping[str, Collection[str]],
-) -> set[str]:
-    """Find lanes that begin on another lane, away from that lane's own loose ends.
-
-    Args:
-        shapes: (P, 2) centreline of every lane, m.
-        starts: lanes without predecessor; ``loose`` without predecessor or successor.
-        apart: by lane, its neighbours and successors.
-    """
-    low = {name: line.min(axis=0) - INSIDE_M for name, line in shapes.items()}
-    high = {name: line.max(axis=0) + INSIDE_M for name, line in shapes.items()}
-    inside = set()
-    for start in starts:
-        tips = shapes[start][[0, -1] if length_of(shapes[start]) < SHORT_M else [0]]
-        for name, line in shapes.items():
-            if name == start or name in apart.get(start, ()):
-                continue
-            near = [tip for tip in tips if np.all(low[name] <= tip) and np.all(tip <= high[name])]
-            if any(is_on(line, tip, loose_ends=name in loose) for tip in near):
-                inside.add(start)
-                break
-    return inside
 
 
 def is_on(line: FloatArray, point: FloatArray, *, loose_ends: bool) -> bool:

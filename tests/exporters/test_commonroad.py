@@ -18,7 +18,7 @@ from scex_sumo.geometry.polylines import distances
 from scex_sumo.results.run import Run
 from scex_sumo.road import Regulation
 from scex_sumo.scenarios import example_path
-from scex_sumo.scenarios.seeds import synthetic_seed
+from scex_sumo.scenarios.populated import synthetic_seed
 from tests.runs import extrapolate
 
 reader = pytest.importorskip("commonroad.common.file_reader")

@@ -22,7 +22,8 @@ from scex_sumo.generators.sampling import sample_by_score
 from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.options import SeedOptions
-from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
+from scex_sumo.scenarios.populated import synthetic_seed
+from scex_sumo.scenarios.seeds import read_seed
 from tests.command import scex
 
 MAP = example_path("urban_intersection")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.generators.begin_inside import begin_inside
 from scex_sumo.geometry.polylines import (
     along,
-    begin_inside,
     blend_over,
     bounds_cross,
     length_of,

@@ -12,7 +12,6 @@ from scex_sumo.base.errors import ScexError
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.datasets.checks import Check, without_explained
 from scex_sumo.converters.datasets.repairs import align_tracks, check_recording, repair_tracks
-from scex_sumo.converters.datasets.sample import resample_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
 from scex_sumo.converters.tracks.check import check_values
@@ -88,6 +87,8 @@ def repaired(
     table, before = dataset.repair(table)
     table, after = repair_tracks(table, exact=dataset.simulated)
     if other_rate(table.step_s):
+        from scex_sumo.converters.datasets.resample import resample_tracks
+
         vehicles, others = resample_tracks(table.vehicles), resample_tracks(table.others)
         recorded_s = table.step_s
         table = replace(table, vehicles=vehicles, others=others, step_s=STEP_S, recorded_step_s=recorded_s)

@@ -1,4 +1,4 @@
-"""Sampling of recorded tracks at other times: on the steps of a seed scene, or at 10 Hz."""
+"""Sampling of recorded tracks on the steps of a seed scene."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.datasets.moment import STAMP_MS
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.scene import STEP_S, States
+from scex_sumo.scene import States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +43,7 @@ def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sam
     present = (stamps[begin] <= moment_ms + STAMP_MS) & (stamps[end] >= moment_ms - STAMP_MS)
     first, last = begin[present][:, None], end[present][:, None]
     recorded = (grid_ms >= stamps[first] - STAMP_MS) & (grid_ms <= stamps[last] + STAMP_MS)
-    at = _interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
+    at = interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
     states = States(x=at.x, y=at.y, heading=wrap(at.heading), speed=np.asarray(np.hypot(at.vx, at.vy)))
     track = rows.track[begin[present]]
     sizes = [_usual_size(rows, number) for number in track]
@@ -57,37 +57,10 @@ def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sam
     )
 
 
-def resample_tracks(rows: TrackRows) -> TrackRows:
-    """Sample tracks at every full 0.1 s of the recording's clock; shorter pieces are left out."""
-    begin, end = rows.pieces
-    step_ms = 1000.0 * STEP_S
-    low = np.ceil((rows.timestamp_ms[begin] - STAMP_MS) / step_ms).astype(np.int64)
-    high = np.floor((rows.timestamp_ms[end] + STAMP_MS) / step_ms).astype(np.int64)
-    count = np.maximum(high - low + 1, 0)
-    piece = np.repeat(np.arange(len(begin)), count)
-    frame = np.arange(len(piece)) - (np.cumsum(count) - count)[piece] + low[piece]
-    at = _interpolated(rows, begin[piece], end[piece], step_ms * frame)
-    used, track = np.unique(rows.track[at.nearest], return_inverse=True)
-    return TrackRows(
-        case=rows.case[at.nearest],
-        track=track.astype(np.int64),
-        segment=piece.astype(np.int64),
-        labels=tuple(rows.labels[k] for k in used),
-        types=tuple(rows.types[k] for k in used),
-        frame_id=frame,
-        timestamp_ms=step_ms * frame,
-        x=at.x,
-        y=at.y,
-        vx=at.vx,
-        vy=at.vy,
-        psi_rad=wrap(at.heading),
-        length=rows.length[at.nearest],
-        width=rows.width[at.nearest],
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Interpolated:
+class Interpolated:
+    """Tracks at given times; ``nearest`` is the row of the nearest sample, ``exact`` if it is at the time."""
+
     x: FloatArray
     y: FloatArray
     vx: FloatArray
@@ -97,7 +70,8 @@ class _Interpolated:
     exact: BoolArray
 
 
-def _interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: FloatArray) -> _Interpolated:
+def interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: FloatArray) -> Interpolated:
+    """Return pieces of tracks, from row ``first`` to ``last``, at times: a cubic between two samples."""
     stamps = rows.timestamp_ms
     right = np.clip(_search(rows, first, time_ms), first, last)
     left = np.maximum(right - 1, first)
@@ -109,7 +83,7 @@ def _interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: Flo
     j = np.where(alone, nearest, right)
     span = np.where(i == j, 1.0, (stamps[j] - stamps[i]) / 1000.0)
     u = np.where(i == j, 0.0, (time_ms - stamps[i]) / 1000.0 / span)
-    return _Interpolated(
+    return Interpolated(
         x=_hermite(rows.x[i], rows.x[j], rows.vx[i] * span, rows.vx[j] * span, u),
         y=_hermite(rows.y[i], rows.y[j], rows.vy[i] * span, rows.vy[j] * span, u),
         vx=rows.vx[i] + u * (rows.vx[j] - rows.vx[i]),

@@ -15,13 +15,11 @@ from itertools import count
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr as quoted
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, listed
-from scex_sumo.converters.lanelet.projection import to_degrees
 from scex_sumo.converters.naming import open_binary
 
 Tags = Mapping[str, str]
@@ -183,6 +181,8 @@ def read_map_file(path: str | Path) -> MapFile:
         if not new and element.tag == "relation" and _tags(element).get("type") == "lanelet":
             unread.append(name.removeprefix("relation "))
     if local and nodes:
+        from scex_sumo.converters.lanelet.projection import to_degrees
+
         places = to_degrees(np.array([(n.lon, n.lat) for n in nodes.values()]), (0.0, 0.0)).tolist()
         nodes = {
             i: MapPoint(lat=lat, lon=lon, ele=node.ele)
@@ -202,27 +202,6 @@ def read_map_file(path: str | Path) -> MapFile:
         unread=tuple(unread),
         local=local,
     )
-
-
-def write_map_file(map_file: MapFile, path: Path) -> None:
-    """Write a map for Lanelet2, elements by ascending id."""
-    lines = ["<?xml version='1.0' encoding='UTF-8'?>", "<osm version='0.6' generator='scex-sumo'>"]
-    for i, node in sorted(map_file.nodes.items()):
-        lines.append(f"<node id='{i}' lat='{node.lat!r}' lon='{node.lon!r}'>")
-        lines.append(f"<tag k='ele' v='{node.ele!r}'/></node>")
-    for i, way in sorted(map_file.ways.items()):
-        lines.append(f"<way id='{i}'>")
-        lines += [f"<nd ref='{node}'/>" for node in way.nodes]
-        lines += [*_tag_lines(way.tags), "</way>"]
-    for i, relation in sorted(map_file.relations.items()):
-        lines.append(f"<relation id='{i}'>")
-        lines += [f"<member type='{m.kind}' ref='{m.ref}' role={quoted(m.role)}/>" for m in relation.members]
-        lines += [*_tag_lines(relation.tags), "</relation>"]
-    path.write_text("\n".join([*lines, "</osm>\n"]), encoding="utf-8")
-
-
-def _tag_lines(tags: Tags) -> list[str]:
-    return [f"<tag k={quoted(key)} v={quoted(value)}/>" for key, value in tags.items()]
 
 
 def _put(elements: dict[int, _Element], element_id: int, element: _Element) -> bool:

@@ -35,12 +35,10 @@ def to_degrees(metres: FloatArray, origin: tuple[float, float], *, absolute: boo
     return np.array([(p.lat, p.lon) for p in places]).reshape(-1, 2)
 
 
-def georeference(origin: tuple[float, float]) -> Georeference | None:
-    """Return the UTM projection that `to_local` uses; None for origin 0, 0, which is no real place."""
+def georeference(origin: tuple[float, float]) -> Georeference:
+    """Return the UTM projection that `to_local` uses."""
     from lanelet2.core import GPSPoint
 
-    if origin == (0.0, 0.0):
-        return None
     lat, lon = origin
     corner = _projector(origin, use_offset=False).forward(GPSPoint(lat, lon, 0.0))
     south = " +south" if lat < 0 else ""

@@ -19,7 +19,6 @@ from scex_sumo.converters.lanelet.file import (
     Points,
     list_ids,
     read_map_file,
-    write_map_file,
 )
 from scex_sumo.converters.lanelet.lanes import (
     MIN_ROAD_M,
@@ -31,13 +30,12 @@ from scex_sumo.converters.lanelet.lanes import (
     related_lanes,
 )
 from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, recorded_origin
-from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.regulations import regulations, unnamed
 from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
-from scex_sumo.road import Lane, MapLoss, Regulation, Road
+from scex_sumo.road import Georeference, Lane, MapLoss, Regulation, Road
 
 MAX_FROM_ORIGIN_M = 100_000.0
 _LOAD_ERROR = re.compile(
@@ -101,7 +99,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
         origin=origin,
         notes=(*notes, *doubts.notes()),
         losses=tuple(losses),
-        georeference=georeference(origin),
+        georeference=_georeference(origin),
     )
 
 
@@ -116,6 +114,14 @@ def _regulations(
     from scex_sumo.converters.lanelet.attach import attach
 
     return attach(rules, loose, bare, lanes, map_file, lines)
+
+
+def _georeference(origin: Place) -> Georeference | None:
+    if origin == (0.0, 0.0):  # no real place
+        return None
+    from scex_sumo.converters.lanelet.projection import georeference
+
+    return georeference(origin)
 
 
 def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findings:
@@ -196,6 +202,8 @@ def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[Map, list[st
         if itself and not mended:
             lanelet_map, errors = io.loadRobust(str(map_file.path), projector)
         else:
+            from scex_sumo.converters.lanelet.writer import write_map_file
+
             with TemporaryFolder() as folder:
                 copy = Path(folder) / "mended.osm"
                 write_map_file(map_file, copy)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.tracks.rows import TrackTable
 
 BASE_COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y", "vx", "vy")
@@ -40,22 +37,6 @@ def check_values(table: TrackTable) -> None:
             ends = [rows.labels[rows.track[find(rows.timestamp_ms)]] for find in (np.argmin, np.argmax)]
             said = f"{np.ptp(rows.timestamp_ms) / 3.6e6:.3g} hours from track {ends[0]} to {ends[1]}"
             raise TrackError(f"{table.path}: {said}, at most {MAX_HOURS:g} are read; repair the stamps")
-
-
-def check_header(path: Path, *, shapes: bool = True) -> list[str]:
-    """Column names of a track file; ``shapes``: whether headings and sizes are needed."""
-    needed = (*BASE_COLUMNS, *(SHAPE_COLUMNS if shapes else ()))
-    try:
-        with open_binary(path) as file:
-            line = file.readline(65536).decode("utf-8-sig").rstrip("\r\n")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError):
-        line = ""
-    header = column_names(line)
-    if "\r" in line or repeated(header) or not set(needed) <= set(header):
-        from scex_sumo.converters.tracks.faults import explain_header
-
-        raise explain_header(path, needed)
-    return header
 
 
 def column_names(line: str) -> list[str]:

@@ -20,9 +20,10 @@ from scex_sumo.converters.tracks.check import (
     MAX_VALUES,
     MISSING,
     SHAPE_COLUMNS,
-    check_header,
+    column_names,
+    repeated,
 )
-from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, OTHER_TYPES, obstacle_size
 from scex_sumo.converters.tracks.rows import (
     FLOAT_COLUMNS,
     ROW_COLUMNS,
@@ -64,18 +65,15 @@ def read_tracks(
     columns, cases, labels, types = _merge([part for part, _ in read])
     of_track = _majority_type(columns["track"], columns["agent_type"], len(labels))
     unknown: tuple[str, ...] = ()
-    if vehicles is None:
-        of_track, unknown = with_unknown_vehicles(
-            types,
-            of_track,
-            columns["track"],
-            columns["length"],
-            columns["width"],
-            np.hypot(columns["vx"], columns["vy"]),
-        )
-        motor = np.array([name in MOTOR_TYPES for name in types], bool)[of_track]
-    else:
+    if vehicles is not None:
         motor = np.array([label in vehicles for label in labels], bool)
+    else:
+        if not set(types) <= MOTOR_TYPES | OTHER_TYPES:
+            from scex_sumo.converters.tracks.unknown_types import with_unknown_vehicles
+
+            sizes, speed = (columns["length"], columns["width"]), np.hypot(columns["vx"], columns["vy"])
+            of_track, unknown = with_unknown_vehicles(types, of_track, columns["track"], *sizes, speed)
+        motor = np.array([name in MOTOR_TYPES for name in types], bool)[of_track]
     again = _number(path, columns, labels, [types[k] for k in of_track], motor)
     is_vehicle = motor[columns["track"]]
     rows, others = (
@@ -223,7 +221,7 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
     import pyarrow.compute as pc
     from pyarrow import csv
 
-    header = check_header(path, shapes=shapes)
+    header = _header(path, shapes=shapes)
     numbers = [name for name in (*BASE_COLUMNS, *SHAPE_COLUMNS, "frame_id") if name in header]
     words = [name for name in ("case_id", "track_id", "agent_type") if name in header]
     numbers = [name for name in numbers if name not in words]
@@ -255,6 +253,22 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
         columns[name] = encoded.indices.to_numpy().astype(np.int64), [str(n) for n in encoded.dictionary]
     columns, notes = _checked(path, header, columns)
     return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns)]
+
+
+def _header(path: Path, *, shapes: bool = True) -> list[str]:
+    """Column names of a track file; ``shapes``: whether headings and sizes are needed."""
+    needed = (*BASE_COLUMNS, *(SHAPE_COLUMNS if shapes else ()))
+    try:
+        with open_binary(path) as file:
+            line = file.readline(65536).decode("utf-8-sig").rstrip("\r\n")
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError):
+        line = ""
+    header = column_names(line)
+    if "\r" in line or repeated(header) or not set(needed) <= set(header):
+        from scex_sumo.converters.tracks.faults import explain_header
+
+        raise explain_header(path, needed)
+    return header
 
 
 def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:

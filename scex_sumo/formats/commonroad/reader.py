@@ -26,9 +26,9 @@ from scex_sumo.formats.commonroad.lanes import (
     with_reverse,
 )
 from scex_sumo.formats.lane_links import Links, connected
+from scex_sumo.formats.overlaps import overlapping
 from scex_sumo.formats.recognition import is_commonroad
 from scex_sumo.road import Road
-from scex_sumo.roads.conflicts import overlapping
 
 ReadSign: TypeAlias = Callable[[ElementTree.Element, str], str]
 

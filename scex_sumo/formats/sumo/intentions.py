@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
@@ -11,7 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.programs import usable_parameters
+from scex_sumo.base.programs import RANDOM_PARAMETERS, REFUSED, known_parameters
 from scex_sumo.converters.net.reading import lane_places, net_root, read_ends
 from scex_sumo.scene import Intention, Stop
 
@@ -42,7 +43,7 @@ def intentions_now(
                 edges=tuple(map(sys.intern, vehicles.getRoute(name)[index : index + MAX_EDGES])),
                 model=attributes.get("carFollowModel", model),
                 vehicle_class=str(vehicles.getVehicleClass(name)),
-                parameters=usable_parameters(attributes),
+                parameters=_usable_parameters(attributes),
                 speed_factor=float(vehicles.getSpeedFactor(name)),
                 stops=tuple(_stop(vehicles, name, k, time_s) for k in stops),
                 change_mps=_change(vehicles, name),
@@ -130,3 +131,10 @@ def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Inten
         return frozenset().union(*parts)
 
     return tuple(known and dataclasses.replace(known, lanes=lanes(known.edges)) for known in intentions)
+
+
+def _usable_parameters(attributes: Mapping[str, str]) -> dict[str, str]:
+    """Return the attributes of a ``vType`` that are parameters of its driver and make it not random."""
+    left_out = {*REFUSED, *RANDOM_PARAMETERS, "speedFactor", "probability"}
+    known = {key: value for key, value in attributes.items() if key in known_parameters() - left_out}
+    return {key: value for key, value in known.items() if re.fullmatch(r"-?\d+(\.\d+)?(e[+-]?\d+)?", value)}

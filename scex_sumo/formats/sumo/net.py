@@ -21,11 +21,11 @@ from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts, net_root
 from scex_sumo.converters.net.text import BEYOND, LaneletPart
 from scex_sumo.converters.registries import MapFormat
+from scex_sumo.formats.overlaps import overlapping
 from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net
 from scex_sumo.geometry.polylines import arc_lengths, cut, length_of
 from scex_sumo.lanelet2sumo.reader import DEFAULT_WIDTH_M, MAX_M
 from scex_sumo.road import Area, Lane, Marking, Regulation, Road
-from scex_sumo.roads.conflicts import overlapping
 
 STRAIGHT_M = 5e-9  # a point this near to the line between its neighbours is none of the map's
 MIN_LENGTH_M = 0.05  # lanes without length are extended to this

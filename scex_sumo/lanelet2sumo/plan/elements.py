@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -146,24 +146,6 @@ class Programme:
     phases: tuple[tuple[float, str], ...]
     programme: str = "0"
     crossings: tuple[str, ...] = ()
-
-
-def phase_state(links: Sequence[Connection], lit: dict[str, str]) -> str:
-    """Format one phase: letters by internal lane, red if not named.
-
-    Green becomes ``g`` if a foe with priority also has green or no light.
-    """
-    known = {c.internal.name for c in links}
-    letters = []
-    for c in links:
-        letter = lit.get(c.internal.name, "r")
-        if letter == "G":
-            prefix = c.internal.name.rsplit("_", 2)[0]
-            foes = [f"{prefix}_{j}_0" for j in c.response]
-            if any(lit.get(foe, "r") in "Gg" or foe not in known for foe in foes):
-                letter = "g"
-        letters.append(letter)
-    return "".join(letters)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,6 @@ from scex_sumo.lanelet2sumo.plan.elements import (
     NetLayout,
     Programme,
     Walks,
-    phase_state,
 )
 from scex_sumo.lanelet2sumo.topology.graph import Groups
 from scex_sumo.road import Lane, Regulation, Road
@@ -219,3 +218,21 @@ def _with_phase_of_their_own(phases: _Phases, crossings: int, closed: Sequence[i
     walk = "r" * links + "".join("G" if k in closed else "r" for k in range(crossings))
     before = [(float(YELLOW_S), change), (float(ALL_RED_S), red)] if "y" in change else []
     return [*phases, *before, (float(WALK_S), walk), (float(CLEAR_S), red)]
+
+
+def phase_state(links: Sequence[Connection], lit: dict[str, str]) -> str:
+    """Format one phase: letters by internal lane, red if not named.
+
+    Green becomes ``g`` if a foe with priority also has green or no light.
+    """
+    known = {c.internal.name for c in links}
+    letters = []
+    for c in links:
+        letter = lit.get(c.internal.name, "r")
+        if letter == "G":
+            prefix = c.internal.name.rsplit("_", 2)[0]
+            foes = [f"{prefix}_{j}_0" for j in c.response]
+            if any(lit.get(foe, "r") in "Gg" or foe not in known for foe in foes):
+                letter = "g"
+        letters.append(letter)
+    return "".join(letters)

@@ -15,7 +15,8 @@ from scex_sumo.geometry.polylines import distances, length_of, samples
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
-from scex_sumo.scenarios.seeds import read_seed, synthetic_seed
+from scex_sumo.scenarios.populated import synthetic_seed
+from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 from tests.runs import extrapolate
 

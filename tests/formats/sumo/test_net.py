@@ -18,7 +18,7 @@ from scex_sumo.formats.sumo.net import beside
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
-from scex_sumo.scenarios.seeds import synthetic_seed
+from scex_sumo.scenarios.populated import synthetic_seed
 from tests.runs import extrapolate
 
 NODES = """<nodes>

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import MapError, ScexError, SimulationError, TrackError
-from scex_sumo.base.programs import program, user_sumo
+from scex_sumo.base.programs import program
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road
+from scex_sumo.formats.sumo.own_sumo import user_sumo
 from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
 from scex_sumo.formats.sumo.scenario import PrivateRun, simulate
 from scex_sumo.scenarios.seeds import read_seed
