@@ -6,7 +6,6 @@ import importlib
 import importlib.metadata
 import os
 import sys
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,11 +13,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn
 
-from scex_sumo.base.errors import MissingExtraError, ScexError, UsageError, reason_of
+from scex_sumo.base.errors import MissingExtraError, UsageError
 
-MAX_REASON = 200  # characters
 _PACKAGE = Path(__file__).resolve().parents[1]
-_STANDARD = Path(traceback.__file__).resolve().parent  # the standard library
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,16 +104,13 @@ def staying() -> Iterator[None]:
         os._exit = leave
 
 
-def _raised(error: BaseException) -> str:
-    return f"raised {type(error).__name__}: {error}"
-
-
-def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException], str] = _raised) -> Any:
+def import_object(path: str, *, hint: str = "", own: bool = False) -> Any:
     """Import an object by its path; modules in the current folder come after installed ones.
 
     Args:
         path: ``package.module:name``, or ``package.module`` for the module itself.
         hint: added to the message if there is no such module.
+        own: it is a model or metric of the user's, whose errors name the line in their code.
 
     Raises:
         UsageError: the import fails, or the name is missing.
@@ -136,7 +130,12 @@ def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException]
             f"{path}: no module {error.name} in {here} or among the installed packages{hint}"
         ) from None
     except (Exception, SystemExit) as error:
-        raise UsageError(f"{path}: importing {name} {reason(error)}") from error
+        reason = f"raised {type(error).__name__}: {error}"
+        if own:
+            from scex_sumo.base.blame import own_error_reason
+
+            reason = own_error_reason(error)
+        raise UsageError(f"{path}: importing {name} {reason}") from error
     if not attribute:
         return module
     if not hasattr(module, attribute):
@@ -148,27 +147,3 @@ def import_object(path: str, *, hint: str = "", reason: Callable[[BaseException]
         there = f"; it has {', '.join(sorted(own))}" if own else ""
         raise UsageError(f"{path}: {name} ({module.__file__}) has no {attribute}{there}")
     return getattr(module, attribute)
-
-
-def own_error_reason(error: BaseException) -> str:
-    """Describe an error of a user's model or metric, with the line of the user's own code."""
-    if isinstance(error, ScexError):
-        return _short(reason_of(error))
-    frame = _own_frame(error)
-    place = f" ({Path(frame.filename).name}, line {frame.lineno})" if frame is not None else ""
-    return _short(f"raised {reason_of(error)}") + place
-
-
-def _own_frame(error: BaseException) -> traceback.FrameSummary | None:
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
-    frames = [f for f in frames if _PACKAGE not in Path(f.filename).parents]
-    installed = [f for f in frames if "site-packages" in Path(f.filename).parts]
-    written = [f for f in frames if f not in installed and _STANDARD not in Path(f.filename).parents]
-    if written:
-        return written[-1]
-    # In code of an installed package, the package's file comes first, its libraries after it.
-    return next((f for f in reversed(installed) if f.filename == installed[0].filename), None)
-
-
-def _short(words: str) -> str:
-    return words if len(words) <= MAX_REASON else f"{words[: MAX_REASON - 3]}..."

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, Final
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
-from scex_sumo.base.importing import Registry, import_object, own_error_reason, staying
+from scex_sumo.base.importing import Registry, import_object, staying
 from scex_sumo.base.programs import OWN_MODEL, SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver, IdmProfile
@@ -124,7 +124,7 @@ def entry_of(name: str) -> ModelEntry:
         return _registered[name]
     if ":" in name:
         hint = "; a model is name[:parameter=value]... or package.module:Class"
-        return _entry(import_object(name, hint=hint, reason=own_error_reason), name)
+        return _entry(import_object(name, hint=hint, own=True), name)
     if mix := _mix(name):
         raise UsageError(
             f"{name} stands for several models and takes neither parameters nor a weight; "
@@ -312,6 +312,8 @@ def _made(name: str, entry: ModelEntry, make: Callable[[], Any]) -> Behavior:
     except (Exception, SystemExit) as error:  # whatever a user's constructor raises
         if not entry.is_own:
             raise
+        from scex_sumo.base.blame import own_error_reason
+
         raise UsageError(f"{name}: making it {own_error_reason(error)}") from error
     if isinstance(model, Behavior):
         return model

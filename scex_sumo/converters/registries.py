@@ -1,7 +1,6 @@
-"""Registries of map formats, datasets and signal recordings.
+"""Registries of map formats and datasets.
 
-An entry is a module or object with the functions of `MapFormat`, `Dataset` or `SignalFormat`, or a
-`Declaration` of one.
+An entry is a module or object with the functions of `MapFormat` or `Dataset`, or a `Declaration` of one.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.importing import Registry, import_object
@@ -30,11 +29,10 @@ DATASETS = Registry(
     kind="dataset",
     builtin={"interaction": "scex_sumo.converters.datasets.interaction:INTERACTION"},
 )
-SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
 
 Window: TypeAlias = tuple[float | None, float | None]
 
-_Format = TypeVar("_Format", "MapFormat", "Dataset", "SignalFormat")
+Format = TypeVar("Format", bound=Any)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,6 +86,7 @@ class MapFormat:
         asks_for: options by which a user gives tracks for such a map, for messages.
     """
 
+    registry: ClassVar = MAPS
     is_mine: Callable[[Path], bool]
     read: Callable[..., Road]
     tracks: Callable[[Path], Path | None] = lambda path: None
@@ -115,6 +114,7 @@ class Dataset:
             vehicles off the lanes are treated by `within_map`.
     """
 
+    registry: ClassVar = DATASETS
     is_mine: Callable[[Path], bool]
     read: Callable[..., tuple[TrackTable, tuple[str, ...]]]
     recordings: Callable[[Sequence[Path]], Iterable[Recording]] = lambda files: ()
@@ -127,27 +127,13 @@ class Dataset:
     from_car: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SignalFormat:
-    """Format of recorded signal phases: which files it recognises, and how it reads them.
-
-    Attributes:
-        is_mine: whether a file is such a recording.
-        read: ``read(layout, origin, path)`` gives a `Programme` (None if it controls no link of the net) and
-            notes.
-    """
-
-    is_mine: Callable[[Path], bool]
-    read: Callable[..., tuple[Any, list[str]]]
-
-
 @dataclass(frozen=True, eq=False)
 class Declaration:
     """Declaration of a format: how a file is recognised, and which object reads it, imported when it reads.
 
     Attributes:
         is_mine: as that of the format; it must need no more than the file's name and first bytes.
-        reader: import path ``package.module:object`` of a `MapFormat`, `Dataset` or `SignalFormat`.
+        reader: import path ``package.module:object`` of a `MapFormat` or another format.
     """
 
     is_mine: Callable[[Path], bool]
@@ -156,7 +142,7 @@ class Declaration:
 
 def map_format(path: Path) -> MapFormat:
     """The format of a map; Lanelet2 for what no other format recognises."""
-    return next(_recognised(MapFormat, path))
+    return next(recognised(MapFormat, path))
 
 
 def is_map(path: Path) -> bool:
@@ -174,14 +160,7 @@ def refuse_folder(path: Path) -> None:
 
 def dataset_of(path: Path) -> Dataset:
     """The dataset of a track file or folder; INTERACTION for what no other dataset recognises."""
-    return next(_recognised(Dataset, path))
-
-
-def signal_format(path: Path) -> SignalFormat:
-    """The format of recorded signal phases."""
-    if (entry := next(_recognised(SignalFormat, path), None)) is not None:
-        return entry
-    raise MapError(f"{path}: not a recording of signal phases; known formats: {', '.join(SIGNALS.paths)}")
+    return next(recognised(Dataset, path))
 
 
 def place_name(map_path: Path) -> str:
@@ -189,16 +168,15 @@ def place_name(map_path: Path) -> str:
     return map_format(map_path).name(map_path)
 
 
-def _recognised(kind: type[_Format], path: Path) -> Iterator[_Format]:
+def recognised(kind: type[Format], path: Path) -> Iterator[Format]:
     """Formats that recognise a file, the first one first; only their readers are imported."""
-    key: Any = kind
-    return (_read_by(key, entry) for entry in _entries(key) if entry.is_mine(path))
+    return (_read_by(kind, entry) for entry in _entries(kind) if entry.is_mine(path))
 
 
 @cache
 def _entries(kind: type[Any]) -> tuple[Any, ...]:
     """All formats: those of other packages, then the wings', then the built-in one, which takes the rest."""
-    registry = {MapFormat: MAPS, Dataset: DATASETS, SignalFormat: SIGNALS}[kind]
+    registry = kind.registry
     paths = registry.paths
     order = sorted(paths, key=lambda name: (name in registry.builtin, paths[name].startswith("scex_sumo.")))
     entries: list[Any] = []
@@ -219,7 +197,7 @@ def _read_by(kind: type[Any], entry: Any) -> Any:
     return _checked(kind, entry.reader, import_object(entry.reader))
 
 
-def _checked(kind: type[_Format], said: str, entry: Any) -> _Format:
+def _checked(kind: type[Format], said: str, entry: Any) -> Format:
     for part in fields(kind):
         if part.default is MISSING and not hasattr(entry, part.name):
             raise UsageError(f"{said}: {entry!r} has no function {part.name}")

@@ -17,11 +17,13 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats import recognition
 from scex_sumo.formats.boxes import box_table, checked, one_line, yaw_of
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
-from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_lights, is_py123d_map
+from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_map
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
 from scex_sumo.road import Road
@@ -288,4 +290,4 @@ PY123D = Dataset(
     name=lambda path, files: _name(files[0]),
     from_car=True,
 )
-PY123D_LIGHTS = SignalFormat(is_mine=is_py123d_lights, read=_read_signals)
+PY123D_LIGHTS = SignalFormat(is_mine=recognition.PY123D_LIGHTS.is_mine, read=_read_signals)

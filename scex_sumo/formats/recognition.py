@@ -14,6 +14,7 @@ FCD_ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
 LEVELX_TRACKS, LEVELX_META = "_tracks.csv", "_recordingMeta.csv"
 AV2_MAP, AV2_BOXES = "log_map_archive_*.json", ("annotations_with_ego.feather", "annotations.feather")
 AV2_POSES = "city_SE3_egovehicle.feather"
+OPENDD_FILES = ("trajectories_rdb*.sqlite", "*.sqlite/rdb*", "rdb*.sqlite")
 PY123D_LOG = "sync.arrow"
 SIND_VEHICLES, SIND_WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
 _CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")
@@ -41,11 +42,6 @@ def is_fcd(path: Path) -> bool:
 def is_state(path: Path) -> bool:
     """Whether a file is a saved state of a SUMO simulation, by its beginning."""
     return _ends(path, *XML) and not is_sumo_net(path) and b"<snapshot" in beginning(path)
-
-
-def is_opendrive(path: Path) -> bool:
-    """Whether a file is OpenDRIVE."""
-    return _ends(path, ".xodr", ".xodr.gz")
 
 
 def is_open_street_map(path: Path) -> bool:
@@ -114,36 +110,6 @@ def levelx_file(tracks_path: Path, kind: str) -> Path:
     return plain_or_packed(beside) or beside
 
 
-def is_highd_map(path: Path) -> bool:
-    """Whether a file is the ``NN_recordingMeta.csv`` of highD, which has the lane markings."""
-    return unpacked_name(path).endswith(LEVELX_META)
-
-
-def is_sind(path: Path) -> bool:
-    """Whether a file is a recording of SinD."""
-    return unpacked_name(path) in (f"{SIND_VEHICLES}.csv", f"{SIND_WALKERS}.csv")
-
-
-def is_argoverse_map(path: Path) -> bool:
-    """Whether a file is a vector map of Argoverse 2."""
-    return path.match(AV2_MAP)
-
-
-def is_argoverse(path: Path) -> bool:
-    """Whether a file is a scenario, or the boxes or poses of a log, of Argoverse 2."""
-    return path.name in (*AV2_BOXES, AV2_POSES) or path.match("scenario_*.parquet")
-
-
-def is_opendd_map(path: Path) -> bool:
-    """Whether a file is a map of openDD."""
-    return path.match("map_rdb*.sqlite")
-
-
-def is_opendd(path: Path) -> bool:
-    """Whether a path is a file of openDD, or a table in it."""
-    return any(map(path.match, ("trajectories_rdb*.sqlite", "*.sqlite/rdb*", "rdb*.sqlite")))
-
-
 def is_scenarionet(path: Path) -> bool:
     """Whether a file is a scenario of ScenarioNet."""
     scenario = path.suffix == ".pkl" and not path.name.startswith("dataset_")
@@ -161,26 +127,20 @@ def is_py123d(path: Path) -> bool:
     return path.name == PY123D_LOG or (path.is_dir() and (path / PY123D_LOG).is_file())
 
 
-def is_py123d_lights(path: Path) -> bool:
-    """Whether a file is a log of 123D, which may have lights."""
-    return path.name == PY123D_LOG
-
-
 def is_osi(path: Path) -> bool:
     """Whether a file is a trace of ASAM OSI: omega-prime or a bare one."""
     return path.suffix in (".mcap", ".osi")
 
 
-def is_spat(path: Path) -> bool:
-    """Whether a file may be a recording of signal phases (SPaT)."""
-    return path.suffix == ".csv"
-
-
-ARGOVERSE_MAP = Declaration(is_argoverse_map, "scex_sumo.formats.argoverse:ARGOVERSE_MAP")
+ARGOVERSE_MAP = Declaration(lambda path: path.match(AV2_MAP), "scex_sumo.formats.argoverse:ARGOVERSE_MAP")
 COMMONROAD_MAP = Declaration(is_commonroad, "scex_sumo.formats.commonroad.reader:COMMONROAD")
-HIGHD_MAP = Declaration(is_highd_map, "scex_sumo.formats.levelx:HIGHD")
-OPENDD_MAP = Declaration(is_opendd_map, "scex_sumo.formats.opendd:OPENDD_MAP")
-OPENDRIVE = Declaration(is_opendrive, "scex_sumo.formats.sumo.imported:OPENDRIVE")
+HIGHD_MAP = Declaration(
+    lambda path: unpacked_name(path).endswith(LEVELX_META), "scex_sumo.formats.levelx:HIGHD"
+)
+OPENDD_MAP = Declaration(lambda path: path.match("map_rdb*.sqlite"), "scex_sumo.formats.opendd:OPENDD_MAP")
+OPENDRIVE = Declaration(
+    lambda path: _ends(path, ".xodr", ".xodr.gz"), "scex_sumo.formats.sumo.imported:OPENDRIVE"
+)
 OPEN_STREET_MAP = Declaration(is_open_street_map, "scex_sumo.formats.sumo.imported:OPEN_STREET_MAP")
 OSI_MAP = Declaration(is_osi, "scex_sumo.formats.osi:OSI_MAP")
 PY123D_MAP = Declaration(is_py123d_map, "scex_sumo.formats.py123d:PY123D_MAP")
@@ -188,18 +148,24 @@ SCENARIONET_MAP = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCE
 SIMULATION_MAP = Declaration(is_simulation, "scex_sumo.formats.sumo.scenario:SCENARIO_MAP")
 SUMO_NET = Declaration(is_sumo_net, "scex_sumo.formats.sumo.net:SUMO_NET")
 
-ARGOVERSE = Declaration(is_argoverse, "scex_sumo.formats.argoverse:ARGOVERSE")
+ARGOVERSE = Declaration(
+    lambda path: path.name in (*AV2_BOXES, AV2_POSES) or path.match("scenario_*.parquet"),
+    "scex_sumo.formats.argoverse:ARGOVERSE",
+)
 COMMONROAD = Declaration(is_commonroad_recording, "scex_sumo.formats.commonroad.tracks:COMMONROAD")
 FCD = Declaration(is_fcd, "scex_sumo.formats.sumo.fcd:FCD")
 LEVELX = Declaration(is_levelx, "scex_sumo.formats.levelx:LEVELX")
-OPENDD = Declaration(is_opendd, "scex_sumo.formats.opendd:OPENDD")
+OPENDD = Declaration(lambda path: any(map(path.match, OPENDD_FILES)), "scex_sumo.formats.opendd:OPENDD")
 OSI = Declaration(is_osi, "scex_sumo.formats.osi:OSI")
 PY123D = Declaration(is_py123d, "scex_sumo.formats.py123d:PY123D")
 SCENARIONET = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET")
 SIMULATION = Declaration(is_simulation, "scex_sumo.formats.sumo.scenario:SCENARIO")
-SIND = Declaration(is_sind, "scex_sumo.formats.sind:SIND")
+SIND = Declaration(
+    lambda path: unpacked_name(path) in (f"{SIND_VEHICLES}.csv", f"{SIND_WALKERS}.csv"),
+    "scex_sumo.formats.sind:SIND",
+)
 STATE = Declaration(is_state, "scex_sumo.formats.sumo.fcd:STATE")
 
-PY123D_LIGHTS = Declaration(is_py123d_lights, "scex_sumo.formats.py123d:PY123D_LIGHTS")
+PY123D_LIGHTS = Declaration(lambda path: path.name == PY123D_LOG, "scex_sumo.formats.py123d:PY123D_LIGHTS")
 SCENARIONET_LIGHTS = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET_LIGHTS")
-SPAT = Declaration(is_spat, "scex_sumo.formats.spat:SPAT")
+SPAT = Declaration(lambda path: path.suffix == ".csv", "scex_sumo.formats.spat:SPAT")

@@ -22,7 +22,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
 from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import map_name, open_binary
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import box_table, one_line

@@ -18,8 +18,8 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.projection import to_local
-from scex_sumo.converters.registries import SignalFormat
-from scex_sumo.formats.recognition import is_spat
+from scex_sumo.converters.signals import SignalFormat
+from scex_sumo.formats import recognition
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import Connection, NetLayout, Programme
 from scex_sumo.lanelet2sumo.plan.lights import phase_state
@@ -109,7 +109,7 @@ def _programme(
     return Programme(name="tl_recorded", connections=tuple(links), phases=phases, programme="recorded")
 
 
-SPAT = SignalFormat(is_mine=is_spat, read=recorded_programme)
+SPAT = SignalFormat(is_mine=recognition.SPAT.is_mine, read=recorded_programme)
 
 
 def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:

@@ -81,24 +81,6 @@ def join_owned(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray,
     return points[keep], owner[keep]
 
 
-def blend_over(line: FloatArray, other: FloatArray, length_m: float) -> tuple[FloatArray, FloatArray]:
-    """Blend smoothly from the end of one line into another line beside it, over at most ``length_m``.
-
-    Return the first line with its end bent over, and the rest of the other line.
-    """
-    arc = arc_lengths(line)
-    start = max(0.0, arc[-1] - length_m)
-    s = np.linspace(start, arc[-1], max(2, int((arc[-1] - start) / 1.0) + 1))
-    here = along(line, s)
-    s_other = np.maximum.accumulate([nearest(other, float(px), float(py)) for px, py in here])
-    t = (s - start) / max(arc[-1] - start, 1e-9)
-    weight = (t**3 * (10 - 15 * t + 6 * t**2))[:, None]  # slope and curvature are zero at both ends
-    bent = (1 - weight) * here + weight * along(other, s_other)
-    reached = arc_lengths(other)
-    rest = np.vstack([along(other, s_other[-1:]), other[reached > s_other[-1]]])
-    return np.vstack([line[arc < start], bent]), rest
-
-
 def without_repeats(points: FloatArray) -> FloatArray:
     """Drop points of (P, 2) that equal the previous one."""
     if len(points) < 2:

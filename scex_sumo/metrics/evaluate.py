@@ -13,7 +13,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.base.errors import InputError, ScexError
-from scex_sumo.base.importing import own_error_reason
 from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.pairs.leaders import preset_named
@@ -187,6 +186,8 @@ def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entr
     except Exception as error:
         if metric.name in METRICS or isinstance(error, ScexError):
             raise
+        from scex_sumo.base.blame import own_error_reason
+
         raise InputError(f"metric {metric.name}: {own_error_reason(error)}") from error
     if isinstance(samples, Entries):
         return samples

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from scex_sumo.base.errors import UsageError, nearest
-from scex_sumo.base.importing import Registry, import_object, own_error_reason
+from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
 from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
@@ -198,7 +198,7 @@ def _metric(name: str) -> Metric:
     paths = PACKAGES.paths
     if ":" not in name and name not in paths:
         raise UsageError(f"{_unknown(name)}; a metric of your own is MODULE:FUNCTION")
-    made = getattr(import_object(paths.get(name, name), reason=own_error_reason), "__scex_metric__", None)
+    made = getattr(import_object(paths.get(name, name), own=True), "__scex_metric__", None)
     if not isinstance(made, Metric):
         raise UsageError(f"metrics: {name} is no metric; decorate it with @scex_sumo.metric(...)")
     return made

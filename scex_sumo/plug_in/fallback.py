@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import ScexError
-from scex_sumo.base.importing import own_error_reason, staying
+from scex_sumo.base.importing import staying
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
 from scex_sumo.behaviors.models.nearest_path import follow_path
 from scex_sumo.plug_in.user_model import SingleVehicle

@@ -11,7 +11,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.polylines import headings, length_of, project, samples
-from scex_sumo.road import Road
+from scex_sumo.road import Lane, Road
 from scex_sumo.roads.conflicts import conflicts
 
 MAX_RING_M = 400.0  # longer ways round are blocks of streets
@@ -65,19 +65,19 @@ def _rings(road: Road) -> frozenset[int]:
     length = {i: length_of(lane.centreline) for i, lane in lanes.items()}
     rings: set[int] = set()
     for i in lanes:
-        loop = [] if i in rings else _way_round(road, length, i)
+        loop = [] if i in rings else way_round(lanes, length, i)
         if loop and _is_round(np.vstack([lanes[j].centreline for j in loop])):
             rings.update(loop)
     return frozenset(rings)
 
 
-def _way_round(road: Road, length: Mapping[int, float], start: int) -> list[int]:
+def way_round(lanes: Mapping[int, Lane], length: Mapping[int, float], start: int) -> list[int]:
     """Return the lanes of the shortest way from a lane back to itself; empty if it is over 400 m."""
     queue: list[tuple[float, tuple[int, ...]]] = [(length[start], (start,))]
     reached: set[int] = set()
     while queue:
         far, way = heapq.heappop(queue)
-        for after in road.lanes[way[-1]].successors:
+        for after in lanes[way[-1]].successors:
             if after == start:
                 return list(way)
             if after in length and after not in reached and far + length[after] <= MAX_RING_M:

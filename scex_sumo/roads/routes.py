@@ -13,19 +13,16 @@ from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.polylines import (
     along,
     arc_lengths,
-    blend_over,
     headings,
     join_owned,
     length_of,
     nearest,
-    without_repeats,
     wrap,
 )
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match
 from scex_sumo.scene import SeedScene
 
-CHANGE_LENGTH_M = 40.0  # at the end of a lane
 MAX_ROUTES = 32
 MAX_LOOK_AHEAD = 12  # lanes of a route whose changes are avoided
 HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path
@@ -281,48 +278,18 @@ def _pieces(
     owners: list[int] = []
     rest, passed, i = known[sequence[0]].centreline, 0.0, 0
     while i + 1 < len(sequence):
-        ends = length_of(rest)
         if sequence[i + 1] in known[sequence[i]].successors:
             piece, owner, i = rest, sequence[i], i + 1
             rest = known[sequence[i]].centreline
         else:
-            begin = min(max(ends - CHANGE_LENGTH_M, start - passed, 0.0), ends)
-            done = begin + CHANGE_LENGTH_M
-            other, count = _neighbour(known, sequence[i + 1 :], rest[-1], done - ends)
-            piece, rest = blend_over(_beside(rest, other, done), other, CHANGE_LENGTH_M)
+            from scex_sumo.roads.changes import change_lanes
+
+            piece, rest, count = change_lanes(known, sequence[i + 1 :], rest, start - passed)
             owner, i = sequence[i], i + count
         passed += length_of(piece)
         pieces.append(piece)
         owners.append(owner)
     return [*pieces, rest], [*owners, sequence[-1]]
-
-
-def _neighbour(
-    known: dict[int, Lane], lanes: tuple[int, ...], end: FloatArray, more_m: float
-) -> tuple[FloatArray, int]:
-    """Return the line of lanes beside a lane, to a length past that lane's end, and how many they are.
-
-    At the end of the road it goes straight on.
-    """
-    line, count = known[lanes[0]].centreline, 1
-    while length_of(line) - nearest(line, *end) <= more_m:
-        if count == len(lanes):
-            last = np.diff(without_repeats(line)[-2:], axis=0)
-            return np.vstack([line, line[-1:] + CHANGE_LENGTH_M * last / np.hypot(*last[0])]), count
-        if lanes[count] not in known[lanes[count - 1]].successors:
-            break
-        line = np.vstack([line, known[lanes[count]].centreline])
-        count += 1
-    return line, count
-
-
-def _beside(line: FloatArray, other: FloatArray, length_m: float) -> FloatArray:
-    """Cut a line to a length, or continue it parallel to another line beside it."""
-    foot = nearest(other, *line[-1])
-    after = other[arc_lengths(other) > foot] + line[-1] - along(other, np.array([foot]))
-    longer = np.vstack([line, after])
-    arc = arc_lengths(longer)
-    return np.vstack([longer[arc < length_m], along(longer, np.array([min(length_m, arc[-1])]))])
 
 
 def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tuple[FloatArray, IntArray]:

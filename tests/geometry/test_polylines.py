@@ -9,16 +9,8 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.generators.begin_inside import begin_inside
-from scex_sumo.geometry.polylines import (
-    along,
-    blend_over,
-    bounds_cross,
-    length_of,
-    nearest,
-    project,
-    project_near,
-    wrap,
-)
+from scex_sumo.geometry.polylines import along, bounds_cross, length_of, nearest, project, project_near, wrap
+from scex_sumo.roads.changes import blend_over
 
 
 def test_angles_wrap_to_half_a_turn() -> None:

@@ -56,7 +56,9 @@ def take_scene(
         raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
     case_id = ""
     if table.has_cases:
-        index = _choose_case(table, case, time_s)
+        from scex_sumo.converters.datasets.cases import choose_case
+
+        index = choose_case(table, case, time_s)
         case_id = table.cases[index]
         table = table.case(index)
         if clean.repair:
@@ -68,33 +70,6 @@ def take_scene(
         )
     moment_ms = _choose_moment(table, case_id, time_s)
     return _build(table, name, location, case_id, moment_ms, min_history, findings)
-
-
-def _choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
-    """Index of the case by its id; else the first one if a time is given; else the busiest one."""
-    if case is None:
-        if time_s is not None:
-            return int(table.vehicles.case.min())
-        candidates = find_moments(table)
-        if not candidates:
-            raise TrackError(
-                f"{table.path}: no case has a vehicle in frame {CASE_FRAME}; choose with --case ID --time S"
-            )
-        return table.cases.index(busiest(candidates).case)
-    if str(case) in table.cases:
-        return table.cases.index(str(case))
-    for index, name in enumerate(table.cases):
-        if _as_number(name) == _as_number(str(case)):
-            return index
-    examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
-    raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
-
-
-def _as_number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:

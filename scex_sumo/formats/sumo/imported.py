@@ -22,7 +22,8 @@ from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.reading import unpacked
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats.recognition import is_open_street_map, is_opendrive
+from scex_sumo.formats import recognition
+from scex_sumo.formats.recognition import is_open_street_map
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.opendrive import repaired_opendrive
 from scex_sumo.road import Road
@@ -54,7 +55,7 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache."""
     path = Path(path)
     content = unpacked(path)
-    if is_opendrive(path):
+    if recognition.OPENDRIVE.is_mine(path):
         return opendrive_road(path, content)
     _check_safe(path, content)
     return _imported(path, content, "osm", _OPEN_STREET_MAP)
@@ -150,5 +151,5 @@ def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) 
     return made
 
 
-OPENDRIVE = MapFormat(is_mine=is_opendrive, read=_read_imported_road)
+OPENDRIVE = MapFormat(is_mine=recognition.OPENDRIVE.is_mine, read=_read_imported_road)
 OPEN_STREET_MAP = MapFormat(is_mine=is_open_street_map, read=_read_imported_road)

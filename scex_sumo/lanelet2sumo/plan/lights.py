@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from scex_sumo.base.errors import listed
-from scex_sumo.converters.registries import signal_format
+from scex_sumo.converters.signals import signal_format
 from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import (
     Connection,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Mapping, Sequence
 
@@ -14,12 +13,12 @@ from scex_sumo.lanelet2sumo.plan.elements import Connection
 from scex_sumo.lanelet2sumo.topology.graph import Path, Piece, Topology, endless, reached
 from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
+from scex_sumo.roads.places import way_round
 
 REACH_M = 30.0  # how far before a node a rule may be attached to the approach
 SAME_WAY = math.radians(45.0)  # approaches closer than this in heading run alongside each other
 ONCOMING = math.radians(135.0)
 STRAIGHT = math.radians(20.0)
-MAX_RING_M = 400.0  # round the largest roundabouts; blocks of houses are mostly larger
 MIN_ROUNDNESS = 0.85  # area over that of a circle with the same circumference; a square has 0.79
 MAX_ONCOMING = 0.2  # of a roundabout's length that has oncoming lanes beside it; blocks have over 0.3
 BESIDE_M = 10.0
@@ -187,27 +186,11 @@ def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
     found: set[int] = set()
     for i in sorted(endless({i: lane.successors for i, lane in lanes.items()})):
         if i not in found:
-            cycle = _shortest_cycle(lanes, sizes, i)
+            cycle = way_round(lanes, sizes, i)
             is_round = cycle and _roundness(lanes, cycle) >= MIN_ROUNDNESS
             if is_round and _oncoming_share(lanes, lines, cycle) < MAX_ONCOMING:
                 found.update(cycle)
     return frozenset(found)
-
-
-def _shortest_cycle(lanes: Mapping[int, Lane], sizes: Mapping[int, float], start: int) -> list[int]:
-    queue: list[tuple[float, int, tuple[int, ...]]] = [(sizes[start], start, (start,))]
-    done: set[int] = set()
-    while queue:
-        far, lane, way = heapq.heappop(queue)
-        if far > MAX_RING_M or lane in done:
-            continue
-        done.add(lane)
-        for following in lanes[lane].successors:
-            if following == start:
-                return list(way)
-            if following in lanes and following not in done:
-                heapq.heappush(queue, (far + sizes[following], following, (*way, following)))
-    return []
 
 
 def _oncoming_share(lanes: Mapping[int, Lane], lines: shapely.STRtree, cycle: list[int]) -> float:

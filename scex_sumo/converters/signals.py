@@ -1,0 +1,36 @@
+"""Registry of recordings of signal phases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from scex_sumo.base.errors import MapError
+from scex_sumo.base.importing import Registry
+from scex_sumo.converters.registries import recognised
+
+SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SignalFormat:
+    """Format of recorded signal phases: which files it recognises, and how it reads them.
+
+    Attributes:
+        is_mine: whether a file is such a recording.
+        read: ``read(layout, origin, path)`` gives a `Programme` (None if it controls no link of the net) and
+            notes.
+    """
+
+    registry: ClassVar = SIGNALS
+    is_mine: Callable[[Path], bool]
+    read: Callable[..., tuple[Any, list[str]]]
+
+
+def signal_format(path: Path) -> SignalFormat:
+    """The format of recorded signal phases."""
+    if (entry := next(recognised(SignalFormat, path), None)) is not None:
+        return entry
+    raise MapError(f"{path}: not a recording of signal phases; known formats: {', '.join(SIGNALS.paths)}")

@@ -1,0 +1,78 @@
+"""Centrelines over lane changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.geometry.polylines import along, arc_lengths, length_of, nearest, without_repeats
+from scex_sumo.road import Lane
+
+CHANGE_LENGTH_M = 40.0  # at the end of a lane
+
+
+def change_lanes(
+    known: Mapping[int, Lane], lanes: tuple[int, ...], line: FloatArray, from_m: float
+) -> tuple[FloatArray, FloatArray, int]:
+    """Bend the end of a line over into the lanes beside it.
+
+    Args:
+        lanes: the lanes after the change, in driving order.
+        from_m: arc length of the line before which no change begins.
+
+    Returns:
+        The bent line, the rest of the line of the lanes, and how many lanes that line has.
+    """
+    ends = length_of(line)
+    begin = min(max(ends - CHANGE_LENGTH_M, from_m, 0.0), ends)
+    done = begin + CHANGE_LENGTH_M
+    other, count = _neighbour(known, lanes, line[-1], done - ends)
+    return *blend_over(_beside(line, other, done), other, CHANGE_LENGTH_M), count
+
+
+def blend_over(line: FloatArray, other: FloatArray, length_m: float) -> tuple[FloatArray, FloatArray]:
+    """Blend smoothly from the end of one line into another line beside it, over at most ``length_m``.
+
+    Return the first line with its end bent over, and the rest of the other line.
+    """
+    arc = arc_lengths(line)
+    start = max(0.0, arc[-1] - length_m)
+    s = np.linspace(start, arc[-1], max(2, int((arc[-1] - start) / 1.0) + 1))
+    here = along(line, s)
+    s_other = np.maximum.accumulate([nearest(other, float(px), float(py)) for px, py in here])
+    t = (s - start) / max(arc[-1] - start, 1e-9)
+    weight = (t**3 * (10 - 15 * t + 6 * t**2))[:, None]  # slope and curvature are zero at both ends
+    bent = (1 - weight) * here + weight * along(other, s_other)
+    reached = arc_lengths(other)
+    rest = np.vstack([along(other, s_other[-1:]), other[reached > s_other[-1]]])
+    return np.vstack([line[arc < start], bent]), rest
+
+
+def _neighbour(
+    known: Mapping[int, Lane], lanes: tuple[int, ...], end: FloatArray, more_m: float
+) -> tuple[FloatArray, int]:
+    """Return the line of lanes beside a lane, to a length past that lane's end, and how many they are.
+
+    At the end of the road it goes straight on.
+    """
+    line, count = known[lanes[0]].centreline, 1
+    while length_of(line) - nearest(line, *end) <= more_m:
+        if count == len(lanes):
+            last = np.diff(without_repeats(line)[-2:], axis=0)
+            return np.vstack([line, line[-1:] + CHANGE_LENGTH_M * last / np.hypot(*last[0])]), count
+        if lanes[count] not in known[lanes[count - 1]].successors:
+            break
+        line = np.vstack([line, known[lanes[count]].centreline])
+        count += 1
+    return line, count
+
+
+def _beside(line: FloatArray, other: FloatArray, length_m: float) -> FloatArray:
+    """Cut a line to a length, or continue it parallel to another line beside it."""
+    foot = nearest(other, *line[-1])
+    after = other[arc_lengths(other) > foot] + line[-1] - along(other, np.array([foot]))
+    longer = np.vstack([line, after])
+    arc = arc_lengths(longer)
+    return np.vstack([longer[arc < length_m], along(longer, np.array([min(length_m, arc[-1])]))])
