@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
 from pathlib import Path
 
-from scex_sumo.converters.naming import beginning, map_name, plain_or_packed, unpacked_name
+from scex_sumo.converters.naming import beginning, plain_or_packed, unpacked_name
 from scex_sumo.converters.registries import Declaration
 
 XML = (".xml", ".xml.gz")
@@ -17,7 +15,6 @@ AV2_POSES = "city_SE3_egovehicle.feather"
 OPENDD_FILES = ("trajectories_rdb*.sqlite", "*.sqlite/rdb*", "rdb*.sqlite")
 PY123D_LOG = "sync.arrow"
 SIND_VEHICLES, SIND_WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
-_CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")
 
 
 def _ends(path: Path, *endings: str) -> bool:
@@ -62,41 +59,11 @@ def is_commonroad(path: Path) -> bool:
 
 def is_commonroad_recording(path: Path) -> bool:
     """Whether a path is a CommonRoad scenario, or a folder with the chunks of one recording."""
-    return len(chains_in(path)) == 1 if path.is_dir() else is_commonroad(path)
+    if not path.is_dir():
+        return is_commonroad(path)
+    from scex_sumo.formats.commonroad.chunks import commonroad_chains
 
-
-def chains_in(folder: Path) -> list[tuple[Path, ...]]:
-    """Recordings of CommonRoad in a folder, as `commonroad_chains`."""
-    return commonroad_chains(file for file in folder.iterdir() if is_commonroad(file))
-
-
-def commonroad_chains(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
-    """CommonRoad files by recording: single files, then consecutive chunks ``SCENE_FIRST_T-LAST``."""
-    alone: list[tuple[Path, ...]] = []
-    chunks = []
-    for path in sorted(paths):
-        span = chunk_span(path)
-        if span is None:
-            alone.append((path,))
-        else:
-            chunks.append((path.parent, *span, path))
-    joined: list[list[Path]] = []
-    expected = None
-    for folder, scene, first, last, path in sorted(chunks):
-        if expected == (folder, scene, first):
-            joined[-1].append(path)
-        else:
-            joined.append([path])
-        expected = folder, scene, last + 1
-    return alone + [tuple(files) for files in joined]
-
-
-def chunk_span(path: Path) -> tuple[str, int, int] | None:
-    """Scene, first and last step of a chunk of a CommonRoad recording, by its name; None for other files."""
-    parts = _CHUNK.fullmatch(map_name(path)) if is_commonroad(path) else None
-    if parts is None or int(parts["last"]) <= int(parts["first"]):
-        return None
-    return parts["scene"], int(parts["first"]), int(parts["last"])
+    return len(commonroad_chains(filter(is_commonroad, path.iterdir()))) == 1
 
 
 def is_levelx(path: Path) -> bool:

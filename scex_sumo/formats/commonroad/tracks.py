@@ -23,8 +23,9 @@ from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, Recording, recording_name
 from scex_sumo.converters.tracks.build import track_rows, track_table
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, FORWARD_MPS, TrackRows, TrackTable
+from scex_sumo.formats.commonroad.chunks import chunk_span, commonroad_chains
 from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
-from scex_sumo.formats.recognition import chains_in, chunk_span, commonroad_chains, is_commonroad_recording
+from scex_sumo.formats.recognition import is_commonroad, is_commonroad_recording
 from scex_sumo.geometry.polylines import wrap
 
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}
@@ -231,7 +232,7 @@ def _common_turn(rows: TrackRows) -> float:
 
 
 def _files(path: Path) -> tuple[Path, ...]:
-    return chains_in(path)[0] if path.is_dir() else (path,)
+    return commonroad_chains(filter(is_commonroad, path.iterdir()))[0] if path.is_dir() else (path,)
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
@@ -269,7 +270,7 @@ def _is_scenario(path: Path) -> bool:
 
 def _siblings(path: Path) -> list[Path]:
     span = chunk_span(path)
-    files = path.parent.iterdir() if span is not None else ()
+    files = filter(is_commonroad, path.parent.iterdir() if span is not None else ())
     return [file for file in files if span is not None and (chunk_span(file) or ("",))[0] == span[0]]
 
 
