@@ -139,11 +139,11 @@ def import_object(path: str, *, hint: str = "", own: bool = False) -> Any:
     if not attribute:
         return module
     if not hasattr(module, attribute):
-        own = [
+        names = [
             key
             for key, value in vars(module).items()
             if callable(value) and getattr(value, "__module__", None) == name and not key.startswith("_")
         ]
-        there = f"; it has {', '.join(sorted(own))}" if own else ""
+        there = f"; it has {', '.join(sorted(names))}" if names else ""
         raise UsageError(f"{path}: {name} ({module.__file__}) has no {attribute}{there}")
     return getattr(module, attribute)

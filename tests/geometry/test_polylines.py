@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.generators.begin_inside import begin_inside
-from scex_sumo.geometry.polylines import along, bounds_cross, length_of, nearest, project, project_near, wrap
-from scex_sumo.roads.changes import blend_over
+from scex_sumo.geometry.polylines import along, bounds_cross, nearest, project, project_near, wrap
 
 
 def test_angles_wrap_to_half_a_turn() -> None:
@@ -23,20 +21,6 @@ def test_a_place_beside_a_corner_projects_onto_the_nearer_leg() -> None:
     assert nearest(corner, 4.0, 1.0) == pytest.approx(4.0)
     assert nearest(corner, 9.0, 6.0) == pytest.approx(16.0)
     assert along(corner, np.array([4.0, 16.0])) == pytest.approx(np.array([[4.0, 0.0], [10.0, 6.0]]))
-
-
-def test_a_lane_change_leaves_along_one_line_and_arrives_along_the_other() -> None:
-    ends, goes_on = np.array([[0.0, 0.0], [100.0, 0.0]]), np.array([[0.0, 3.5], [200.0, 3.5]])
-    bent, rest = blend_over(ends, goes_on, 40.0)
-    assert bent[0] == pytest.approx([0.0, 0.0])
-    assert bent[-1] == pytest.approx([100.0, 3.5])
-    assert rest[0] == pytest.approx([100.0, 3.5])
-    assert length_of(rest) == pytest.approx(100.0)
-    before = bent[bent[:, 0] < 60.0]
-    assert np.all(before[:, 1] == 0.0)
-    middle = bent[np.argmin(np.abs(bent[:, 0] - 80.0))]
-    assert middle[1] == pytest.approx(1.75, abs=0.01)
-    assert np.all(np.diff(bent[:, 1]) >= 0)
 
 
 def test_bounds_that_cross_are_found_as_by_comparing_all_pairs() -> None:
@@ -79,24 +63,3 @@ def test_what_is_near_a_line_projects_on_it_as_by_looking_everywhere() -> None:
     assert np.array_equal(near_arc[near], arc[near])
     assert np.array_equal(near_gap[near], gap[near])
     assert (near_gap[~near] >= 2.4).all()
-
-
-MAIN = np.array([[0.0, 0.0], [100.0, 0.0]])
-
-
-def test_a_lane_that_begins_on_another_lane_begins_inside() -> None:
-    side = np.array([[50.0, 1.0], [60.0, 20.0]])
-    shapes = {"main": MAIN, "side": side}
-    assert begin_inside(shapes, starts=["main", "side"], loose={"main"}, apart={}) == {"side"}
-
-
-def test_lanes_that_begin_together_at_the_border_do_not() -> None:
-    side = np.array([[1.0, 0.5], [60.0, 20.0]])
-    shapes = {"main": MAIN, "side": side}
-    assert begin_inside(shapes, starts=["main", "side"], loose=set(shapes), apart={}) == set()
-
-
-def test_what_a_lane_leads_to_is_no_other_traffic() -> None:
-    stub, branch = np.array([[50.0, 0.0], [50.5, 0.0]]), np.array([[50.5, 0.0], [90.0, 9.0]])
-    shapes = {"stub": stub, "branch": branch}
-    assert begin_inside(shapes, starts=["stub"], loose=set(), apart={"stub": ["branch"]}) == set()
