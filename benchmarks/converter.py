@@ -26,7 +26,6 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.programs import program
-from scex_sumo.converters.lanelet.origin import find_origin
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
@@ -35,11 +34,10 @@ from scex_sumo.road import Lane, Regulation, Road
 
 def measure(map_path: Path, folder: Path, *, vehicles: int, opendrive: bool) -> dict[str, Any]:
     """All figures of one map; the times are the best of three conversions."""
-    origin = find_origin(map_path, origin=None, own_corner=True)
     reading, writing = [], []
     for _ in range(3):
         started = time.perf_counter()
-        road = read_road(map_path, origin=origin)
+        road = read_road(map_path)
         reading.append(time.perf_counter() - started)
         net = convert(road, folder / f"{map_path.stem}.net.xml")
         writing.append(time.perf_counter() - started - reading[-1])
@@ -95,7 +93,7 @@ def tiled(road: Road, tiles: int) -> Road:
 
 def large_map(path: Path, tiles: int, folder: Path) -> str:
     """Processor time of the conversion of a tiled map, and its dearest functions."""
-    road = tiled(read_road(path, origin=find_origin(path, origin=None, own_corner=True)), tiles)
+    road = tiled(read_road(path), tiles)
     seconds = []
     for _ in range(3):
         started = time.process_time()

@@ -9,7 +9,7 @@ from pathlib import Path
 from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.version import version_of
-from scex_sumo.converters.lanelet.origin import find_origin, recorded_origin
+from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.naming import other_content
 from scex_sumo.converters.registries import MapFormat, map_format, refuse_folder
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
@@ -72,9 +72,7 @@ def _read_lanelet2(
     def read() -> Road:
         from scex_sumo.converters.lanelet.reader import read_road
 
-        # A missing map is the reader's to report.
-        needed = not own_corner and path.exists()
-        return read_road(path, origin=find_origin(path, origin=known) if needed else known, country=country)
+        return read_road(path, origin=known, own_corner=own_corner, country=country)
 
     if not (keep and path.is_file() and os.access(path, os.R_OK)):
         return read()

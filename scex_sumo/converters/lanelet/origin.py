@@ -23,33 +23,14 @@ STRAY_M = 50_000.0  # a recorded site spans a few km
 NEAR_ZERO_M = 50_000.0  # INTERACTION maps lie about 1 km off 0,0 at sea; no real road does
 
 
-def find_origin(
-    map_path: str | Path,
-    *,
-    tracks_path: str | Path | None = None,
-    origin: Place | None = None,
-    own_corner: bool = False,
-) -> Place:
-    """Find the origin of a map, latitude and longitude in degrees.
-
-    The first of these that is known:
-    - ``origin``, as the user gave it;
-    - ``xUtmOrigin, yUtmOrigin`` of the tracks' ``recordingMeta.csv`` (inD, rounD, exiD);
-    - ``originLat, originLon`` of the ``meta_data.csv`` beside the tracks or the map, or in
-      ``recorded_trackfiles/NAME`` beside the map's folder (TAF-BW);
-    - 0, 0 for a map drawn around 0, 0 (INTERACTION).
-
-    Args:
-        own_corner: fall back on the map's south-west corner instead of an error; no tracks need to match.
-    """
-    from scex_sumo.converters.lanelet.file import read_map_file
-
-    origin = origin or recorded_origin(map_path, tracks_path=tracks_path)
-    return origin or map_origin(read_map_file(map_path), own_corner=own_corner)
-
-
 def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = None) -> Place | None:
-    """Return the origin in files beside the tracks or the map; None without any."""
+    """Return the origin in files beside the tracks or the map, latitude and longitude in degrees; None
+    without any.
+
+    It is ``xUtmOrigin, yUtmOrigin`` of the tracks' ``recordingMeta.csv`` (inD, rounD, exiD), else
+    ``originLat, originLon`` of the ``meta_data.csv`` beside the tracks or the map, or in
+    ``recorded_trackfiles/NAME`` beside the map's folder (TAF-BW).
+    """
     if tracks_path is not None:
         found = dataset_of(Path(tracks_path)).origin(Path(tracks_path), Path(map_path))
         if found is not None:
@@ -59,7 +40,11 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
 
 
 def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
-    """Return the origin by the map's coordinates: 0, 0 for local or near ones, else the south-west corner."""
+    """Return the origin by the map's coordinates: 0, 0 for local ones and near 0, 0 (INTERACTION).
+
+    Args:
+        own_corner: for others, return the south-west corner instead of an error; no tracks need to match.
+    """
     centre = map_file.middle
     if map_file.local or distance_m(centre, (0.0, 0.0)) < NEAR_ZERO_M:
         return 0.0, 0.0

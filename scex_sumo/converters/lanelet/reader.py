@@ -43,7 +43,13 @@ _LOAD_ERROR = re.compile(
 )
 
 
-def read_road(map_path: str | Path, *, origin: Place | None = None, country: str | None = None) -> Road:
+def read_road(
+    map_path: str | Path,
+    *,
+    origin: Place | None = None,
+    own_corner: bool = True,
+    country: str | None = None,
+) -> Road:
     """Read a Lanelet2 map: its lanelets, how they connect, and the rules between them.
 
     Centrelines, bounds, successors, lane changes and conflicts are Lanelet2's own, under German traffic rules
@@ -56,12 +62,13 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
 
     Args:
         map_path: an ``.osm`` or ``.osm.gz`` file.
-        origin: latitude and longitude in degrees; None looks near the map, and takes 0, 0 or its south-west
-            corner.
+        origin: latitude and longitude in degrees; None looks beside the map and at its coordinates.
+        own_corner: whether a map without a known origin begins at its south-west corner.
         country: whose default speed limits apply, e.g. ``us``; None: by the ``region`` tags, else Germany.
 
     Raises:
-        MapError: the file is missing, no Lanelet2 map, far from the origin, or has no usable lanelet.
+        MapError: the file is missing, no Lanelet2 map, far from its origin, without a known one, or has no
+            usable lanelet.
 
     Example:
         >>> scex.read_road(scex.example_path("roundabout")).name
@@ -74,7 +81,7 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, country: str
     drawn, unread = map_file.of_type("lanelet").keys(), map_file.unread
     map_file, mended = repair(map_file)
     notes = list(map_file.notes)
-    origin = _origin(path, map_file, origin, notes)
+    origin = _origin(path, map_file, origin, own_corner, notes)
     traffic = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
     lanelet_map, vertices, map_file, losses = _load(map_file, origin, traffic, mended, notes)
     country = country or map_country(map_file)
@@ -143,13 +150,13 @@ def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findi
     return doubts
 
 
-def _origin(path: Path, map_file: MapFile, origin: Place | None, notes: list[str]) -> Place:
+def _origin(path: Path, map_file: MapFile, origin: Place | None, own_corner: bool, notes: list[str]) -> Place:
     if map_file.local:
         if origin not in (None, (0.0, 0.0)):
             notes.append(f"origin {origin[0]:g},{origin[1]:g} not used: the map's coordinates are local")
         return 0.0, 0.0
     known = origin or recorded_origin(path)
-    origin = known or map_origin(map_file, own_corner=True)
+    origin = known or map_origin(map_file, own_corner=own_corner)
     if known is None and origin != (0.0, 0.0):
         notes.append(f"origin unknown: coordinates begin at the map's corner {origin[0]:.7f},{origin[1]:.7f}")
     away_m = distance_m(origin, map_file.middle)

@@ -10,12 +10,25 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.converters.lanelet.origin import find_origin, parse_origin
+from scex_sumo.converters.lanelet.file import read_map_file
+from scex_sumo.converters.lanelet.origin import map_origin, parse_origin, recorded_origin
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.lanelet.reader import read_road
 from tests.converters.maps import draw_map, straight, write_map
 
 KARLSRUHE = (49.01, 8.43)
+
+
+def find_origin(
+    path: Path,
+    *,
+    tracks_path: Path | None = None,
+    origin: tuple[float, float] | None = None,
+    own_corner: bool = False,
+) -> tuple[float, float]:
+    """As maps are read: by the user, by files beside it, by its coordinates."""
+    origin = origin or recorded_origin(path, tracks_path=tracks_path)
+    return origin or map_origin(read_map_file(path), own_corner=own_corner)
 
 
 def map_at(path: Path, place: tuple[float, float]) -> Path:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.converters.lanelet.origin import find_origin
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.judge.command import convert_command
@@ -28,7 +27,7 @@ ABOVE_EACH_OTHER = {"bridge"}  # footprints are flat; cars on two levels cover e
 
 
 def converted(map_path: Path, folder: Path) -> tuple[Path, FidelityReport]:
-    road = read_road(map_path, origin=find_origin(map_path, origin=None, own_corner=True))
+    road = read_road(map_path)
     net = convert(road, folder / f"{map_path.stem}.net.xml")
     return net.path, check_net(net.path, road, net.lanes)
 
@@ -57,7 +56,7 @@ def test_a_real_map_gives_the_same_bytes_twice(name: str, data: Path, tmp_path: 
     first, second = tmp_path / "first", tmp_path / "second"
     for folder in (first, second):
         folder.mkdir()
-        road = read_road(data / name, origin=find_origin(data / name, origin=None, own_corner=True))
+        road = read_road(data / name)
         convert(road, folder / "map.net.xml")
     names = sorted(path.name for path in first.iterdir())
     assert names == sorted(path.name for path in second.iterdir())
@@ -67,9 +66,7 @@ def test_a_real_map_gives_the_same_bytes_twice(name: str, data: Path, tmp_path: 
 @pytest.mark.parametrize("name", REAL)
 def test_geometry_alone_finds_what_the_table_says(name: str, data: Path, tmp_path: Path) -> None:
     path, with_table = converted(data / name, tmp_path)
-    without = check_net(
-        path, read_road(data / name, origin=find_origin(data / name, origin=None, own_corner=True))
-    )
+    without = check_net(path, read_road(data / name))
     assert without.problems() == with_table.problems() == []
 
 
