@@ -18,7 +18,9 @@ from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme, Walks
 from scex_sumo.lanelet2sumo.plan.layout import plan_net
 from scex_sumo.lanelet2sumo.text import net_text
 from scex_sumo.lanelet2sumo.topology.borders import add_approaches, add_entries
-from scex_sumo.lanelet2sumo.topology.graph import Topology, build_rows, cut_lanes
+from scex_sumo.lanelet2sumo.topology.cuts import cut_lanes
+from scex_sumo.lanelet2sumo.topology.graph import Topology
+from scex_sumo.lanelet2sumo.topology.rows import build_rows
 from scex_sumo.road import Lane, MapLoss, Road
 from scex_sumo.roads.conflicts import Conflict, conflicts
 

@@ -12,7 +12,8 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import along, cut, heading, join, length_of, nearest, turn
-from scex_sumo.lanelet2sumo.topology.graph import Groups, Zone
+from scex_sumo.lanelet2sumo.topology.graph import Groups
+from scex_sumo.lanelet2sumo.topology.rows import Zone
 from scex_sumo.road import Lane
 
 MEET_M = 0.5  # between footways that meet

@@ -13,7 +13,7 @@ from itertools import count
 import numpy as np
 
 from scex_sumo.geometry.polylines import cut, heading, length_of, wrap
-from scex_sumo.lanelet2sumo.topology.graph import SHORTEST_M, STUB_M
+from scex_sumo.lanelet2sumo.topology.rows import SHORTEST_M, STUB_M
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
 
