@@ -61,7 +61,7 @@ def is_commonroad_recording(path: Path) -> bool:
     """Whether a path is a CommonRoad scenario, or a folder with the chunks of one recording."""
     if not path.is_dir():
         return is_commonroad(path)
-    from scex_sumo.formats.commonroad.chunks import commonroad_chains
+    from scex_sumo.formats.chunks import commonroad_chains
 
     return len(commonroad_chains(filter(is_commonroad, path.iterdir()))) == 1
 
