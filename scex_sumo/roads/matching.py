@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
@@ -16,8 +17,7 @@ OFFSET_SIGMA_M = 0.8  # half a lane off is two sigma
 HEADING_SIGMA_RAD = 0.15  # 8.6 degrees
 OFFSET_MARGIN_M = 1.0  # maps and tracks disagree that much
 HEADING_LIMIT_RAD = np.deg2rad(60.0)
-CELL_M = 2.0  # a lane is wider
-MAX_CELLS = 2**20
+SLACK_M = 1e-6  # of boxes, against rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,61 +79,14 @@ def lane_segments(road: Road) -> LaneSegments:
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Grid:
-    """Centreline segments that a pose in a cell may match.
-
-    Attributes:
-        low: (2,) lower left corner of the map, m.
-        shape: cells along x and y, each ``size`` m wide.
-        first: (cells + 1,) begin of each cell in `segment`, whose indices ascend within a cell.
-    """
-
-    low: FloatArray
-    size: float
-    shape: tuple[int, int]
-    first: IntArray
-    segment: IntArray
-
-    def near(self, x: FloatArray, y: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return pairs of pose and segment that may match, by pose, then by segment."""
-        column, row = np.floor((x - self.low[0]) / self.size), np.floor((y - self.low[1]) / self.size)
-        inside = (column >= 0) & (column < self.shape[0]) & (row >= 0) & (row < self.shape[1])
-        pose = np.flatnonzero(inside)
-        cell = column[pose].astype(np.int64) * self.shape[1] + row[pose].astype(np.int64)
-        begin = self.first[cell]
-        count = self.first[cell + 1] - begin
-        shift = begin - (np.cumsum(count) - count)
-        return np.repeat(pose, count), self.segment[np.arange(count.sum()) + np.repeat(shift, count)]
-
-
 @owner_cache
-def _grid(road: Road) -> Grid:
+def _reaches(road: Road) -> shapely.STRtree:
+    """Return the boxes around the centreline segments within which a pose may match them."""
     segments = lane_segments(road)
-    if not len(segments.owner):
-        nothing = np.zeros(1, dtype=np.int64)
-        return Grid(low=np.zeros(2), size=CELL_M, shape=(0, 0), first=nothing, segment=nothing[:0])
-    reach = segments.reach[segments.owner][:, None]
+    reach = segments.reach[segments.owner][:, None] + SLACK_M
     end = segments.start + segments.length[:, None] * segments.direction
-    lows, highs = np.minimum(segments.start, end) - reach, np.maximum(segments.start, end) + reach
-    low, extent = lows.min(axis=0), highs.max(axis=0) - lows.min(axis=0)
-    size = max(CELL_M, float(np.sqrt(extent.prod() / MAX_CELLS)))
-    columns, rows = (int(n) for n in np.floor(extent / size).astype(np.int64) + 1)
-    from_cell = np.floor((lows - low) / size).astype(np.int64)
-    spans = np.floor((highs - low) / size).astype(np.int64) - from_cell + 1
-    counts = spans.prod(axis=1)
-    segment = np.repeat(np.arange(len(counts)), counts)
-    nth = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    column = from_cell[segment, 0] + nth // spans[segment, 1]
-    row = from_cell[segment, 1] + nth % spans[segment, 1]
-    middle = low + size * (np.column_stack([column, row]) + 0.5) - segments.start[segment]
-    along = np.clip((middle * segments.direction[segment]).sum(axis=1), 0.0, segments.length[segment])
-    distance = np.hypot(*(middle - along[:, None] * segments.direction[segment]).T)
-    close = distance <= reach[segment, 0] + size * np.sqrt(0.5) + 1e-6
-    cell, segment = (column * rows + row)[close], segment[close]
-    order = np.lexsort((segment, cell))
-    first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=columns * rows))])
-    return Grid(low=low, size=size, shape=(columns, rows), first=first, segment=segment[order])
+    low, high = np.minimum(segments.start, end) - reach, np.maximum(segments.start, end) + reach
+    return shapely.STRtree(shapely.box(*low.T, *high.T))
 
 
 def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matches:
@@ -144,7 +97,8 @@ def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matc
     exp(-(distance/0.8 m)^2/2 - (heading difference/0.15 rad)^2/2).
     """
     segments = lane_segments(road)
-    pose, segment = _grid(road).near(x, y)
+    near_by = _reaches(road).query(shapely.points(x, y))
+    pose, segment = near_by[:, np.lexsort(near_by[::-1])]
     error = wrap(heading[pose] - segments.angle[segment])
     aligned = np.abs(error) <= HEADING_LIMIT_RAD
     pose, segment, error = pose[aligned], segment[aligned], error[aligned]
