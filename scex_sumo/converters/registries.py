@@ -170,7 +170,8 @@ def place_name(map_path: Path) -> str:
 
 def recognised(kind: type[Format], path: Path) -> Iterator[Format]:
     """Formats that recognise a file, the first one first; only their readers are imported."""
-    return (_read_by(kind, entry) for entry in _entries(kind) if entry.is_mine(path))
+    key: Any = kind
+    return (_read_by(key, entry) for entry in _entries(key) if entry.is_mine(path))
 
 
 @cache
@@ -201,6 +202,6 @@ def _checked(kind: type[Format], said: str, entry: Any) -> Format:
     for part in fields(kind):
         if part.default is MISSING and not hasattr(entry, part.name):
             raise UsageError(f"{said}: {entry!r} has no function {part.name}")
-    return kind(
-        **{part.name: getattr(entry, part.name) for part in fields(kind) if hasattr(entry, part.name)}
-    )
+    own = {part.name: getattr(entry, part.name) for part in fields(kind) if hasattr(entry, part.name)}
+    checked: Format = kind(**own)
+    return checked
