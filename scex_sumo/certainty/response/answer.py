@@ -89,12 +89,13 @@ def table_of(cases: Cases, people: People) -> pa.Table:
 
 
 def _of_cases(cases: Cases, people: People) -> tuple[pa.Table, dict[str, Any]]:
-    columns, *found = _columns(cases, people) if len(cases) else ({},)
-    arrays = [pa.array(list(columns.get(field.name, ())), field.type) for field in SCHEMA]
-    table = pa.table(arrays, schema=SCHEMA)
+    if not len(cases):
+        return SCHEMA.empty_table(), {}
+    columns, kept, response, often = _columns(cases, people)
+    table = pa.table([pa.array(list(columns[field.name]), field.type) for field in SCHEMA], schema=SCHEMA)
     told = [(number, row) for number, row in enumerate(table.to_pylist()) if row["probability"] >= TOLD]
     told.sort(key=lambda one: one[1]["doubt"] is not None)
-    return table, maps_of(people, *found, dict(told[:MAPPED])) if told else {}
+    return table, maps_of(people, kept, response, often, dict(told[:MAPPED])) if told else {}
 
 
 SCHEMA: Final = pa.schema(
