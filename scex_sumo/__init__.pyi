@@ -6,6 +6,7 @@ from .behaviors.base import Behavior as Behavior
 from .behaviors.own import behavior as behavior
 from .behaviors.registry import parse_models as parse_models
 from .behaviors.spec import ModelSpec as ModelSpec
+from .certainty.fitted import fitted_weights as fitted_weights
 from .certainty.response.answer import critical_responses as critical_responses
 from .certainty.results import Exact as Exact
 from .certainty.results import exact_of as exact_of

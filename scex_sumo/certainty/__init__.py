@@ -4,3 +4,6 @@ from typing import Final
 
 EXACT: Final = "exact.json"
 """Tables of exact probabilities in a result folder."""
+
+FITTED: Final = "fitted_weights.json"
+"""Weights of the models that were fitted to the recording, in a result folder."""

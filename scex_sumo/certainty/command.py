@@ -23,7 +23,8 @@ def encounters_command(
     pair: Annotated[str | None, Option(metavar="A,B", help="Only these two vehicles, in full.")] = None,
     most: Annotated[int, Option(metavar="N", help="How many pairs are listed.")] = 20,
     weights: Annotated[
-        str | None, Option(metavar="MODEL=W,...", help="P with other weights, without new futures.")
+        str | None,
+        Option(metavar="MODEL=W,...|recording", help="P with other weights."),
     ] = None,
     region: InRegion = None,
     around: Around = None,
@@ -39,12 +40,20 @@ def encounters_command(
     from scex_sumo.results.run import open_run
 
     console = output_console(width=110)
-    asked = None
-    if weights is not None:
+    asked, fit = None, weights == "recording"
+    if weights is not None and not fit:
         form = "MODEL=WEIGHT, e.g. standard_driver=0.9"
         asked = numbers_by_name("--weights", weights.split(","), form)
     with as_written(folder):
         run = open_run(folder)
+        if fit:
+            from scex_sumo.certainty.fitted import fitted_weights, write_fitted
+            from scex_sumo.reports.run_table import print_line
+
+            fitted = fitted_weights(run)
+            write_fitted(run.folder, fitted)
+            asked = fitted.weights
+            print_line(f"weights fitted to the recording: {fitted.words}", console)
         part = region_of(region, around)
         found = meetings(run, part)
         if asked is not None:

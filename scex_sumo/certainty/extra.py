@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from scex_sumo.base.errors import ScexError, warn_notes
 from scex_sumo.base.options import option
-from scex_sumo.certainty import EXACT
+from scex_sumo.certainty import EXACT, FITTED
 from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.results.extras import ExactProbability, Row
@@ -22,9 +24,10 @@ class ExactProbabilities(Extra):
     """Futures with chosen assignments, from which P of an event follows exactly, see docs/exact.md."""
 
     order: ClassVar[int] = 10
-    files: ClassVar[tuple[str, ...]] = (EXACT, "exact")
+    files: ClassVar[tuple[str, ...]] = (EXACT, "exact", FITTED)
 
     exact: bool = option("Run some more futures for exact probabilities.", True)
+    fit_weights: bool = option("Fit the models' weights to the recording.", False)
 
     def settle(self, work: Work) -> Any:
         """Return the influence tables of the futures so far, if any collision has an exact probability."""
@@ -41,6 +44,38 @@ class ExactProbabilities(Extra):
 
             write_exact(found, file)
         return ()
+
+    def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
+        """Fit the weights to the recording and write them to ``fitted_weights.json``."""
+        (run.folder / FITTED).unlink(missing_ok=True)
+        if self.fit_weights and sum(entry["weight"] > 0 for entry in run.info["models"]) > 1:
+            from scex_sumo.certainty.fitted import fitted_weights, write_fitted
+
+            try:
+                write_fitted(run.folder, fitted_weights(run))
+            except ScexError as error:  # the run is finished
+                warn_notes([f"weights are not fitted: {error}"])
+        return {}
+
+    def lines(self, run: Run) -> Sequence[str]:
+        """Return P of any collision with the weights fitted to the recording."""
+        found = self.answer(run)
+        if not found:
+            return ()
+        fitted = found["fitted_weights"]
+        share = (
+            "an unknown share" if fitted["p_collision"] is None else f"{100 * fitted['p_collision']:.2g} %"
+        )
+        how = f"weights fitted to the recording ({fitted['words']})"
+        return [f"stress test, {how}: a collision in {share} of futures"]
+
+    def answer(self, run: Run) -> Mapping[str, Any]:
+        """Return the fitted weights, and P of any collision with them."""
+        if not (run.folder / FITTED).is_file():
+            return {}
+        from scex_sumo.certainty.fitted import answer_of
+
+        return {"fitted_weights": answer_of(run)}
 
     def _found(self, work: Work) -> Any:
         if not self.exact:

@@ -52,7 +52,7 @@ def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, m
     Raises:
         UsageError: a model is unknown, or a weight is below 0.
     """
-    given = ", ".join(f"{model} {weight:g}" for model, weight in weights.items())
+    given = ", ".join(f"{model} {weight:.3g}" for model, weight in weights.items())
     heads: list[Head] = [("pair", "names", ""), *((event.question, "text", "") for event in EVENTS.values())]
     pairs, sampled = [row for row in run.encounters.to_pylist() if row["critical"] > 0], False
     rows = []

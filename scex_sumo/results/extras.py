@@ -26,9 +26,11 @@ def known_percent(value: float, remainder: float) -> str:
     """Return a share in percent, rounded to what a remainder leaves, with one significant digit or more."""
     if value <= 0 or value >= 1 or remainder <= 0:
         return f"{100 * value:.4g} %"
-    digits = math.floor(-math.log10(100 * remainder))
-    first = math.floor(-math.log10(100 * min(value, 1 - value))) + 1
-    return f"{100 * value:.{max(digits, first, 0)}f} %"
+    digits = max(math.floor(-math.log10(100 * remainder)), 0)
+    edge, rare = min(value, 1 - value), 10.0 ** -(digits + 2)
+    if 100 * edge < rare:
+        return f"< {rare:g} %" if edge == value else f"> {100 - rare:g} %"
+    return f"{100 * value:.{max(digits, math.floor(-math.log10(100 * edge)) + 1)}f} %"
 
 
 @dataclass(frozen=True, kw_only=True)

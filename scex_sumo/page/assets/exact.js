@@ -45,7 +45,8 @@ function connected(cubes) {
 function known(share, remainder) {
   if (share <= 0 || share >= 1) return `${100 * share} %`;
   const digits = (value) => Math.floor(-Math.log10(100 * value));
-  return `${(100 * share).toFixed(Math.max(digits(remainder), digits(Math.min(share, 1 - share)) + 1, 0))} %`;
+  const least = Math.max(digits(remainder), 0), first = digits(Math.min(share, 1 - share)) + 1;
+  return `${(100 * share).toFixed(Math.min(Math.max(least, first), least + 2))} %`;
 }
 
 function exactCard({ models, shares: own, pairs, remainder }) {
