@@ -90,6 +90,8 @@ def _array(item: dict[Any, Any]) -> Any:
 
 def _map_of(path: Path) -> Path:
     """Map file of a log, or the path itself if it is a map."""
+    if path.name not in (PY123D_LOG, MAP) and path.with_name(PY123D_LOG).is_file():
+        raise ValueError(f"one file of a log; give {PY123D_LOG} beside it")
     if path.name != PY123D_LOG:
         return path
     if (beside := path.with_name(MAP)).is_file():

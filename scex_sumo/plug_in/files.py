@@ -285,7 +285,7 @@ class FileFunction(ABC):
         """Content of the file."""
 
     @abstractmethod
-    def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
+    def __call__(self, **arrays: NDArray[Any]) -> NDArray[Any]:
         """Return trajectories; see `Predictor`."""
 
     def __getstate__(self) -> dict[str, Any]:
@@ -327,12 +327,12 @@ class OnnxFunction(FileFunction):
         except Exception as error:  # its errors have no common class
             raise InputError(f"{self.file}: not an ONNX file: {' '.join(str(error).split())}") from None
 
-    def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
+    def __call__(self, **arrays: NDArray[Any]) -> NDArray[Any]:
         """Return trajectories."""
         given: dict[str, NDArray[Any]] = {
             key: np.ascontiguousarray(values, self._dtypes[key]) for key, values in arrays.items()
         }
-        return np.asarray(self.loaded.run(None, given)[0], dtype=np.float64)
+        return np.asarray(self.loaded.run(None, given)[0])
 
 
 class ScriptedFunction(FileFunction):
@@ -356,7 +356,7 @@ class ScriptedFunction(FileFunction):
             first = str(error).strip().splitlines()[:1] or ["no message"]
             raise InputError(f"{self.file}: not a TorchScript file: {first[0]}") from None
 
-    def __call__(self, **arrays: NDArray[Any]) -> NDArray[np.float64]:
+    def __call__(self, **arrays: NDArray[Any]) -> NDArray[Any]:
         """Return trajectories."""
         import torch
 
@@ -366,11 +366,15 @@ class ScriptedFunction(FileFunction):
             )
             for name, values in arrays.items()
         }
-        with torch.inference_mode():
-            made = self.loaded(**tensors)
+        try:
+            with torch.inference_mode():
+                made = self.loaded(**tensors)
+        except Exception as error:  # its text is a traceback of the network's own code
+            last = str(error).strip().splitlines()[-1:] or [type(error).__name__]
+            raise ScexError(f"the network raised {last[0]}") from None
         if not isinstance(made, torch.Tensor):
             raise ScexError(f"{Path(self.file).name} returned {type(made).__name__}, needs a tensor")
-        return np.asarray(made.numpy(), dtype=np.float64)
+        return np.asarray(made.numpy())
 
 
 # Class, required package and its extra.

@@ -110,6 +110,8 @@ class Predictor:
 
 def trajectories(predicted: Any, count: int) -> FloatArray:
     """Check a function's result for `count` vehicles, and cut it to (n, 30, 2 to 4)."""
+    if np.iscomplexobj(predicted):  # NumPy would drop the imaginary parts
+        raise ScexError(f"returned complex numbers, needs {NEEDED}")
     try:
         values = np.asarray(predicted, dtype=np.float64)
     except (TypeError, ValueError):

@@ -242,6 +242,11 @@ def test_a_log_without_a_map_says_where_it_looked(tmp_path: Path) -> None:
         read_map(write_log(tmp_path / "logs/made_val/one"))
 
 
+def test_another_file_of_a_log_names_the_one_to_give(log: Path) -> None:
+    with pytest.raises(MapError, match=r"one file of a log; give sync\.arrow beside it"):
+        read_map(log.with_name("ego_state_se3.arrow"))
+
+
 def test_the_package_s_own_files_are_read(tmp_path: Path) -> None:
     datatypes = pytest.importorskip("py123d.datatypes", reason="py123d is not installed here")
     from py123d.api.map.arrow.arrow_map_writer import ArrowMapWriter

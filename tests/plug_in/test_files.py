@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import InputError, MissingExtraError, UsageError
+from scex_sumo.base.errors import InputError, MissingExtraError, ScexError, UsageError
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.scene import Plan
 from tests.behaviors import roads
@@ -31,6 +31,12 @@ class Straight(torch.nn.Module):
 class Two(torch.nn.Module):
     def forward(self, history):
         return history, history
+
+
+class Stops(torch.nn.Module):
+    def forward(self, history):
+        assert bool(history.sum() > 1e9), "too slow"
+        return history
 
 
 class Camera(torch.nn.Module):
@@ -92,7 +98,7 @@ def test_onnx_files_that_cannot_be_used_say_why(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def scripted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with three TorchScript files."""
+    """A folder with TorchScript files."""
     torch = pytest.importorskip("torch")
     folder = tmp_path_factory.mktemp("scripted")
     (folder / "modules.py").write_text(MODULE)
@@ -100,7 +106,7 @@ def scripted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    for name in ("Straight", "Two", "Camera"):
+    for name in ("Straight", "Two", "Stops", "Camera"):
         torch.jit.script(getattr(module, name)()).save(str(folder / f"{name}.pt"))
     return folder
 
@@ -135,6 +141,8 @@ def test_torchscript_files_that_cannot_be_used_say_why(scripted: Path, tmp_path:
             build(parse_models(f"torchscript:file={file}")[0])
     with pytest.raises(Exception, match=r"Two.pt returned tuple, needs a tensor"):
         driven(f"torchscript:file={scripted / 'Two.pt'}")
+    with pytest.raises(ScexError, match=r"^the network raised \w+: AssertionError: too slow$"):
+        driven(f"torchscript:file={scripted / 'Stops.pt'}")
 
 
 @pytest.mark.parametrize(

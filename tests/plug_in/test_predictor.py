@@ -86,6 +86,7 @@ def test_headings_and_speeds_that_are_given_stand() -> None:
         (np.zeros((30, 2)), r"shape \(30, 2\)"),
         (None, r"shape \(\)|NoneType"),
         ({"x": 1}, "dict, no array"),
+        (np.zeros((2, 30, 2), complex), "complex numbers"),
     ],
 )
 def test_what_are_no_trajectories_is_said(returned: Any, words: str) -> None:
