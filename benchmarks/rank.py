@@ -1,4 +1,4 @@
-"""Ranking at scale: seeds per minute with processes and Dask workers, costs per seed, memory, sizes on disk.
+"""Ranking at scale: seeds per minute (pairs alone), costs per seed of futures, memory, sizes on disk.
 
     python benchmarks/rank.py [DATASET] [--every S] [--futures 32] [--repeat 3] [--what PART,...]
 
@@ -40,7 +40,7 @@ TEN_THOUSAND = 10_000
 
 def settings_of(args: argparse.Namespace) -> RankSettings:
     run = RunSettings(models=MODELS, futures=args.futures)
-    return RankSettings(run=run, every=args.every, first=args.futures)
+    return RankSettings(run=run, every=args.every, top=1)
 
 
 def run_all(args: argparse.Namespace, workers: MomentWorkers, progress: Callable[[int, int], None]) -> None:
@@ -117,7 +117,7 @@ def throughput(args: argparse.Namespace) -> None:
             with dask_cluster(workers) as address:
                 rate, seeds, own_dask = seeds_per_minute(args, cluster_workers(address, workers))
             rates.setdefault(("dask", workers), []).append(rate)
-    print(f"throughput, {seeds} seeds of {args.futures} futures, median of {args.repeat}:")
+    print(f"throughput, pairs of {seeds} seeds, median of {args.repeat}:")
     for kind in ("processes", "dask"):
         one, two = (statistics.median(rates[kind, n]) for n in (1, 2))
         print(

@@ -59,4 +59,4 @@ def test_a_folder_of_another_packages_dataset_is_ranked(tmp_path: Path) -> None:
     options = ("--futures", 2, "--every", 2, "--workers", 1, "-o", tmp_path / "out")
     done = scex(tmp_path, "rank", a_street(tmp_path), *options)
     assert done.returncode == 0, done.stderr
-    assert "morning" in (tmp_path / "out/ranking.csv").read_text()
+    assert "morning" in (tmp_path / "out/moments.csv").read_text()

@@ -136,7 +136,7 @@ def _kept(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     """Something that an interrupted command kept is damaged; the same command must end as if nothing was."""
     command = rng.choice((*18 * ("run",), "rank", "validate"))
     shutil.copytree(sources.interrupted(command), work, dirs_exist_ok=True)
-    place = {"run": ".parts/*", "rank": "[cs]*s/**/*", "validate": "moments/*/*"}[command]
+    place = {"run": ".parts/*", "rank": "[fps]*s/**/*", "validate": "moments/*/*"}[command]
     files = sorted(file for file in (work / "out").glob(place) if file.is_file())
     file = rng.choice(files)
     how = bytes_changed(file, rng, ("zero", "cut", "drop", "double", "garbage", "empty", "flip"))

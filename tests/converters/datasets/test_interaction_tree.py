@@ -65,6 +65,6 @@ def test_one_command_ranks_all_of_it(published: Path, tmp_path: Path) -> None:
     options = ("--futures", 2, "--every", 2, "--workers", 1, "-o", tmp_path / "out")
     done = scex("rank", published, *options)
     assert done.returncode == 0, done.stderr
-    with (tmp_path / "out/ranking.csv").open() as file:
+    with (tmp_path / "out/moments.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {row["recording"] for row in rows} == {one.name for one in find_recordings([published])}
