@@ -3,64 +3,106 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from pickle import dumps, loads
 
 import numpy as np
 
-from scex_sumo import (
-    LoadedRecording,
-    find_recordings,
-    load_recording,
-    recording_moments,
-    seed_at,
-)
+from scex_sumo import LoadedRecording, find_recordings, load_recording, recording_moments, seed_at
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.certainty.response.actions import (
+    ACTIONS,
+    BRAKES,
     CUTS_IN,
+    DRIFTS,
     GOES_ON,
     LEVELS,
+    STEPS_OUT,
+    TIME_S,
     Cases,
     Pairs,
     cases_of,
-    leads_and_follows,
+    contexts,
     pairs_of,
 )
 from scex_sumo.certainty.response.answer import doubts_of
 from scex_sumo.certainty.response.blocked import Blocked, Lines, blocked_stretches
-from scex_sumo.certainty.response.critical import Motion, contact, critical_response, hard_contact
-from scex_sumo.certainty.response.expected import expected_motion
+from scex_sumo.certainty.response.critical import (
+    DECELERATIONS,
+    TYPICAL,
+    Happens,
+    Motion,
+    contact,
+    critical_response,
+    hard_contact,
+)
+from scex_sumo.certainty.response.expected import Expected, expected_motion
 from scex_sumo.certainty.response.people import left_at, time_gaps
 from scex_sumo.geometry.rectangles import Rectangles
-from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
-AHEAD = 30  # steps after a moment in which events count
+AHEAD = 30  # steps after a moment that have to be recorded
+WINDOW = slice(10, AHEAD)  # in which near misses count: 1 to 3 s later
+PET_STEPS = 10
+CROSSES_RAD = np.deg2rad(30.0)
+CLOSES_MPS = 1.0
+VARIES_MPS2 = np.linspace(-2.5, 2.5, 11)  # of the responder, beside its expected motion
 LINE_M = 1.5  # a vehicle further from its expected line drives another one
 BEGINS = 20  # steps in which an initiator keeps up with its action
+DUT_HZ, CAR_M, PERSON_M = 23.98, (4.6, 1.8), (0.6, 0.6)  # the data have no sizes
+MEAN_STEPS = 15  # over which the mean deceleration counts
 CAME_M = 1.5  # way to the side of one that has cut in
 
 
-def near_gap(motion: Motion, upto: int = AHEAD) -> BoolArray:
+def closing(motion: Motion) -> FloatArray:
+    """Return (m, T) speed towards the initiator along the line, m/s; 0 without a gap.
+
+    It is not the change of the gap: that jumps where a box turns or drifts into the line.
+    """
+    return np.where(np.isfinite(motion.gap), np.maximum(motion.speed - motion.cases.along, 0.0), 0.0)
+
+
+def _drives(motion: Motion, when: slice) -> BoolArray:
+    return motion.speed[:, when] > CLOSES_MPS
+
+
+def near_gap(motion: Motion, when: slice = WINDOW) -> BoolArray:
     """Whether the gap is below 0.5 m while one drives."""
-    moving = motion.speed[:, :upto] > 1.0
-    return ((motion.gap[:, :upto] < 0.5) & moving).any(axis=1)
+    return ((motion.gap[:, when] < 0.5) & _drives(motion, when)).any(axis=1)
 
 
-def short_ttc(motion: Motion, upto: int = AHEAD) -> BoolArray:
+def short_ttc(motion: Motion, when: slice = WINDOW) -> BoolArray:
     """Whether the time to collision is below 1.5 s."""
-    gap, closing = motion.gap[:, :upto], motion.closing[:, :upto]
-    return ((gap < 1.5 * closing) & (closing > 1.0)).any(axis=1)
+    gap, speed = motion.gap[:, when], closing(motion)[:, when]
+    return ((gap < 1.5 * speed) & (speed > CLOSES_MPS) & _drives(motion, when)).any(axis=1)
 
 
-def strong_drac(motion: Motion, upto: int = AHEAD) -> BoolArray:
+def strong_drac(motion: Motion, when: slice = WINDOW) -> BoolArray:
     """Whether the deceleration to avoid a crash is above 3.4 m/s²."""
-    gap, closing = np.maximum(motion.gap[:, :upto], 1e-3), motion.closing[:, :upto]
-    return ((closing**2 > 6.8 * gap) & (closing > 1.0)).any(axis=1)
+    gap, speed = np.maximum(motion.gap[:, when], 1e-3), closing(motion)[:, when]
+    return ((speed**2 > 6.8 * gap) & (speed > CLOSES_MPS) & _drives(motion, when)).any(axis=1)
 
 
-NEAR = {"gap < 0.5 m": near_gap, "TTC < 1.5 s": short_ttc, "DRAC > 3.4 m/s²": strong_drac}
-HAPPENS = {"contact": contact, "hard": hard_contact, **NEAR}
+def short_pet(motion: Motion, when: slice = WINDOW) -> BoolArray:
+    """Whether one is where a crossing vehicle was in the last second."""
+    return motion.cases.crossed.touches(motion.s)[:, when].any(axis=1)
+
+
+def bump(motion: Motion) -> BoolArray:
+    """Whether both vehicles touch at a relative speed of 2 m/s or more."""
+    hit, speed = motion.impact()
+    return hit & (speed >= 2.0)
+
+
+NEAR = {
+    "TTC < 1.5 s": short_ttc,
+    "DRAC > 3.4 m/s²": strong_drac,
+    "PET < 1 s": short_pet,
+    "gap < 0.5 m": near_gap,
+}
+HAPPENS = {"contact": contact, "bump": bump, "hard": hard_contact, **NEAR}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,22 +111,24 @@ class Samples:
 
     Attributes:
         moment: (n,) number of the moment.
-        action: (n,); ``speed`` of the initiator (n,), m/s; ``follows`` (n,) whether it follows a leader.
+        action: (n,); ``speed`` of the initiator (n,), m/s; ``follows`` (n,) as of `contexts`.
+        slows: (n,) least acceleration of the initiator's expected motion within 3 s, m/s².
         gap_s: (n,) as of `time_gaps`.
         response: (n, 10, E, A) R* of each of `HAPPENS`, s; ``left`` (n, 10, E, A) as of `left_at`.
         did: (n,) value of the parameter with which the initiator did it; NaN if it did not.
         known: (n,) whether that is known.
         doubtful: (n,).
         pair: (n,) index into the pairs.
-        pair_moment: (p,); ``recorded`` (p, 3) whether each of `NEAR` was recorded, ``usual`` (p, 3) whether
-            it happens as expected; ``pair_known`` (p,).
+        pair_moment: (p,); ``recorded`` (p, 4) whether each of `NEAR` was recorded, ``usual`` (p, 4, 11)
+            whether it happens as expected, with each of `VARIES_MPS2` besides; ``pair_known`` (p,).
         surrogate: (p, 3) 1/TTC, DRAC and 1/THW at the moment.
-        seconds: (M,) time that each moment stands for; ``vehicles`` (M,).
+        seconds: (M,) time that each moment stands for; ``vehicles`` (M,); ``km`` (M,) that they drive in it.
     """
 
     moment: IntArray
     action: IntArray
     speed: FloatArray
+    slows: FloatArray
     follows: BoolArray
     gap_s: FloatArray
     response: FloatArray
@@ -100,6 +144,7 @@ class Samples:
     surrogate: FloatArray
     seconds: FloatArray
     vehicles: FloatArray
+    km: FloatArray
 
     @classmethod
     def joined(cls, parts: list[Samples]) -> Samples:
@@ -126,64 +171,82 @@ class Samples:
             return cls(**dict(content))
 
 
-def samples_of(loaded: LoadedRecording, every_s: float) -> Samples | None:
-    """Return the samples of a recording, a moment every so many seconds."""
-    times = [moment.time_s for moment in recording_moments(loaded, every_s=every_s)]
-    parts = [part for t in times if (part := _of_moment(loaded, t, every_s)) is not None]
-    return Samples.joined(parts) if parts else None
+def expected_of(loaded: LoadedRecording, every_s: float) -> list[Expected]:
+    """Return the expected motion of moments with 3 s recorded after them."""
+    found = []
+    for moment in recording_moments(loaded, every_s=every_s):
+        try:
+            scene = seed_at(loaded, moment.time_s)
+        except TrackError:
+            continue
+        if scene.future is not None and scene.future.shape[1] >= AHEAD:
+            found.append(expected_motion(scene))
+    return found
 
 
-def _of_moment(loaded: LoadedRecording, time_s: float, every_s: float) -> Samples | None:
-    try:
-        scene = seed_at(loaded, time_s)
-    except TrackError:
+def samples_of(expected: Expected, every_s: float) -> Samples | None:
+    """Return the samples of a moment that stands for so many seconds."""
+    pairs = pairs_of(expected)
+    plain = cases_of(pairs)
+    if not len(plain):
         return None
-    if scene.vehicles < 2 or scene.future is None or scene.future.shape[1] < AHEAD:
-        return None
-    pairs = pairs_of(expected_motion(scene))
-    cases = cases_of(pairs)
-    if not len(cases):
-        return None
+    scene, moving = expected.scene, pairs.initiator < expected.vehicles
+    cases = Watched.of(plain)
     first = slice(None, None, LEVELS)
-    moved, on_line = _recorded_way(scene, pairs.expected.lines)
-    did, known = _done(cases, moved, on_line, scene)
-    responses = [critical_response(cases, happens) for happens in HAPPENS.values()]
+    moved, on_line = _recorded_way(scene, expected.lines)
+    did, known = _done(cases, moved, scene)
+    responses = [_responses(cases, happens) for happens in HAPPENS.values()]
     shape = (len(cases) // LEVELS, LEVELS, len(HAPPENS), -1)
-    response = np.stack(responses, axis=1)
-    left = np.stack([left_at(cases, one) for one in responses], axis=1)
     i, j = pairs.initiator, pairs.responder
-    driven = _driven(cases, moved, scene)
-    usual = _usual(pairs)
-    gap, closing = usual.gap[:, 0], usual.closing[:, 0]
-    with np.errstate(divide="ignore"):
-        surrogate = np.stack(
-            [
-                np.where(np.isfinite(gap), closing / np.maximum(gap, 0.1), 0.0),
-                np.where(np.isfinite(gap), closing**2 / (2 * np.maximum(gap, 0.1)), 0.0),
-                np.where(np.isfinite(gap), scene.now.speed[j] / np.maximum(gap, 0.1), 0.0),
-            ],
-            axis=1,
-        )
+    assert scene.future is not None
+    speeds = np.column_stack([scene.now.speed, scene.future.speed])
+    driven = _motion(pairs, moved[j], (_outlines(scene, i), speeds[i]))
+    overlap = driven.cases.blocked.touches(driven.s)[:, : AHEAD + 1].any(axis=1)
+    usual = _motion(pairs, expected.s[j])
+    gap, speed = np.maximum(usual.gap[:, 0], 0.1), closing(usual)[:, 0]
+    surrogate = np.stack([speed / gap, speed**2 / (2 * gap), scene.now.speed[j] / gap], axis=1)
+    doubts = np.array(doubts_of(pairs, np.arange(len(pairs))), dtype=object)
+    slows = np.diff(expected.speed[:, : AHEAD + 1], axis=1).min(axis=1) / STEP_S
     return Samples(
         moment=np.zeros(len(cases) // LEVELS, dtype=np.int64),
         action=cases.action[first],
         speed=scene.now.speed[i[cases.pair[first]]],
-        follows=leads_and_follows(pairs)[1][i[cases.pair[first]]],
+        slows=slows[i[cases.pair[first]]],
+        follows=contexts(pairs)[cases.pair[first]],
         gap_s=time_gaps(cases)[first],
-        response=response.reshape(shape),
-        left=left.reshape(shape),
+        response=np.stack(responses, axis=1).reshape(shape).astype(np.float32),
+        left=np.stack([left_at(cases, r) for r in responses], axis=1).reshape(shape).astype(np.float32),
         did=did,
         known=known,
-        doubtful=np.array([words is not None for words in doubts_of(pairs, cases.pair[first])]),
+        doubtful=(doubts != None)[cases.pair[first]],  # noqa: E711
         pair=cases.pair[first],
         pair_moment=np.zeros(len(pairs), dtype=np.int64),
         recorded=np.stack([happens(driven) for happens in NEAR.values()], axis=1),
-        usual=np.stack([happens(usual) for happens in NEAR.values()], axis=1),
-        pair_known=on_line[i] & on_line[j],
+        usual=np.stack([_if_varied(usual, happens) for happens in NEAR.values()], axis=1),
+        pair_known=on_line[i] & on_line[j] & moving & (doubts == None) & ~overlap,  # noqa: E711
         surrogate=surrogate,
         seconds=np.array([every_s]),
-        vehicles=np.array([float(scene.vehicles)]),
+        vehicles=np.array([float(expected.vehicles)]),
+        km=np.array([scene.now.speed[: expected.vehicles].sum() * every_s / 1000]),
     )
+
+
+def _if_varied(motion: Motion, happens: Happens) -> BoolArray:
+    """Return (p, 11) whether an event happens with each of `VARIES_MPS2` besides the expected motion."""
+    found = []
+    for a in VARIES_MPS2:
+        speed = np.maximum(motion.speed + a * TIME_S, 0.0)
+        s = motion.s[:, :1] + np.cumsum(speed, axis=1) * STEP_S - speed[:, :1] * STEP_S
+        found.append(happens(motion if a == 0 else replace(motion, s=s, speed=speed)))
+    return np.stack(found, axis=1)
+
+
+def _responses(cases: Cases, happens: Happens) -> FloatArray:
+    """Return R* (m, A); that of near misses is the one at the typical deceleration."""
+    if happens in (contact, hard_contact):
+        return critical_response(cases, happens)
+    found = critical_response(cases, happens, (DECELERATIONS[TYPICAL],))
+    return np.repeat(found, len(DECELERATIONS), axis=1)
 
 
 def _recorded_way(scene: SeedScene, lines: Lines) -> tuple[FloatArray, BoolArray]:
@@ -213,62 +276,176 @@ def _outlines(scene: SeedScene, who: IntArray) -> Rectangles:
     )
 
 
-def _motion(blocked: Blocked, s: FloatArray) -> Motion:
-    return Motion(cases=_Only(blocked), s=s, speed=np.maximum(np.gradient(s, STEP_S, axis=1), 0.0))  # type: ignore[arg-type]
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Watched(Cases):
+    """Cases with what near misses need.
+
+    Attributes:
+        crossed: stretches that crossing initiators blocked in the last second.
+        along: (m, T) speed of initiators along the responders' lines, m/s.
+    """
+
+    crossed: Blocked
+    along: FloatArray
+
+    @classmethod
+    def of(cls, cases: Cases) -> Watched:
+        """Add the stretches to cases."""
+        j = cases.pairs.responder[cases.pair]
+        columns = {field.name: getattr(cases, field.name) for field in fields(Cases)}
+        heading = _line_heading(cases.blocked, cases.pairs.expected.lines, j)
+        along = cases.velocity[..., 0] * np.cos(heading) + cases.velocity[..., 1] * np.sin(heading)
+        return cls(**columns, crossed=_crossed(cases.blocked, heading - cases.outlines.heading), along=along)
+
+    def take(self, index: IntArray) -> Watched:
+        """Select rows by index."""
+        part = super().take(index)
+        columns = {field.name: getattr(part, field.name) for field in fields(Cases)}
+        return Watched(**columns, crossed=self.crossed.take(index), along=self.along[index])
 
 
+def _line_heading(blocked: Blocked, lines: Lines, row: IntArray) -> FloatArray:
+    """Return (m, T) headings of lines where they begin to be blocked."""
+    return lines.at(row, np.where(np.isfinite(blocked.enter), blocked.enter, 0.0))[2]
+
+
+def _crossed(blocked: Blocked, turn: FloatArray) -> Blocked:
+    there = np.isfinite(blocked.enter)
+    crosses = there & (np.abs(np.sin(turn)) > np.sin(CROSSES_RAD))
+    enter, leave = np.where(crosses, blocked.enter, np.inf), np.where(crosses, blocked.leave, -np.inf)
+    for step in range(1, PET_STEPS + 1):
+        at, before = (slice(None), slice(step, None)), (slice(None), slice(None, -step))
+        if step == 1:
+            least, most = enter.copy(), leave.copy()
+        least[at] = np.minimum(least[at], enter[before])
+        most[at] = np.maximum(most[at], leave[before])
+    return Blocked(enter=least, leave=most)
+
+
+@dataclass(frozen=True)
 class _Only:
     """Blocked stretches in the place of cases."""
 
-    def __init__(self, blocked: Blocked) -> None:
-        self.blocked = blocked
+    blocked: Blocked
+    crossed: Blocked
+    along: FloatArray
 
 
-def _driven(cases: Cases, moved: FloatArray, scene: SeedScene) -> Motion:
-    """Return the recorded motion of all pairs."""
-    pairs = cases.pairs
-    j = pairs.responder
-    outlines = _outlines(scene, pairs.initiator)
-    blocked = blocked_stretches(pairs.expected.lines, j, scene.length[j], scene.width[j], outlines)
-    return _motion(blocked, moved[j])
+def _motion(pairs: Pairs, s: FloatArray, driven: tuple[Rectangles, FloatArray] | None = None) -> Motion:
+    """Return the motion of all pairs' responders, against driven outlines and speeds if given."""
+    i, j, expected = pairs.initiator, pairs.responder, pairs.expected
+    blocked, lines, scene = pairs.blocked, expected.lines, expected.scene
+    turned, speed_i = lines.at(i, expected.s[i])[2], expected.speed[i]
+    if driven is not None:
+        turned, speed_i = driven[0].heading, driven[1]
+        blocked = blocked_stretches(lines, j, scene.length[j], scene.width[j], driven[0])
+    turn = _line_heading(blocked, lines, j) - turned
+    only = _Only(blocked, _crossed(blocked, turn), speed_i * np.cos(turn))
+    speed = np.maximum(np.gradient(s, STEP_S, axis=1), 0.0)
+    return Motion(cases=only, s=s, speed=speed)  # type: ignore[arg-type]
 
 
-def _usual(pairs: Pairs) -> Motion:
-    return _motion(pairs.blocked, pairs.expected.s[pairs.responder])
-
-
-def _done(
-    cases: Cases, moved: FloatArray, on_line: BoolArray, scene: SeedScene
-) -> tuple[FloatArray, BoolArray]:
+def _done(cases: Cases, moved: FloatArray, scene: SeedScene) -> tuple[FloatArray, BoolArray]:
     """Return (n,) the value of the parameter with which each initiator did it, NaN if not; and if known."""
     pairs, first = cases.pairs, slice(None, None, LEVELS)
     pair, action = cases.pair[first], cases.action[first]
     i, j = pairs.initiator[pair], pairs.responder[pair]
     done = np.full(len(pair), np.nan)
-    assert scene.future_valid is not None
+    assert scene.future is not None and scene.future_valid is not None
     known = scene.future_valid[i, :AHEAD].all(axis=1)
-    speed = scene.now.speed[i]
     begun = BEGINS * STEP_S
-    gained = moved[i, BEGINS] - speed * begun
+    gained = moved[i, BEGINS] - scene.now.speed[i] * begun
     # It is in the responder's way before that one is there.
     expected = pairs.expected
     outlines = _outlines(scene, i)
     blocked = blocked_stretches(expected.lines, j, scene.length[j], scene.width[j], outlines)
-    first_there = ((blocked.enter < np.inf) & (moved[j] < blocked.enter)).any(axis=1)
+    there = (blocked.enter < np.inf) & (moved[j] < blocked.enter)
+    first_there = there.any(axis=1)
+    speeds = np.column_stack([scene.now.speed, scene.future.speed[:, :AHEAD]])[i]
+    lost = (speeds[:, :-MEAN_STEPS] - speeds[:, MEAN_STEPS:]).max(axis=1) / (MEAN_STEPS * STEP_S)
+    done[action == BRAKES] = np.maximum(lost, 0.0)[action == BRAKES]
     goes = (action == GOES_ON) & first_there & (gained > -0.5)
     done[goes] = np.maximum(2 * gained[goes] / begun**2, 0.0)
-    lines, future = expected.lines, scene.future
-    assert future is not None
-    off = []
-    for step in (0, AHEAD - 1):
-        x, y = (scene.now.x[i], scene.now.y[i]) if step == 0 else (future.x[i, step], future.y[i, step])
-        nearest = np.argmin((lines.x[j] - x[:, None]) ** 2 + (lines.y[j] - y[:, None]) ** 2, axis=1)
-        heading = lines.heading[j, nearest]
-        off.append(np.cos(heading) * (y - lines.y[j, nearest]) - np.sin(heading) * (x - lines.x[j, nearest]))
-    came = np.abs(off[0]) - np.abs(off[1])
-    side = (action >= CUTS_IN) & (came > CAME_M) & first_there
+    off = np.stack([_beside(expected.lines, scene, i, j, step) for step in range(AHEAD)], axis=1)
+    came = np.abs(off[:, 0]) - np.abs(off[:, -1])
+    side = ((action == CUTS_IN) | (action == DRIFTS)) & (came > CAME_M) & first_there
     done[side] = came[side] / (AHEAD * STEP_S) * 1.5  # mean over the change; the most is some 1.5 times that
+    # Who steps out before the other one has begun to yield.
+    at = np.argmax(there, axis=1).clip(1, AHEAD - 1)
+    each = np.arange(len(at))
+    drives = moved[j, at] > expected.s[j, at] - CAME_M
+    steps = (action == STEPS_OUT) & there[:, :AHEAD].any(axis=1) & drives
+    fast = (np.abs(off[:, 0]) - np.abs(off[each, at])) / (at * STEP_S)
+    done[steps] = np.maximum(fast[steps], ACTIONS[STEPS_OUT].values[0])
     return done, known
+
+
+def _beside(lines: Lines, scene: SeedScene, i: IntArray, j: IntArray, step: int) -> FloatArray:
+    """Return (n,) recorded offsets of initiators from the responders' lines after some steps, m."""
+    assert scene.future is not None
+    at = scene.now if step == 0 else scene.future[:, step - 1]
+    x, y = at.x[i], at.y[i]
+    nearest = np.argmin((lines.x[j] - x[:, None]) ** 2 + (lines.y[j] - y[:, None]) ** 2, axis=1)
+    heading = lines.heading[j, nearest]
+    return np.asarray(
+        np.cos(heading) * (y - lines.y[j, nearest]) - np.sin(heading) * (x - lines.x[j, nearest])
+    )
+
+
+def dut_moments(file: Path, every_s: float) -> list[Expected]:
+    """Return moments of a clip of VCI-DUT, by its file of vehicles; they are expected to drive straight."""
+    users = []
+    for kind, name in (("veh", file), ("ped", file.with_name(file.name.replace("_veh", "_ped")))):
+        rows = np.genfromtxt(name, delimiter=",", names=True, usecols=range(7) if kind == "veh" else None)
+        rows = rows[np.argsort(rows["frame"], kind="stable")]
+        for number in np.unique(rows["id"]):
+            one = rows[rows["id"] == number]
+            motion = (one["psi_est"], one["vel_est"]) if kind == "veh" else (one["vx_est"], one["vy_est"])
+            if kind == "ped":
+                motion = np.arctan2(motion[1], motion[0]), np.hypot(*motion)
+            columns = np.stack([one["x_est"], one["y_est"], np.unwrap(motion[0]), motion[1]])
+            users.append((kind == "veh", one["frame"] / DUT_HZ, columns))
+    end = max(time[-1] for _, time, _ in users)
+    found = [_dut_moment(users, t) for t in np.arange(1.0, end - AHEAD * STEP_S, every_s)]
+    return [one for one in found if one is not None]
+
+
+def dut_samples(data: Path, cache: Path, every_s: float) -> None:
+    """Write the samples of each clip of VCI-DUT."""
+    cache.mkdir(parents=True, exist_ok=True)
+    for file in sorted(data.glob("*_veh.csv.gz")):
+        found = [part for one in dut_moments(file, every_s) if (part := samples_of(one, every_s))]
+        if found:
+            Samples.joined(found).save(cache / f"{file.name.partition('_veh')[0]}.npz")
+
+
+def _dut_moment(users: list[tuple[bool, FloatArray, FloatArray]], now_s: float) -> Expected | None:
+    times = now_s + STEP_S * np.arange(-HISTORY_STEPS, AHEAD + 1)
+    here = [user for user in users if user[1][0] <= times[0] and user[1][-1] >= now_s + STEP_S]
+    here.sort(key=lambda user: not user[0])
+    vehicles = sum(user[0] for user in here)
+    if vehicles in (0, len(here)):
+        return None
+    values = np.stack([[np.interp(times, time, column) for column in rows] for _, time, rows in here])
+    x, y, heading, speed = values.swapaxes(0, 1)
+    whole = States(x=x, y=y, heading=heading, speed=speed)
+    size = np.array([CAR_M if user[0] else PERSON_M for user in here])
+    scene = SeedScene(
+        name="dut",
+        location="dut",
+        time_s=now_s,
+        track_ids=np.where(np.arange(len(here)) < vehicles, np.arange(len(here)), -1),
+        types=tuple("car" if user[0] else "pedestrian" for user in here),
+        length=size[:, 0],
+        width=size[:, 1],
+        history=whole[:, : HISTORY_STEPS + 1],
+        recorded_steps=np.full(len(here), HISTORY_STEPS),
+        future=whole[:, HISTORY_STEPS + 1 :],
+        future_valid=np.stack([times[HISTORY_STEPS + 1 :] <= user[1][-1] for user in here]),
+    )
+    moves = scene.now.speed[:, None] * np.ones(len(TIME_S))
+    lines = Lines.straight(scene.now, 200.0)
+    return Expected(scene=scene, vehicles=vehicles, lines=lines, s=moves * TIME_S, speed=moves)
 
 
 def collected(
@@ -277,10 +454,12 @@ def collected(
     """Yield name and samples of recordings, kept in a folder; every so many of them from a part on."""
     cache.mkdir(parents=True, exist_ok=True)
     for recording in find_recordings([data])[part::parts]:
-        file = cache / f"{recording.name}.npz"
+        file, motions = (cache / f"{recording.name}.{end}" for end in ("npz", "pickle"))
+        if not motions.is_file():
+            motions.write_bytes(dumps(expected_of(load_recording(recording), every_s)))
         if not file.is_file():
-            found = samples_of(load_recording(recording), every_s)
-            if found is None:
+            found = [part for one in loads(motions.read_bytes()) if (part := samples_of(one, every_s))]
+            if not found:
                 continue
-            found.save(file)
+            Samples.joined(found).save(file)
         yield recording.name, Samples.read(file)

@@ -41,6 +41,9 @@ MASSES_KG: Final = {
 CURVES: Final = {"mais2": (-5.1331, 0.1479), "mais3": (-6.9540, 0.1637), "fatal": (-8.9819, 0.1603)}
 """Intercept and slope per mph of the logistic curve of an occupant's injury, by level."""
 
+STRUCK: Final = (33.0, 0.1418)
+"""Speed at which half of the pedestrians are injured severely, mph, and slope of the curve per mph."""
+
 COVERED: Final = frozenset(("car", "van"))
 """Types whose occupants the curves were fitted to; for others P(MAIS 3+) is undefined."""
 
@@ -100,6 +103,16 @@ def injury_probability(delta_v: FloatArray, level: str = "mais3") -> FloatArray:
     """Return the probability of an occupant's injury by the speed change in m/s; ``level`` of `CURVES`."""
     intercept, slope = CURVES[level]
     return np.asarray(1.0 / (1.0 + np.exp(-(intercept + slope * np.asarray(delta_v) / MPH))))
+
+
+def struck_injury_probability(speed: FloatArray) -> FloatArray:
+    """Return the probability of a severe injury (AIS 4+) of a pedestrian by the impact speed in m/s.
+
+    Of a pedestrian hit by a car or light truck 10, 25, 50, 75 and 90 % are injured so at 17.1, 24.9, 33.0,
+    40.8 and 48.1 mph (Tefft 2013); a logistic curve through these. MAIS 3+ is more frequent.
+    """
+    middle, slope = STRUCK
+    return np.asarray(1.0 / (1.0 + np.exp(-slope * (np.asarray(speed) / MPH - middle))))
 
 
 def severity_of(

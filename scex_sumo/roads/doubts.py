@@ -23,8 +23,14 @@ TOWED_S: Final = 0.15
 TOWED_MPS: Final = 3.0
 
 
-def doubts_of(scene: SeedScene, one: IntArray, other: IntArray) -> list[str | None]:
-    """Return why the data of pairs of vehicles, (n,) indices, are doubtful; None where they are not."""
+def doubts_of(
+    scene: SeedScene, one: IntArray, other: IntArray, *, vehicles: int | None = None
+) -> list[str | None]:
+    """Return why the data of pairs of vehicles, (n,) indices, are doubtful; None where they are not.
+
+    Args:
+        vehicles: how many of the scene's vehicles are some; the rest are people, beside the lanes.
+    """
     off, leaves = _off_lanes(scene), _leaves(scene)
     near, overlap = _near(scene, one, other)
     found = []
@@ -37,7 +43,7 @@ def doubts_of(scene: SeedScene, one: IntArray, other: IntArray) -> list[str | No
         for v in (a, b):
             track = int(scene.track_ids[v])
             reasons += [
-                (off[v], f"{track} is off the mapped lanes"),
+                (off[v] and (vehicles is None or v < vehicles), f"{track} is off the mapped lanes"),
                 (scene.recorded_steps[v] < HISTORY_STEPS, f"{track} is recorded for less than a second"),
                 (leaves[v], f"{track} leaves the recording within a second"),
             ]

@@ -10,7 +10,15 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
-from scex_sumo.results.outcomes import MASSES_KG, Severity, injury_probability, masses, severity_of
+from scex_sumo.results.outcomes import (
+    MASSES_KG,
+    MPH,
+    Severity,
+    injury_probability,
+    masses,
+    severity_of,
+    struck_injury_probability,
+)
 from scex_sumo.road import Lane, Regulation, Road
 from tests.metrics.straight import straight
 
@@ -137,3 +145,8 @@ def test_a_type_without_a_mass_leaves_the_speed_changes_undefined() -> None:
     vehicles = {"speed": 10.0}, {"x": 40, "heading": math.pi, "speed": 10.0}
     _, found = severity(*vehicles, types=("car", "bicycle"))
     assert np.isnan([found.delta_v, found.delta_v_other, found.p_mais3, found.p_mais3_other]).all()
+
+
+def test_severe_injuries_of_pedestrians_are_those_of_tefft() -> None:
+    speed = np.array([17.1, 24.9, 33.0, 40.8, 48.1]) * MPH
+    assert struck_injury_probability(speed) == pytest.approx([0.1, 0.25, 0.5, 0.75, 0.9], abs=0.015)

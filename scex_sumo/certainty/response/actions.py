@@ -1,4 +1,4 @@
-"""Actions of an initiator: it brakes, goes on where it has to wait, cuts in, or drifts over the line.
+"""Actions of an initiator: brakes, goes on where it has to wait, cuts in, drifts over the line, steps out.
 
 Each action has one parameter with ten values. It begins at the seed moment. It shows from its onset on.
 """
@@ -33,7 +33,7 @@ class Action:
     words: str
 
 
-BRAKES, GOES_ON, CUTS_IN, DRIFTS = range(4)
+BRAKES, GOES_ON, CUTS_IN, DRIFTS, STEPS_OUT = range(5)
 ACTIONS: Final = (
     Action(
         name="brakes",
@@ -59,11 +59,21 @@ ACTIONS: Final = (
         values=tuple(np.linspace(0.1, 1.0, 10).round(2).tolist()),
         words="drifts over with {} m/s to the side or more",
     ),
+    Action(
+        name="steps out",
+        unit="m/s",
+        values=tuple(np.linspace(1.0, 2.5, 10).round(2).tolist()),
+        words="steps out within 2 s, with {} m/s or more",
+    ),
 )
 LEVELS: Final = 10
 
+STEPS_AT_S: Final = (0.2, 1.2, 0.7, 1.7, 0.45, 1.45, 0.95, 1.95, 0.08, 1.08)
+"""Times at which people step out with each of the ten speeds: both fill their ranges evenly."""
 SHOWN_M: Final = 0.375
 """Way to the side after which a cut-in shows (UN Regulation 157)."""
+GRAZE_M: Final = 0.3
+"""Overlap of the widths that is no contact: lines are not better known, and one moves aside so far."""
 COMFORT_MPS2: Final = 3.0
 """A vehicle goes on from where it can no longer stop with this deceleration."""
 
@@ -77,6 +87,7 @@ _BESIDE_M = -6.0  # along it, least place of its centre
 _PARALLEL_RAD, _OPPOSED_RAD = np.deg2rad(20.0), np.deg2rad(150.0)
 _FOLLOWS = (8.0, 2.0)  # a leader within 8 m + 2 s is followed
 _NEAR_M = 6.0  # between lines
+_OUTSIDE_M = 0.3  # least free way between a person and the responder's lane of motion
 _COARSE = 3  # every such sample of a line
 _PAIRS_AT_ONCE = 64  # fits the processor's cache
 
@@ -146,6 +157,7 @@ def pairs_of(expected: Expected) -> Pairs:
     inside = ahead <= reach[:, None]
     size = (np.hypot(expected.scene.length, expected.scene.width) / 2).max(initial=0.0)
     near = _boxes_meet(x, y, inside, _NEAR_M + size)
+    near[:, expected.vehicles :] = False
     i, j = np.nonzero(near & ~np.eye(len(x), dtype=np.bool_))
     points = np.stack([x - x.mean(), y - y.mean()], axis=-1)
     square = np.where(inside, (points**2).sum(axis=-1), np.inf)
@@ -186,9 +198,11 @@ def cases_of(pairs: Pairs, only: BoolArray | None = None) -> Cases:
     s = np.where(kind == BRAKES, np.minimum(v0 * braking - strength * braking**2 / 2, expected), expected)
     s = np.where(kind == GOES_ON, np.maximum(gone, expected), s)
     off, _, turn = (values[pair][:, None] for values in _offset(pairs))
-    left = -np.sign(off) * np.where(turn < np.pi / 2, 1.0, -1.0)  # of the initiator, towards the line
-    aside = np.where(kind >= CUTS_IN, left * np.minimum(strength * TIME_S, np.abs(off)), 0.0)
+    left = -np.sign(off) * np.where(np.abs(turn) < np.pi / 2, 1.0, -1.0)  # of the initiator, towards the line
+    beside = (kind == CUTS_IN) | (kind == DRIFTS)
+    aside = np.where(beside, left * np.minimum(strength * TIME_S, np.abs(off)), 0.0)
     outlines = _outlines(pairs.expected, who, s, aside)
+    _step_out(outlines, pairs, pair, value, np.flatnonzero(action == STEPS_OUT))
     blocked = _blocked(pairs.expected, pairs.responder[pair], outlines)
     return Cases(
         pairs=pairs,
@@ -202,9 +216,31 @@ def cases_of(pairs: Pairs, only: BoolArray | None = None) -> Cases:
     )
 
 
+def _step_out(outlines: Rectangles, pairs: Pairs, pair: IntArray, value: FloatArray, when: IntArray) -> None:
+    """Let people cross the responders' lines in rows ``when``, from `STEPS_AT_S` on, in place."""
+    now, i = pairs.expected.scene.now, pairs.initiator[pair[when]]
+    off, _, turn = (values[pair[when]] for values in _offset(pairs))
+    across = (now.heading[i] - turn - np.sign(off) * np.pi / 2)[:, None]
+    begin = np.resize(STEPS_AT_S, len(when))[:, None]
+    before, after = np.minimum(TIME_S, begin), np.maximum(TIME_S - begin, 0.0) * value[when, None]
+    heading, walked = now.heading[i, None], now.speed[i, None] * before
+    outlines.x[when] = now.x[i, None] + walked * np.cos(heading) + after * np.cos(across)
+    outlines.y[when] = now.y[i, None] + walked * np.sin(heading) + after * np.sin(across)
+    outlines.heading[when] = np.where(after > 0, across, heading)
+
+
+def contexts(pairs: Pairs) -> BoolArray:
+    """Return whether (n,) initiators follow a leader; of people, whether they approach with 0.5 m/s."""
+    off, _, turn = _offset(pairs)
+    i, scene = pairs.initiator, pairs.expected.scene
+    approaches = -np.sign(off) * np.sin(turn) * scene.now.speed[i] > _MOVING_MPS
+    return np.asarray(np.where(i < pairs.expected.vehicles, leads_and_follows(pairs)[1][i], approaches))
+
+
 def _possible(pairs: Pairs) -> list[BoolArray]:
     """Return for each action the (n,) pairs in which it can happen."""
     expected, i, j = pairs.expected, pairs.initiator, pairs.responder
+    walks = i >= expected.vehicles
     speed, soon = expected.scene.now.speed, slice(0, _HORIZON + 1)
     enter, own = pairs.blocked.enter, expected.s[j]
     ahead = np.isfinite(enter) & (enter + pairs.blocked.leave.clip(-1e9) > 2 * own)
@@ -213,16 +249,21 @@ def _possible(pairs: Pairs) -> list[BoolArray]:
     waits = expected.s[i, _HORIZON] < np.maximum(speed[i] * TIME_S[_HORIZON], 2 * _WAITS_M) - _WAITS_M
     goes_on = waits & ~follows[i] & ~ahead[:, 0]
     off, along, turn = _offset(pairs)
+    turn = np.abs(turn)
     aside = (np.abs(off) >= _ASIDE_M[0]) & (np.abs(off) <= _ASIDE_M[1]) & (speed[i] > _MOVING_MPS)
     aside &= ~np.isfinite(enter[:, soon]).any(axis=1) & (along > _BESIDE_M)
-    return [brakes, goes_on, aside & (turn < _PARALLEL_RAD), aside & (turn > _OPPOSED_RAD)]
+    sides = [aside & (turn < _PARALLEL_RAD), aside & (turn > _OPPOSED_RAD)]
+    size = (expected.scene.width[j] + np.hypot(expected.scene.length[i], expected.scene.width[i])) / 2
+    outside = (np.abs(off) > size + _OUTSIDE_M) & (np.abs(off) < _NEAR_M) & (along > 0)
+    return [*(mask & ~walks for mask in (brakes, goes_on, *sides)), outside & walks]
 
 
 def leads_and_follows(pairs: Pairs) -> tuple[BoolArray, BoolArray]:
     """Return whether (n,) initiators lead their responders now, and whether (V,) vehicles follow one."""
     expected = pairs.expected
     enter, leave = pairs.blocked.enter[:, 0], pairs.blocked.leave[:, 0]
-    enter = np.where(enter + leave.clip(-1e9) > 0, enter, np.inf)
+    ahead = (enter + leave.clip(-1e9) > 0) & (pairs.initiator < expected.vehicles)
+    enter = np.where(ahead, enter, np.inf)
     least = np.full(expected.scene.vehicles, np.inf)
     np.minimum.at(least, pairs.responder, enter)
     leads = np.isfinite(enter) & (enter <= least[pairs.responder])
@@ -230,14 +271,14 @@ def leads_and_follows(pairs: Pairs) -> tuple[BoolArray, BoolArray]:
 
 
 def _offset(pairs: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n,) offset of initiators from responders' lines, m, place along them, and size of the turn."""
+    """Return (n,) offset of initiators from responders' lines, m, place along them, and turn against them."""
     lines, now = pairs.expected.lines, pairs.expected.scene.now
     x, y, i, j = lines.x, lines.y, pairs.initiator, pairs.responder
     nearest = np.argmin((x[j] - now.x[i, None]) ** 2 + (y[j] - now.y[i, None]) ** 2, axis=1)
     heading = lines.heading[j, nearest]
     dx, dy = now.x[i] - x[j, nearest], now.y[i] - y[j, nearest]
     off = np.cos(heading) * dy - np.sin(heading) * dx
-    return off, lines.start[j] + nearest * lines.spacing_m, np.abs(wrap(now.heading[i] - heading))
+    return off, lines.start[j] + nearest * lines.spacing_m, wrap(now.heading[i] - heading)
 
 
 def _outlines(
@@ -256,12 +297,13 @@ def _outlines(
 
 def _blocked(expected: Expected, responder: IntArray, outlines: Rectangles) -> Blocked:
     length, width = expected.scene.length[responder], expected.scene.width[responder]
-    return blocked_stretches(expected.lines, responder, length, width, outlines)
+    return blocked_stretches(expected.lines, responder, length, width - GRAZE_M, outlines)
 
 
 def _onset(action: IntArray, value: FloatArray, s: FloatArray, blocked: Blocked) -> FloatArray:
     """Return (m,) times from which actions show, s."""
     aside = SHOWN_M / value.clip(1e-9)
+    aside = aside + np.where(action == STEPS_OUT, np.resize(STEPS_AT_S, len(value)), 0.0)
     speed = np.gradient(s, STEP_S, axis=1)
     meets = np.isfinite(blocked.enter)
     first = np.argmax(meets, axis=1)

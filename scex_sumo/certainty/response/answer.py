@@ -20,7 +20,7 @@ from scex_sumo.certainty.response.actions import (
     Cases,
     Pairs,
     cases_of,
-    leads_and_follows,
+    contexts,
     pairs_of,
 )
 from scex_sumo.certainty.response.critical import (
@@ -37,7 +37,8 @@ from scex_sumo.certainty.response.expected import expected_motion
 from scex_sumo.certainty.response.maps import MAPPED, maps_of
 from scex_sumo.certainty.response.people import People, later_than, people_of, probabilities
 from scex_sumo.certainty.response.room import Meeting, needed_braking, needed_swerve, time_to_react
-from scex_sumo.results.outcomes import injury_probability, masses
+from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.results.outcomes import injury_probability, masses, struck_injury_probability
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of as scene_doubts
 from scex_sumo.roads.matching import match
@@ -51,7 +52,7 @@ MOTIONS: Final = "the expected motions"
 UNPROTECTED_KG: Final = 80.0
 """Mass of people without a mass in `MASSES_KG`: pedestrians, cyclists."""
 
-TOLD: Final = 1e-6
+TOLD: Final = 1e-7
 """Probability from which a row is told."""
 _LEAST = 1e-9  # probability of a row
 
@@ -93,7 +94,8 @@ def _of_cases(cases: Cases, people: People) -> tuple[pa.Table, dict[str, Any]]:
         return SCHEMA.empty_table(), {}
     columns, kept, response, often = _columns(cases, people)
     table = pa.table([pa.array(list(columns[field.name]), field.type) for field in SCHEMA], schema=SCHEMA)
-    told = [(number, row) for number, row in enumerate(table.to_pylist()) if row["probability"] >= TOLD]
+    rows = enumerate(table.to_pylist())
+    told = [(k, row) for k, row in rows if row["probability"] >= TOLD and row["person"] is None]
     told.sort(key=lambda one: one[1]["doubt"] is not None)
     return table, maps_of(people, kept, response, often, dict(told[:MAPPED])) if told else {}
 
@@ -102,6 +104,7 @@ SCHEMA: Final = pa.schema(
     [
         ("track_id", pa.int64()),  # of the initiator
         ("other_id", pa.int64()),  # of the responder
+        ("person", pa.string()),  # the initiator if it is no vehicle; its track_id is negative
         ("action", pa.string()),
         ("value", pa.float64()),
         ("frequency", pa.float64()),
@@ -141,7 +144,7 @@ def _columns(cases: Cases, people: People) -> tuple[dict[str, Any], Cases, Float
     late = later_than(people, cases, critical_response(cases, hard_contact))
     others = [later_than(people.slower(factor), cases, response) for factor in _either(people)]
     spread = [probabilities(often, one, kinds) for one in others]
-    counts = often >= np.minimum(frequency, SELDOM)[:, None]
+    counts = often >= np.minimum(frequency, SELDOM)[:, None] * (1 - 1e-9)  # sums of shares are rounded
     careful = by_action(response[:, -1]) >= CAREFUL_S
     scene = pairs.expected.scene
     hard = np.minimum(probabilities(often, late, kinds), value)
@@ -149,6 +152,7 @@ def _columns(cases: Cases, people: People) -> tuple[dict[str, Any], Cases, Float
     columns = {
         "track_id": scene.track_ids[pairs.initiator[worst.pair]],
         "other_id": scene.track_ids[pairs.responder[worst.pair]],
+        "person": [_person(scene, track) for track in scene.track_ids[pairs.initiator[worst.pair]]],
         "action": [ACTIONS[kind].name for kind in kinds],
         "value": worst.value,
         "frequency": frequency,
@@ -165,13 +169,20 @@ def _columns(cases: Cases, people: People) -> tuple[dict[str, Any], Cases, Float
     return columns, cases, response, often
 
 
+def _person(scene: SeedScene, track: int) -> str | None:
+    """Return kind and name of a pedestrian or cyclist by its negative id; None for a vehicle."""
+    if track >= 0 or scene.obstacles is None:
+        return None
+    return f"{road_user(scene.obstacles.types[-1 - track])} {scene.obstacles.ids[-1 - track]}"
+
+
 def _often(cases: Cases, people: People, response_s: FloatArray) -> FloatArray:
     pairs = cases.pairs
     who = pairs.initiator[cases.pair[::LEVELS]]
     return people.often(
         action=cases.action[::LEVELS],
         speed=pairs.expected.scene.now.speed[who],
-        follows=leads_and_follows(pairs)[1][who],
+        follows=contexts(pairs)[cases.pair[::LEVELS]],
         response_s=by_action(response_s[:, TYPICAL]),
     )
 
@@ -216,8 +227,8 @@ def _impact(cases: Cases, response_s: FloatArray, people: People, hard: FloatArr
     """Return the impact at the median of too late responses: columns of `SCHEMA`.
 
     It is plastic. ``delta_v`` is that of the vehicle whose speed it changes more; ``expected_mais3`` counts
-    one occupant in each, unprotected people by the curve of occupants, and hard contacts only, which have
-    the probability ``hard`` and at least `HARD_MPS`: the curve was fitted to crashes, not to touches.
+    one occupant in each, people on foot or bicycle by the curve of pedestrians, and hard contacts only, which
+    have the probability ``hard`` and at least `HARD_MPS`: the curves were fitted to crashes, not to touches.
     """
     scene = cases.pairs.expected.scene
     assert scene.road is not None
@@ -227,11 +238,13 @@ def _impact(cases: Cases, response_s: FloatArray, people: People, hard: FloatArr
     mass = np.nan_to_num(masses(scene.types, scene.length), nan=UNPROTECTED_KG)
     share = np.stack([mass[j], mass[i]]) / (mass[i] + mass[j])
     row, first = np.arange(len(cases)), np.argmax(motion.cases.blocked.touches(motion.s), axis=1)
+    fast = np.maximum(speed, HARD_MPS)
+    occupants, struck = injury_probability(share * fast).sum(axis=0), struck_injury_probability(fast)
     x, y, _ = cases.pairs.expected.lines.at(j, motion.s[row, first])
     middle = np.stack([x + cases.outlines.x[row, first], y + cases.outlines.y[row, first]], axis=1) / 2
     return {
         "delta_v": share.max(axis=0) * speed,
-        "expected_mais3": hard * injury_probability(share * np.maximum(speed, HARD_MPS)).sum(axis=0),
+        "expected_mais3": hard * np.where(i < cases.pairs.expected.vehicles, occupants, struck),
         "time_s": TIME_S[first],
         "kind": places_of(scene.road, middle),
     }
@@ -279,13 +292,14 @@ def _sides(road: Road, lane_id: int, width: float) -> tuple[float, float]:
 def doubts_of(pairs: Pairs, rows: IntArray) -> list[str | None]:
     """Return why pairs at indices (m,) are doubtful, their data or `MOTIONS`; None where they are not."""
     scene, one, other = pairs.expected.scene, pairs.initiator[rows], pairs.responder[rows]
-    meet = pairs.blocked.touched(pairs.expected.s[pairs.responder])[rows].tolist()
-    found = scene_doubts(scene, one, other)
+    meet = pairs.blocked.touched(pairs.expected.s[pairs.responder])[rows]
+    meet &= one < pairs.expected.vehicles  # people wait at the kerb, or step out
+    found = scene_doubts(scene, one, other, vehicles=pairs.expected.vehicles)
     both = zip(scene.track_ids[one].tolist(), scene.track_ids[other].tolist(), strict=True)
     words = (f"{MOTIONS} of {a} and {b} overlap" for a, b in map(sorted, both))
     return [
         doubt or (overlap if is_so else None)
-        for doubt, overlap, is_so in zip(found, words, meet, strict=True)
+        for doubt, overlap, is_so in zip(found, words, meet.tolist(), strict=True)
     ]
 
 

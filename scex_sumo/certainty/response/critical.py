@@ -14,7 +14,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.certainty.response.actions import LEVELS, TIME_S, Cases
-from scex_sumo.scene import STEP_S
 
 JERK_MPS3: Final = 12.65
 """Of a braking response (UN Regulation 157)."""
@@ -50,13 +49,6 @@ class Motion:
         """(m, T) way until contact, m; inf where the initiator blocks nothing ahead."""
         blocked = self.cases.blocked
         return np.where(self.s < blocked.leave, blocked.enter - self.s, np.inf)
-
-    @property
-    def closing(self) -> FloatArray:
-        """(m, T) speed at which the gap shrinks, m/s."""
-        with np.errstate(invalid="ignore"):
-            shrinks = -np.diff(self.gap, axis=1, append=np.inf) / STEP_S
-        return np.where(np.isfinite(shrinks), np.maximum(shrinks, 0.0), 0.0)
 
     def impact(self) -> tuple[BoolArray, FloatArray]:
         """Return (m,) whether there is contact, and the relative speed at it, m/s."""
@@ -116,16 +108,18 @@ def responded(cases: Cases, response_s: FloatArray, deceleration: float) -> Moti
     )
 
 
-def critical_response(cases: Cases, happens: Happens = contact) -> FloatArray:
-    """Return R* (m, A): the largest response time without the event, for each of `DECELERATIONS`, s.
+def critical_response(
+    cases: Cases, happens: Happens = contact, decelerations: tuple[float, ...] = DECELERATIONS
+) -> FloatArray:
+    """Return R* (m, A): the largest response time without the event, for each deceleration, s.
 
     To 0.05 s; -inf where the event happens at once, inf where it never does.
     """
-    found = np.full((len(cases), len(DECELERATIONS)), np.inf)
+    found = np.full((len(cases), len(decelerations)), np.inf)
     never = np.full(len(cases), 2 * TIME_S[-1])
-    rows = np.flatnonzero(happens(responded(cases, never, DECELERATIONS[0])))
+    rows = np.flatnonzero(happens(responded(cases, never, decelerations[0])))
     part = cases.take(rows)
-    for column, deceleration in enumerate(DECELERATIONS):
+    for column, deceleration in enumerate(decelerations):
         low, high = np.zeros(len(rows)), np.full(len(rows), LATEST_S)
         hopeless = happens(responded(part, low, deceleration))
         for _ in range(_BISECTIONS):

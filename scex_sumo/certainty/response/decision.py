@@ -18,11 +18,11 @@ from scex_sumo.certainty.response.answer import MOTIONS, either, once_in
 from scex_sumo.certainty.response.usual import USUAL, Population, usual_columns, usual_of
 from scex_sumo.results.extras import DOUBTFUL, NOTHING, TEST, Decision
 
-HARD: Final = 1e-3
+HARD: Final = 1e-4
 """P of a contact at 4 m/s or more from which a pair is tested."""
-UNAVOIDED: Final = 1e-4
+UNAVOIDED: Final = 1e-5
 """The same if a careful and competent driver does not always avoid it."""
-SEVERE: Final = 1e-5
+SEVERE: Final = 1e-6
 """Expected severe injuries (MAIS 3+) from which a pair is tested."""
 
 
@@ -53,7 +53,7 @@ class PairResponse:
     @property
     def arrow(self) -> str:
         """The pair in words."""
-        return "{} → {}".format(*self.pair)
+        return f"{self.row['other_id']} → {self.row.get('person') or self.row['track_id']}"
 
     @property
     def has_doubtful_data(self) -> bool:

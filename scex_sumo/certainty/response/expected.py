@@ -1,13 +1,13 @@
 """Expected motion of a seed scene: each vehicle's most likely line, and how far along it the vehicle will be.
 
 The expected driver is the human-like one without spread and glances. Beyond its plan of 3 s a vehicle goes on
-along its path at the last speed.
+along its path at the last speed. Pedestrians and cyclists keep their velocity.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -19,7 +19,8 @@ from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.certainty.response.blocked import Lines
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
+from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 DRIVER: Final = "likely_driver:spread=0:inattention=0"
 STEPS: Final = 80
@@ -29,19 +30,23 @@ _DRAWS = 5  # of the path; the line in the middle of them is the expected one
 _SPACING_M = 1.0
 _BACK_M = 10.0
 _BEYOND_M = 10.0  # of the way at kept speed
+_WALKING = ("pedestrian", "bicycle")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Expected:
-    """Expected motion of the V vehicles of a seed scene.
+    """Expected motion of the V vehicles of a seed scene, and of the people beside them.
 
     Attributes:
-        lines: (V,) of centres; arc length 0 at the seed moment.
-        s: (V, T) arc length now, after 0.1 s, ..., m.
-        speed: (V, T) m/s.
+        scene: with people as its last vehicles; their ids are -1, -2, ... by their place in the obstacles.
+        vehicles: V.
+        lines: (V + P,) of centres; arc length 0 at the seed moment.
+        s: (V + P, T) arc length now, after 0.1 s, ..., m.
+        speed: (V + P, T) m/s.
     """
 
     scene: SeedScene
+    vehicles: int
     lines: Lines
     s: FloatArray
     speed: FloatArray
@@ -70,11 +75,54 @@ def expected_motion(scene: SeedScene) -> Expected:
     s = np.column_stack([np.zeros(scene.vehicles), np.cumsum(moved, axis=1)])
     later = STEP_S * np.arange(1, STEPS - PLAN_STEPS + 1)
     speed = np.maximum(speed, 0.0)
-    return Expected(
+    driven = Expected(
         scene=scene,
+        vehicles=scene.vehicles,
         lines=_lines(scene, paths, x, y, s),
         s=np.column_stack([s, s[:, -1:] + speed[:, -1:] * later]),
         speed=np.column_stack([speed, np.repeat(speed[:, -1:], len(later), axis=1)]),
+    )
+    return with_people(driven)
+
+
+def with_people(driven: Expected) -> Expected:
+    """Return the expected motion of vehicles and of the pedestrians and cyclists of their scene."""
+    scene, others = driven.scene, driven.scene.obstacles
+    around = () if others is None else np.flatnonzero(others.present[:, HISTORY_STEPS])
+    people = [k for k in around if road_user(others.types[k]) in _WALKING] if others is not None else []
+    if others is None or not people:
+        return driven
+    count, now, valid = len(people), HISTORY_STEPS + 1, scene.future_valid
+    states, present = others.states[np.array(people)], others.present[people]
+    past, after = states[:, :now], slice(now, now if scene.future is None else now + scene.future.shape[1])
+    joined = replace(
+        scene,
+        track_ids=np.concatenate([scene.track_ids, -1 - np.array(people)]),
+        types=(*scene.types, *(others.types[k] for k in people)),
+        length=np.concatenate([scene.length, others.length[people]]),
+        width=np.concatenate([scene.width, others.width[people]]),
+        history=States.concatenate([scene.history, past], axis=0),
+        recorded_steps=np.concatenate([scene.recorded_steps, present[:, : now - 1].sum(axis=1)]),
+        future=scene.future and States.concatenate([scene.future, states[:, after]], axis=0),
+        future_valid=None if valid is None else np.concatenate([valid, present[:, after]]),
+        intentions=(),
+    )
+    here, old = past[:, -1], driven.lines
+    way = old.start[0] + old.spacing_m * np.arange(old.x.shape[1])
+    heading = np.repeat(here.heading[:, None], len(way), axis=1)
+    speed = np.repeat(here.speed[:, None], driven.s.shape[1], axis=1)
+    return Expected(
+        scene=joined,
+        vehicles=driven.vehicles,
+        lines=Lines(
+            x=np.concatenate([old.x, here.x[:, None] + way * np.cos(heading)]),
+            y=np.concatenate([old.y, here.y[:, None] + way * np.sin(heading)]),
+            heading=np.concatenate([old.heading, heading]),
+            start=np.full(len(old.start) + count, old.start[0]),
+            spacing_m=old.spacing_m,
+        ),
+        s=np.concatenate([driven.s, speed * STEP_S * np.arange(driven.s.shape[1])]),
+        speed=np.concatenate([driven.speed, speed]),
     )
 
 

@@ -130,7 +130,7 @@ class CriticalResponse(Extra):
         doubts = [] if run.keeps_doubtful else list(dict.fromkeys(row["doubt"] for row in rows))
         left = [f"  left out as doubtful: {listed(doubts)}"] if doubts else []
         if not groups:
-            return (f"{HEAD}: two vehicles collide less than once in a million such moments", *left)
+            return (f"{HEAD}: two vehicles collide less than once in 10 million such moments", *left)
         total = any_collision(run.table(RESPONSE).to_pylist(), doubtful=run.keeps_doubtful)
         head = f"{HEAD}: a collision about {once_in(total)} such moments; what it takes:"
         worst = groups[0][0]

@@ -17,8 +17,10 @@ from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError, nearest
-from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, LEVELS, TIME_S, Cases
+from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, LEVELS, STEPS_OUT, TIME_S, Cases
 from scex_sumo.certainty.response.critical import DECELERATIONS, by_action
+from scex_sumo.geometry.rectangles import Rectangles, separation
+from scex_sumo.scene import STEP_S
 
 SHIPPED: Final = Path(__file__).with_name("response.json")
 REFERENCE_GAP_S: Final = 2.0
@@ -32,7 +34,8 @@ _NUMBERS = (
     *("response_factor", "response_spread", "away_share", "glance_s", "glance_spread"),
     *("close_response", "close_away", "growth"),
 )
-_LEAST_M = 0.5
+_LEAST_M = 0.1
+_EVERY = slice(None, None, 4)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,7 +43,7 @@ class People:
     """Distributions of actions and responses.
 
     Attributes:
-        response_s: (4,) median response time to each action, s.
+        response_s: (5,) median response time to each action, s.
         response_factor: of the medians either way, 95 %.
         response_spread: standard deviation of the logarithm of response times.
         decelerations: (3,) shares of `DECELERATIONS`.
@@ -51,10 +54,11 @@ class People:
         growth: exponent of the gap that is left at the response, as a share of that at the onset.
         braking: (K, 10) how often a vehicle begins to brake within 3 s, with at least each value.
         speed_edges: (K / 2 - 1,) between its classes of speed, m/s; those that follow a leader come first.
-        shapes: (3, 10) share of the other actions with at least each value.
-        rates: (3, R) how often they happen, by the time that they leave to the responder.
+        shapes: (4, 10) share of the other actions with at least each value.
+        rates: (5, R) how often they happen, by the time that they leave to the responder; the last row is
+            that of people that approach and step out.
         rate_edges_s: (R - 1,) between the classes of R*, s.
-        factors: (4, 10) uncertainty of the frequencies, a factor either way, 95 %.
+        factors: (5, 10) uncertainty of the frequencies, a factor either way, 95 %.
     """
 
     response_s: FloatArray
@@ -92,7 +96,7 @@ class People:
             response_s: (...) s; -inf gives 1, inf gives 0.
             action: (...) index into `ACTIONS`.
             gap_s: (...) time gap to the initiator, s.
-            left: (...) gap at the response as a share of that at the onset.
+            left: (...) gap at the response as a share of the largest since the onset.
         """
         near = np.clip(gap_s / REFERENCE_GAP_S, CLOSEST, 1.0)
         median = np.broadcast_to(self.response_s[action] * near**self.close_response, response_s.shape)
@@ -119,13 +123,14 @@ class People:
 
         Args:
             action: (n,) index into `ACTIONS`; ``speed`` (n,) of the initiator, m/s.
-            follows: (n,) whether it follows a leader.
+            follows: (n,) whether it follows a leader; of people, whether they approach.
             response_s: (n, 10) R* at the typical deceleration, s.
         """
         row = np.searchsorted(self.speed_edges, speed) + np.where(follows, 0, len(self.speed_edges) + 1)
         kind = np.maximum(action - 1, 0)
         share = -np.diff(self.shapes, axis=1, append=0.0)[kind]
-        rate = self.rates[kind[:, None], np.searchsorted(self.rate_edges_s, response_s)]
+        near = kind + ((action == STEPS_OUT) & follows)
+        rate = self.rates[near[:, None], np.searchsorted(self.rate_edges_s, response_s)]
         others = np.cumsum((share * rate)[:, ::-1], axis=1)[:, ::-1]
         return np.where((action == BRAKES)[:, None], self.braking[row], others)
 
@@ -203,7 +208,7 @@ def _read(content: Mapping[str, Any], file: Path) -> People:
             braking=np.array([*braking["following"], *braking["free"]], dtype=np.float64),
             speed_edges=np.array(braking["speed_edges_mps"], dtype=np.float64),
             shapes=np.array([one["shape"] for one in others], dtype=np.float64),
-            rates=np.array([one["rates"] for one in others], dtype=np.float64),
+            rates=np.array([*(one["rates"] for one in others), others[-1]["approaching"]], dtype=np.float64),
             rate_edges_s=np.array(value("rate_edges_s"), dtype=np.float64),
             factors=np.stack([np.broadcast_to(one["factor"], LEVELS) for one in (braking, *others)]),
             **{name: float(value(name)) for name in _NUMBERS},
@@ -213,33 +218,45 @@ def _read(content: Mapping[str, Any], file: Path) -> People:
     tables = (found.braking, found.shapes)
     right = all(table.shape[-1] == LEVELS and (np.diff(table) <= 0).all() for table in tables)
     right &= len(found.braking) == 2 * (len(found.speed_edges) + 1)
-    right &= found.rates.shape == (len(ACTIONS) - 1, len(found.rate_edges_s) + 1)
+    right &= found.rates.shape == (len(ACTIONS), len(found.rate_edges_s) + 1)
     if not right or found.decelerations.shape != (len(DECELERATIONS),):
         raise UsageError(f"{file}: frequencies need {LEVELS} values that do not grow, and a row a class")
     return found
 
 
 def left_at(cases: Cases, response_s: FloatArray) -> FloatArray:
-    """Return (m, A) share of the gap at the onset that is left at responses (m, A).
+    """Return (m, A) share of the largest body gap since the onset that is left at responses (m, A)."""
+    left = np.ones_like(response_s)
+    rows = np.flatnonzero((np.isfinite(response_s) & np.isfinite(cases.onset_s)[:, None]).any(axis=1))
+    cases, response_s = cases.take(rows), response_s[rows]
+    onset, each = cases.onset_s[:, None], np.arange(len(rows))
+    until = onset[:, None] + np.clip(response_s, 0.0, TIME_S[-1])[..., None]  # (m, A, 1)
+    gap = np.maximum(_body_gaps(cases), _LEAST_M)[:, None]  # (m, 1, K)
+    since = (TIME_S[_EVERY] >= onset - STEP_S)[:, None] & (TIME_S[_EVERY] <= until)
+    first = np.argmin(np.abs(TIME_S[_EVERY] - onset), axis=1)
+    most = np.maximum(np.where(since, gap, 0.0).max(axis=2), gap[each, 0, first][:, None])
+    position = np.minimum(until[..., 0] / TIME_S[_EVERY][1], gap.shape[2] - 1.001)
+    index = position.astype(np.int64)
+    share, row = position - index, each[:, None]
+    at = gap[row, 0, index] ** (1 - share) * gap[row, 0, index + 1] ** share
+    left[rows] = np.minimum(at / most, 1.0)
+    return left
 
-    The gap is the distance of the centres less half of both lengths.
-    """
-    expected = cases.pairs.expected
+
+def _body_gaps(cases: Cases) -> FloatArray:
+    """Return (m, K) distance of the outlines at `_EVERY` few steps, with the responder as expected, m."""
+    expected, others = cases.pairs.expected, cases.outlines
     j = cases.pairs.responder[cases.pair]
-    x, y, _ = expected.lines.at(j, expected.s[j])
-    apart = np.hypot(cases.outlines.x - x, cases.outlines.y - y)
-    size = cases.outlines.half_length[:, 0] + expected.scene.length[j] / 2
-    gap = np.maximum(apart - size[:, None], _LEAST_M)
-    onset = np.where(np.isfinite(cases.onset_s), cases.onset_s, 0.0)
-    rows = np.arange(len(gap))
-
-    def at(time_s: FloatArray) -> FloatArray:
-        index = np.clip(np.round(time_s / (TIME_S[1])), 0, len(TIME_S) - 1).astype(np.int64)
-        return np.asarray(gap[rows, index])
-
-    begin = at(onset)
-    later = [at(onset + np.clip(column, 0.0, TIME_S[-1])) for column in response_s.T]
-    return np.minimum(np.stack(later, axis=1) / begin[:, None], 1.0)
+    x, y, heading = expected.lines.at(j, expected.s[j, _EVERY])
+    own = Rectangles(
+        x=x,
+        y=y,
+        heading=heading,
+        half_length=expected.scene.length[j][:, None] / 2,
+        half_width=expected.scene.width[j][:, None] / 2,
+    )
+    moved = {name: getattr(others, name)[:, _EVERY] for name in ("x", "y", "heading")}
+    return separation(own, replace(others, **moved))
 
 
 def time_gaps(cases: Cases) -> FloatArray:

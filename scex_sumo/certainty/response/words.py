@@ -35,7 +35,7 @@ def alike(found: Iterable[PairResponse]) -> list[list[PairResponse]]:
 
 
 def _kind(one: PairResponse) -> tuple[Any, ...]:
-    return one.row["action"], math.isfinite(one.row["response_s"]), one.preventable
+    return one.row["action"], one.row.get("person"), math.isfinite(one.row["response_s"]), one.preventable
 
 
 def told(group: Sequence[PairResponse]) -> str:
@@ -59,7 +59,7 @@ def takes(rows: Sequence[Mapping[str, Any]]) -> str:
     follows = action is ACTIONS[BRAKES]
     one, other = ("the leader", "the follower") if follows else ("one", "the other")
     if len(rows) == 1:
-        one, other = str(row["track_id"]), str(row["other_id"])
+        one, other = str(row.get("person") or row["track_id"]), str(row["other_id"])
     value = _span(rows, lambda row: row["value"], lambda row: f"{row['value']:g}")
     does = action.words.format(value) if value != "0" else action.words.partition(",")[0]
     often = _span(rows, lambda row: -row["frequency"], lambda row: once_in(row["frequency"]))

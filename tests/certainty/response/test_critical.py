@@ -9,11 +9,25 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from scex_sumo.certainty.response import critical
-from scex_sumo.certainty.response.actions import BRAKES, CUTS_IN, DRIFTS, GOES_ON, cases_of, pairs_of
+from scex_sumo.certainty.response import actions, critical
+from scex_sumo.certainty.response.actions import (
+    ACTIONS,
+    BRAKES,
+    CUTS_IN,
+    DRIFTS,
+    GOES_ON,
+    GRAZE_M,
+    SHOWN_M,
+    STEPS_AT_S,
+    STEPS_OUT,
+    cases_of,
+    contexts,
+    pairs_of,
+)
 from scex_sumo.certainty.response.critical import DECELERATIONS, critical_response, hard_contact
+from scex_sumo.certainty.response.expected import with_people
 from scex_sumo.certainty.response.people import people_of, probabilities
-from tests.certainty.response.scenes import LENGTH, WIDTH, cases, steady
+from tests.certainty.response.scenes import LENGTH, PERSON_M, WIDTH, beside, cases, steady
 
 BISECTED_S = 0.05
 RAMP_S = [a / critical.JERK_MPS3 / 2 for a in DECELERATIONS]
@@ -78,7 +92,12 @@ def test_the_ramp_of_a_response_costs_half_its_time() -> None:
     assert found == pytest.approx(expected, abs=0.07)
 
 
-@pytest.mark.usefixtures("no_ramp")
+@pytest.fixture
+def no_graze(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(actions, "GRAZE_M", 0.0)
+
+
+@pytest.mark.usefixtures("no_ramp", "no_graze")
 def test_a_crossing_is_occupied_as_long_as_the_other_needs_to_pass() -> None:
     # The initiator waits 20 m before the crossing; if it goes on with 8 m/s, it occupies it from 17/8 s on.
     scene = steady((-30, 0, 0, 10), (0, -20, math.pi / 2, 8), waits=(1,))
@@ -110,6 +129,48 @@ def test_one_that_cuts_in_leaves_less_time_the_closer_it_is() -> None:
 def test_drifting_from_the_opposing_lane_is_hopeless_late_and_none_without_contact() -> None:
     found = critical_response(cases(steady((0, 0, 0, 15), (60, 3.5, math.pi, 15)), DRIFTS))
     assert (found == np.inf).any() and (found[np.isfinite(found)] < 3).all()
+
+
+@pytest.mark.usefixtures("no_ramp")
+@pytest.mark.parametrize(("level", "ahead"), [(0, 20.0), (3, 26.0), (8, 15.0)])
+def test_one_stops_before_a_person_that_steps_out(level: int, ahead: float) -> None:
+    speed, aside = 8.0, 3.0
+    tested = cases(with_people(beside(steady((0, 0, 0, speed)), (ahead, aside, 0.0))), STEPS_OUT)
+    found = critical_response(tested)
+    walk = ACTIONS[STEPS_OUT].values[level]
+    onset = STEPS_AT_S[level] + SHOWN_M / walk
+    assert tested.onset_s[level] == pytest.approx(onset)
+    # Contact if it is there before the person has crossed: it has to stop in time, or to pass before.
+    edge = ahead - LENGTH / 2 - PERSON_M / 2
+    half = (WIDTH - GRAZE_M + PERSON_M) / 2
+    enters, leaves = (STEPS_AT_S[level] + (aside + sign * half) / walk for sign in (-1, 1))
+    passes = (ahead + LENGTH / 2 + PERSON_M / 2) / speed
+    assert passes > enters and edge / speed < leaves
+    for column, own in enumerate(DECELERATIONS):
+        tries = np.arange(0, 4, 1e-3)
+        begins = onset + tries
+        braking = np.clip(leaves - begins, 0, speed / own)
+        reach = speed * np.minimum(begins, leaves) + speed * braking - own * braking**2 / 2
+        assert found[level, column] == pytest.approx(tries[reach <= edge].max(), abs=0.1)
+
+
+def test_a_person_in_the_lane_or_far_from_it_does_not_step_out() -> None:
+    scene = with_people(beside(steady((0, 0, 0, 8)), (20, 0.5, 0), (20, 7, 0), (-5, 3, 0), (25, 3, 0)))
+    found = cases_of(pairs_of(scene))
+    assert set(found.pairs.initiator[found.pair].tolist()) == {4}
+    assert set(found.action.tolist()) == {STEPS_OUT}
+
+
+def test_a_person_approaches_that_walks_towards_the_line() -> None:
+    scene = with_people(beside(steady((0, 0, 0, 8)), (20, 3, -math.pi / 2, 1.0), (20, -3, -math.pi / 2, 1.0)))
+    pairs = pairs_of(scene)
+    assert contexts(pairs)[pairs.initiator == 1].all()
+    assert not contexts(pairs)[pairs.initiator == 2].any()
+
+
+def test_who_grazes_by_less_than_lines_are_known_does_not_touch() -> None:
+    near = steady((0, 0, 0, 15), (16, WIDTH - GRAZE_M / 2, 0, 15))
+    assert not len(cases(near, BRAKES))
 
 
 def test_a_hard_impact_takes_a_later_response() -> None:

@@ -33,11 +33,11 @@ def test_the_sentence_names_pair_place_time_and_what_is_usual() -> None:
 
 
 def test_what_a_careful_driver_avoids_and_people_hit_once_in_10_000_is_not_to_be_tested() -> None:
-    found = decide([row(1, 2, probability=1e-4, probability_hard=1e-4)])
+    found = decide([row(1, 2, probability=1e-4, probability_hard=HARD / 5)])
     assert found.kind == "nothing"
     assert found.sentence == (
-        "Nothing to test: people collide in the worst pair, 2 → 1, once in 10 000, and a careful driver "
-        "avoids it."
+        "Nothing to test: people collide in the worst pair, 2 → 1, once in 10 000, but hardly ever hard, "
+        "and a careful driver avoids it."
     )
 
 

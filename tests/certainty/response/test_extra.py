@@ -16,11 +16,14 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.certainty.response.answer import any_collision
 from scex_sumo.certainty.response.critical import HARD_MPS
+from scex_sumo.certainty.response.decision import pair_responses
 from scex_sumo.certainty.response.people import SHIPPED, people_of
 from scex_sumo.certainty.response.usual import AT_SITE
+from scex_sumo.certainty.response.words import told
 from scex_sumo.commands.answers import run_answer
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.outcomes import injury_probability
+from scex_sumo.scene import HISTORY_STEPS, Obstacles, States
 from tests.certainty.queues import queues
 
 
@@ -46,7 +49,8 @@ def test_a_run_writes_the_table_of_its_scene(run: scex.Run) -> None:
     table = run.table("response.parquet")
     (row,) = [row for row in table.to_pylist() if row["action"] == "brakes"]
     assert (row["track_id"], row["other_id"]) == (1, 2)
-    assert 0 < row["probability"] <= row["frequency"]
+    # What is told is a part of the integral: the action at least so strong, and a response at least so late.
+    assert 0 < row["frequency"] * row["later"] <= row["probability"] * (1 + 1e-9)
     assert row["probability_hard"] <= row["probability"]
     assert row["factor"] > 1 and row["doubt"] is None
     assert row["kind"] == "lane" and row["response_s"] < row["time_s"] <= 8.0
@@ -190,3 +194,24 @@ def test_what_cannot_be_avoided_is_not_preventable() -> None:
     hopeless = [row for row in found if row["response_s"] == -math.inf]
     assert hopeless and not any(row["preventable"] for row in hopeless)
     assert any(row["preventable"] for row in found)
+
+
+def test_a_person_beside_the_way_may_step_out() -> None:
+    scene = queues(1, gap_m=5.0)
+    still = np.ones((1, HISTORY_STEPS + 1))
+    person = Obstacles(
+        ids=("P7",),
+        types=("pedestrian",),
+        length=np.array([0.6]),
+        width=np.array([0.6]),
+        states=States(x=30 * still, y=3 * still, heading=0 * still, speed=0 * still),
+        present=still > 0,
+    )
+    (row,) = rows(dataclasses.replace(scene, obstacles=person))
+    assert (row["track_id"], row["person"], row["action"]) == (-1, "pedestrian P7", "steps out")
+    assert row["doubt"] is None and 0 < row["probability"] < 1e-2
+    (pair,) = pair_responses([row])
+    assert pair.arrow.endswith("→ pedestrian P7")
+    assert told([pair]).startswith("pedestrian P7 steps out within 2 s")
+    # A pedestrian is injured by the impact speed; there is no occupant's curve for that.
+    assert row["expected_mais3"] <= row["probability_hard"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,17 @@ SCRIPTS = ("data.js", "response.js")
 
 
 @pytest.fixture(scope="module")
-def maps() -> dict[str, Any]:
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """People that see less of what grows: they touch also where there is time to respond."""
+    file = tmp_path_factory.mktemp("maps") / "people.json"
+    file.write_text(json.dumps({"growth": 5.0}))
+    return file
+
+
+@pytest.fixture(scope="module")
+def maps(file: Path) -> dict[str, Any]:
     """Maps of the roundabout: braking, and going on."""
-    table, found = responses_and_maps(read_seed(example_path("roundabout")), None)
+    table, found = responses_and_maps(read_seed(example_path("roundabout")), file)
     assert {pair["action"] for pair in found["pairs"]} == {"brakes", "goes on"}
     assert [pair["probability"] for pair in found["pairs"]] == table["probability"].to_pylist()[
         : len(found["pairs"])
@@ -52,8 +61,10 @@ def test_the_page_integrates_the_p_of_the_table(maps: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(("factor", "away"), [(0.5, 0.0), (2.5, 0.2), (1.0, 0.9)])
-def test_with_other_people_it_is_that_of_python(maps: dict[str, Any], factor: float, away: float) -> None:
-    people = replace(people_of().slower(factor), away_share=away)
+def test_with_other_people_it_is_that_of_python(
+    maps: dict[str, Any], file: Path, factor: float, away: float
+) -> None:
+    people = replace(people_of(file).slower(factor), away_share=away)
     names = [action["name"] for action in maps["people"]["actions"]]
     wanted = [in_python(people, pair, names.index(pair["action"])) for pair in maps["pairs"]]
     changed = {**maps["people"], "response_s": people.response_s.tolist(), "away_share": away}

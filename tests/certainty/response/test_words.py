@@ -47,4 +47,4 @@ def test_the_pairs_of_a_queue_have_one_line() -> None:
 def test_what_differs_or_is_much_rarer_has_a_line_of_its_own() -> None:
     for other in ({"preventable": False}, {"action": "cuts in"}, {"probability": 1 / 70000}):
         assert len(lines({}, {"track_id": 16, "other_id": 17, **other})) == 2
-    assert lines({"probability": 0.9e-6}) == []
+    assert lines({"probability": 0.9e-7}) == []
