@@ -24,7 +24,7 @@ SCRIPTS = ("data.js", "response.js")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """People that see less of what grows: they touch also where there is time to respond."""
     file = tmp_path_factory.mktemp("maps") / "people.json"
-    file.write_text(json.dumps({"growth": 5.0}))
+    file.write_text(json.dumps({"growth": 10.0}))
     return file
 
 
