@@ -45,5 +45,5 @@ def _map() -> Html:
 
 
 def _slider(words: str, name: str, *, low: float, high: float) -> Html:
-    slider = element("input", type="range", min=low, max=high, step="any", id=f"people-{name}")
+    slider = element("input", type="range", min=str(low), max=str(high), step="any", id=f"people-{name}")
     return element("label.weight", element("span", words), slider, element("output"))

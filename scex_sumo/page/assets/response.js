@@ -83,7 +83,7 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
   }
 
   function draw() {
-    const { values, unit, words } = actionOf(chosen), kind = kindOf(chosen), late = laterOf(people), { often, responses } = chosen;
+    const { values, unit, words, smooth } = actionOf(chosen), kind = kindOf(chosen), late = laterOf(people), { often, responses } = chosen;
     parts = partsOf(people, chosen);
     sliders[0].value = people.response_s[kind];
     sliders[1].value = people.away_share;
@@ -93,7 +93,7 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     if (!width) return;
     const toX = (value) => left + (value - least) / (largest - least) * (right - left), toY = (time) => base - clamp(time ?? most, 0, most) / most * (base - top);
     counted.decelerations.forEach((_, k) => {
-      const line = values.map((value, i) => [toX(value), toY(responses[i][k])]), dash = [[2, 3], [], [6, 3]][k];
+      const line = values.flatMap((value, i) => [value, ...(smooth || i > 8 ? [] : [values[i + 1]])].map((x) => [toX(x), toY(responses[i][k])])), dash = [[2, 3], [], [6, 3]][k];
       paint([...line, [right, top], [left, top]], { fill: "critical", alpha: 0.12 });
       paint(line, { stroke: "critical", dash });
     });
@@ -116,26 +116,31 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     const at = toX(values[level]);
     paint([[at, 6], [at, base]], { stroke: "picked" });
     for (const response of responses[level]) paint(circle([at, toY(response)], 3.5), { fill: "picked" });
-    const said = saidOf(words);
+    const said = saidOf(words, smooth);
     tell(byId("response-said"), said);
     for (const [name, value] of Object.entries({ valuemin: least, valuemax: largest, valuenow: values[level], valuetext: said })) canvas.setAttribute(`aria-${name}`, value);
   }
 
   function list() { // the map as text
-    const { values, unit } = actionOf(chosen), { often, responses } = chosen, asText = (time) => time === null ? "never" : time < 0 ? "always" : `${short(time, 2)} s`;
-    const heads = [unit, "at least so", ...counted.decelerations.map((braking) => `contact if later, at ${braking} m/s²`), "responds later", "share of P"], total = sum(parts.map(([, part]) => part));
+    const { values, unit } = actionOf(chosen), { responses } = chosen, asText = (time) => time === null ? "never" : time < 0 ? "always" : `${short(time, 2)} s`;
+    const limits = counted.decelerations.map((braking) => `contact if later, at ${braking} m/s²`), total = sum(parts.map(([, part]) => part));
+    const heads = [unit, actionOf(chosen).smooth ? "at least so" : "up to the next", ...limits, "responds later", "share of P"];
     tabulate(canvas, `${chosen.track_id} ${chosen.action}, ${chosen.other_id} responds`, heads, values.map((value, i) => (
-      [value, onceIn(often[i]), ...responses[i].map(asText), onceIn(parts[i][0]), percent(parts[i][1] / total)])));
+      [value, onceIn(oftenAt(i)), ...responses[i].map(asText), onceIn(parts[i][0]), percent(parts[i][1] / total)])));
   }
 
-  function saidOf(words) { // of the value under the cursor
+  // How often one acts with at least a value; where the frequency jumps with the time that is left: from it to the next one.
+  const oftenAt = (i) => chosen.often[i] - (actionOf(chosen).smooth ? 0 : chosen.often[i + 1] ?? 0);
+
+  function saidOf(words, smooth) { // of the value under the cursor
     const value = actionOf(chosen).values[level], [later, part] = parts[level], total = sum(parts.map(([, each]) => each)), { track_id: one, other_id: other } = chosen;
-    const does = value ? words.replace("{}", value) : words.split(",")[0], by = chosen.responses[level];
+    const { values, unit } = actionOf(chosen), most = values[level + 1] ? `to ${values[level + 1]} ${unit}` : `${unit} or more`;
+    const does = smooth ? words.replace("{}", value) : `${chosen.action} with ${value} ${most}`, by = chosen.responses[level];
     const share = later < 0.6 ? `one of ${oneDigit(1 / later)}` : "as most do";
     const limits = by.map((time, k) => `${time === null ? "never" : time < 0 ? "0 s" : `${short(time, 1)} s`} (${counted.decelerations[k]} m/s²)`).join(", ");
     const late = by.every((time) => time === null) ? "No contact." : by.every((time) => time < 0) && by[0] !== null ? `${other} cannot avoid it.`
       : `Contact if ${other} responds later than: ${limits}: ${later > 1e-9 ? share : "nobody"}.`;
-    return `${one} ${does}: ${onceIn(chosen.often[level])}. ${late} ${(100 * part / total || 0).toFixed(0)} % of P. A collision about ${onceIn(total)}; as counted ${onceIn(chosen.probability)}.`;
+    return `${one} ${does}: ${onceIn(oftenAt(level))}. ${late} ${(100 * part / total || 0).toFixed(0)} % of P. A collision about ${onceIn(total)}; as counted ${onceIn(chosen.probability)}.`;
   }
 
   function change(next) { // takes other people
