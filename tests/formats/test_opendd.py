@@ -55,7 +55,11 @@ def write_map(path: Path, columns: dict[str, str] | None = None) -> None:
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     """The folder of a roundabout as published, with two recordings."""
-    folder = tmp_path / "opendd_v3-rdb1"
+    return write_place(tmp_path)
+
+
+def write_place(above: Path) -> Path:
+    folder = above / "opendd_v3-rdb1"
     write_map(folder / "rdb1/map_rdb1/map_rdb1.sqlite")
     kinds = {"car": "Car", "pedestrian": "Pedestrian"}
     users = [(k, *user[1:]) for k, user in enumerate(streets.USERS) if user[0] not in ("14", "16")]

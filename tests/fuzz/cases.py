@@ -319,6 +319,18 @@ def _weights(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
     return how, ["run", map_path.name, *RUN, "--models", "graph_predictor:weights=w.safetensors"]
 
 
+def _exports(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A future that we exported, mutated, and read again."""
+    map_path, _ = _copied(work, "urban_intersection")
+    shutil.copytree(sources.exports(), work, dirs_exist_ok=True)
+    file = rng.choice([*sorted(work.glob("future.*")), *sorted(work.glob("[cs][rn]/*.[xp]*"))])
+    how = _twice(file, rng)
+    name = str(file.relative_to(work))
+    tracks = {"csv": "--tracks", "xml": "--fcd"}.get(name.rpartition(".")[2], "")
+    own = [name] if "/" in name else [map_path.name, tracks, name]
+    return f"{name}: {how}", rng.choice((["run", *own, *RUN], ["inspect", *own], ["metrics", name]))
+
+
 def _options(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     map_path, _ = _copied(work, "urban_intersection")
     option = rng.choice(_OPTIONS)
@@ -351,6 +363,8 @@ KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]
     "scenarionet": _drawn(drawn.scenarionet),
     "argoverse": _drawn(drawn.argoverse),
     "py123d": _drawn(drawn.py123d),
+    "opendd": _drawn(drawn.opendd),
+    "exports": _exports,
 }
 OFTEN: Final = (*2 * ("tracks", "maps", "commonroad", "weights", "folders", "options"), *KINDS)
 """Kinds in the order of a run: those whose cases are quick come more often."""

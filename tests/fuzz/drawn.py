@@ -1,11 +1,13 @@
-"""Cases of formats with lane polylines: Argoverse 2, pickles of ScenarioNet, Arrow files of 123D."""
+"""Cases of formats with lane polylines: Argoverse 2, ScenarioNet's pickles, 123D's Arrow files, openDD."""
 
 from __future__ import annotations
 
 import json
 import pickle
 import pickletools
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -15,8 +17,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from tests.formats import test_argoverse, test_py123d, test_scenarionet
-from tests.fuzz.mutations import VALUES, mutated, read_table, value_changed, write_table
+from tests.formats import test_argoverse, test_opendd, test_py123d, test_scenarionet
+from tests.fuzz.mutations import (
+    NUMBERS,
+    VALUES,
+    WORDS,
+    bytes_changed,
+    mutated,
+    read_table,
+    value_changed,
+    write_table,
+)
 from tests.fuzz.weights import EXECUTED
 
 Made = tuple[str, list[str]]
@@ -198,3 +209,33 @@ def _packed_lane_changed(file: Path, rng: Random) -> str:
     at = table.column_names.index("features")
     write_table(table.set_column(at, "features", pa.array(column)), file)
     return f"{row} {how}"
+
+
+def opendd(work: Path, rng: Random) -> Made:
+    """A place of openDD: bytes of a database, or values and columns of its tables."""
+    place = test_opendd.write_place(work)
+    map_path, tracks = place / "rdb1/map_rdb1/map_rdb1.sqlite", place / "trajectories_rdb1_v3.sqlite"
+    file = rng.choice((map_path, tracks))
+    how = bytes_changed(file, rng) if rng.random() < 0.2 else _cell_changed(file, rng)
+    name = str(map_path.relative_to(work))
+    commands = [["run", name, "--time", "2"], ["inspect", name], ["convert", name, "-o", "new.net.xml"]]
+    return f"{file.name}: {how}", rng.choice(commands)
+
+
+def _cell_changed(file: Path, rng: Random) -> str:
+    """Change some rows of a column of an SQLite file, or drop or rename it."""
+    with closing(sqlite3.connect(file)) as base, base:
+        table = rng.choice([name for (name,) in base.execute("SELECT name FROM sqlite_master")])
+        column = rng.choice([row[1] for row in base.execute(f"PRAGMA table_info({table})")])
+        what = rng.choice(("set", "set", "set", "scale", "rename", "empty"))
+        if what == "rename":
+            base.execute(f"ALTER TABLE {table} RENAME COLUMN {column} TO other")
+        elif what == "empty":
+            base.execute(f"DELETE FROM {table}")
+        elif what == "scale":
+            base.execute(f"UPDATE {table} SET {column} = {column} * {rng.choice((-1, 1e-3, 1e6, 1e300))}")
+        else:
+            value = rng.choice((None, b"\xff", 1e300, float("inf"), 2**62, *NUMBERS, *WORDS))
+            rows = rng.choice(("1", "rowid % 7 = 3", "rowid = 2"))
+            base.execute(f"UPDATE {table} SET {column} = ? WHERE {rows}", (value,))
+    return f"{what} {table}.{column}"

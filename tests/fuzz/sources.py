@@ -25,6 +25,12 @@ KEPT: Final = {
 """Commands that keep what is finished; they run in a folder that has the recording in ``data``."""
 RESULTS: Final = {"run": "metrics.parquet", "rank": "ranking.csv", "validate": "values.parquet"}
 """A file of theirs that an interruption does not change."""
+EXPORTS: Final = {
+    "interaction": "future.csv",
+    "fcd": "future.fcd.xml",
+    "commonroad": "cr",
+    "scenarionet": "sn",
+}
 _INTERRUPTED = (
     "from scex_sumo.results.folder import OutputFolder as F\n"
     "from scex_sumo.cli import main; import sys\n"
@@ -50,6 +56,16 @@ class Sources:
         folder = self._folder / "result"
         command = ("run", str(EXAMPLES / "urban_intersection.osm"), *RUN, "-o", str(folder))
         scex(*command).check_returncode()
+        return folder
+
+    @cache  # noqa: B019
+    def exports(self) -> Path:
+        """A folder with the second future of the result, in each format that we read."""
+        folder = self._folder / "exports"
+        folder.mkdir()
+        for to, name in EXPORTS.items():
+            words = ("export", str(self.result()), "--future", "1", "--to", to, "-o", str(folder / name))
+            scex(*words).check_returncode()
         return folder
 
     ANSWERS: Final = ("--futures", "64", "--steps", "20", "--no-plots")

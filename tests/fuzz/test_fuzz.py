@@ -24,6 +24,7 @@ CASES = [
         "columns",
         "detectors",
         "caches",
+        "opendd",
     )
     for number in range(2)
 ]
