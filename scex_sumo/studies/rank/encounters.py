@@ -79,7 +79,9 @@ def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -
 
 def _grouped(rows: pa.Table, refs: pa.Table, apart_s: float) -> tuple[IntArray, BoolArray]:
     """Return an order (n,) that joins the rows of each encounter, and which one of the order begins one."""
-    both = np.sort([np.asarray(rows[name]) for name in ("track_id", "other_id")], axis=0)
+    people = rows["person"].combine_chunks().dictionary_encode().indices
+    who = pc.if_else(pc.is_valid(people), pc.subtract(-1, people), rows["track_id"])
+    both = np.sort([np.asarray(ids).astype(np.int64) for ids in (who, rows["other_id"])], axis=0)
     record = pc.binary_join_element_wise(refs["recording"], refs["case"], "\n").combine_chunks()
     keys = np.stack([np.asarray(record.dictionary_encode().indices), *both])
     time = np.asarray(refs["time_s"])

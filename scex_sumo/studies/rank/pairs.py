@@ -15,7 +15,7 @@ from scex_sumo.certainty.response.words import takes
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 
-ROW: Final = ("action", "value", "frequency", "response_s", "later", "factor", "delta_v", "kind")
+ROW: Final = ("person", "action", "value", "frequency", "response_s", "later", "factor", "delta_v", "kind")
 """Columns of the critical response that is told."""
 ROOM: Final = ("needed_braking", "time_to_react")
 PAIRS: Final = pa.schema(

@@ -132,7 +132,7 @@ def printed_columns() -> list[Column]:
 
 def pair_words(row: Row) -> str:
     """Return an encounter's vehicles: who responds, who acts."""
-    return f"{row['other_id']} → {row['track_id']}"
+    return f"{row['other_id']} → {row['person'] or row['track_id']}"
 
 
 def severity_words(row: Row) -> str:

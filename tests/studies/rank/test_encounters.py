@@ -46,6 +46,13 @@ def test_consecutive_moments_of_a_pair_are_one_encounter_with_its_most_severe_mo
     assert (row["probability"], row["severity"], row["rank"]) == (3e-4, pytest.approx(3e-5), 1)
 
 
+def test_people_are_the_same_by_name_though_their_numbers_change() -> None:
+    first = pairs_table((-1, 2), person="pedestrian P7")
+    rows = found(moment(1.0, first), moment(2.0, pairs_table((-3, 2), person="pedestrian P7")))
+    assert [(row["person"], row["moments"]) for row in rows] == [("pedestrian P7", 2)]
+    assert len(found(moment(1.0, first), moment(2.0, pairs_table((-1, 2), person="pedestrian P8")))) == 2
+
+
 def test_a_moment_without_the_pair_ends_its_encounter() -> None:
     pair = pairs_table((1, 2))
     assert len(found(moment(1.0, pair), moment(3.0, pair))) == 2
