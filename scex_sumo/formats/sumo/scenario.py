@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import subprocess
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -234,7 +235,7 @@ def _names_files(file: Path) -> bool:
     try:
         with open_binary(file) as stream:
             parser.ParseFile(stream)
-    except (OSError, EOFError, expat.ExpatError) as error:
+    except (OSError, EOFError, zlib.error, expat.ExpatError) as error:
         raise MapError(f"{file}: cannot be read: {error}; SUMO needs XML here") from None
     return found
 

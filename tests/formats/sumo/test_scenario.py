@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gzip
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -176,6 +177,8 @@ def test_a_configuration_that_does_not_load_says_why(grid: Simulation, tmp_path:
     fails(here.format(net + '<such-option value="1"/>'), "such-option", SimulationError)
     (tmp_path / "r.rou.xml").write_text('<routes><trip id="a" depart="0" from="nowhere" to="A0A1"/></routes>')
     fails(here.format(net + '<route-files value="r.rou.xml"/>'), "nowhere", SimulationError)
+    (tmp_path / "r.rou.xml").write_bytes(gzip.compress(b"")[:10] + b"\xff" * 20)
+    fails(here.format(net + '<route-files value="r.rou.xml"/>'), "cannot be read")
     (tmp_path / "r.rou.xml").write_text("<!DOCTYPE routes><routes/>")
     fails(here.format(net + '<route-files value="r.rou.xml"/>'), "DOCTYPE")
 
