@@ -95,7 +95,7 @@ def test_an_encounter_is_what_critical_responses_give(result: Path) -> None:
     assert row["probability"] == pytest.approx(1 - np.prod([1 - one["probability"] for one in own]))
     assert row["severity"] == pytest.approx(sum(one["expected_mais3"] for one in own))
     assert row["stress_p_collision"] is not None
-    assert "avoid it" in row["takes"] or "responds later than" in row["takes"]
+    assert "brake in time" in row["takes"] or "responds later than" in row["takes"]
 
 
 def test_without_first_futures_the_top_encounters_alone_are_stressed(dataset: Path, tmp_path: Path) -> None:

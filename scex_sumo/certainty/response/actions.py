@@ -15,7 +15,8 @@ from scex_sumo.certainty.response.blocked import Blocked, blocked_stretches
 from scex_sumo.certainty.response.expected import STEPS, Expected
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles
-from scex_sumo.scene import STEP_S
+from scex_sumo.roads.matching import match
+from scex_sumo.scene import STEP_S, SeedScene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +86,7 @@ _GOING_MPS = 10.0  # most that one reaches that goes on from a slower speed
 _ASIDE_M = (1.8, 5.5)  # from the responder's line, of a vehicle that can come over
 _BESIDE_M = -6.0  # along it, least place of its centre
 _PARALLEL_RAD, _OPPOSED_RAD = np.deg2rad(20.0), np.deg2rad(150.0)
+_MEDIAN_M = 1.0  # off the lanes between two opposing ones: nobody drifts across
 _FOLLOWS = (8.0, 2.0)  # a leader within 8 m + 2 s is followed
 _NEAR_M = 6.0  # between lines
 _OUTSIDE_M = 0.3  # least free way between a person and the responder's lane of motion
@@ -247,15 +249,28 @@ def _possible(pairs: Pairs) -> list[BoolArray]:
     leads, follows = leads_and_follows(pairs)
     brakes = (speed[i] > _MOVING_MPS) & ahead[:, soon].any(axis=1) & ~(ahead[:, 0] & ~leads)
     waits = expected.s[i, _HORIZON] < np.maximum(speed[i] * TIME_S[_HORIZON], 2 * _WAITS_M) - _WAITS_M
-    goes_on = waits & ~follows[i] & ~ahead[:, 0]
     off, along, turn = _offset(pairs)
     turn = np.abs(turn)
+    behind = (np.abs(off) < _ASIDE_M[0]) & (along < 0) & (turn < np.pi / 4)  # comes up to a queue
+    goes_on = waits & ~follows[i] & ~ahead[:, 0] & ~behind
     aside = (np.abs(off) >= _ASIDE_M[0]) & (np.abs(off) <= _ASIDE_M[1]) & (speed[i] > _MOVING_MPS)
     aside &= ~np.isfinite(enter[:, soon]).any(axis=1) & (along > _BESIDE_M)
-    sides = [aside & (turn < _PARALLEL_RAD), aside & (turn > _OPPOSED_RAD)]
+    width = _lane_widths(expected.scene)
+    median = np.abs(off) - (width[i] + width[j]) / 2 > _MEDIAN_M
+    sides = [aside & (turn < _PARALLEL_RAD), aside & (turn > _OPPOSED_RAD) & ~median]
     size = (expected.scene.width[j] + np.hypot(expected.scene.length[i], expected.scene.width[i])) / 2
     outside = (np.abs(off) > size + _OUTSIDE_M) & (np.abs(off) < _NEAR_M) & (along > 0)
     return [*(mask & ~walks for mask in (brakes, goes_on, *sides)), outside & walks]
+
+
+def _lane_widths(scene: SeedScene) -> FloatArray:
+    """Return (V,) width of the lane on which each vehicle is, m; inf off the lanes."""
+    width = np.full(scene.vehicles, np.inf)
+    if scene.road is not None:
+        found = match(scene.road, scene.now.x, scene.now.y, scene.now.heading)
+        vehicle, first = np.unique(found.vehicle, return_index=True)
+        width[vehicle] = [scene.road.lanes[lane].width_m for lane in found.lane_id[first].tolist()]
+    return width
 
 
 def leads_and_follows(pairs: Pairs) -> tuple[BoolArray, BoolArray]:

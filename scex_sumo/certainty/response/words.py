@@ -68,7 +68,7 @@ def takes(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _late(rows: Sequence[Mapping[str, Any]]) -> str:
     if not math.isfinite(rows[0]["response_s"]):
-        return "cannot avoid it" if rows[0]["later"] > _NEARLY else "can hardly avoid it"
+        return "cannot brake in time" if rows[0]["later"] > _NEARLY else "can hardly brake in time"
     late = _span(rows, lambda row: row["response_s"], lambda row: f"{row['response_s']:.1f}")
     share = _span(rows, lambda row: -row["later"], lambda row: _share(row["later"]))
     return f"responds later than {late} s ({share})"

@@ -138,7 +138,7 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     const does = smooth ? words.replace("{}", value) : `${chosen.action} with ${value} ${most}`, by = chosen.responses[level];
     const share = later < 0.6 ? `one of ${oneDigit(1 / later)}` : "as most do";
     const limits = by.map((time, k) => `${time === null ? "never" : time < 0 ? "0 s" : `${short(time, 1)} s`} (${counted.decelerations[k]} m/s²)`).join(", ");
-    const late = by.every((time) => time === null) ? "No contact." : by.every((time) => time < 0) && by[0] !== null ? `${other} cannot avoid it.`
+    const late = by.every((time) => time === null) ? "No contact." : by.every((time) => time < 0) && by[0] !== null ? `${other} cannot brake in time.`
       : `Contact if ${other} responds later than: ${limits}: ${later > 1e-9 ? share : "nobody"}.`;
     return `${one} ${does}: ${onceIn(oftenAt(level))}. ${late} ${(100 * part / total || 0).toFixed(0)} % of P. A collision about ${onceIn(total)}; as counted ${onceIn(chosen.probability)}.`;
   }

@@ -28,8 +28,8 @@ def test_words_have_one_digit() -> None:
         "a collision about once in 6 000 (a factor of 4 either way); "
         "a careful and competent driver (UN R157) avoids it"
     ]
-    assert "16 can hardly avoid it" in lines({"response_s": -math.inf, "later": 0.5})[0]
-    assert "16 cannot avoid it" in lines({"response_s": -math.inf, "later": 1.0})[0]
+    assert "16 can hardly brake in time" in lines({"response_s": -math.inf, "later": 0.5})[0]
+    assert "16 cannot brake in time" in lines({"response_s": -math.inf, "later": 1.0})[0]
     assert "later than 0.4 s (as most do)" in lines({"response_s": 0.4, "later": 0.8})[0]
 
 
