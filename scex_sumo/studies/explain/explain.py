@@ -133,8 +133,9 @@ def _probability(run: Run, metric: str, sampled: Interval) -> Probability:
 
 def undefined(explanation: Explanation) -> str:
     """Return in words that a metric is defined in no future, and what encounters count in its place."""
-    counts = f"; encounters count a collision as {EVENTS[explanation.metric].words}"
-    return f"defined in no future{counts if explanation.metric in EVENTS else ''}"
+    if explanation.metric not in EVENTS:
+        return "defined in no future"
+    return f"defined in no future; encounters count a collision as {EVENTS[explanation.metric].words}"
 
 
 def meeting(run: Run) -> set[tuple[int, int]]:
