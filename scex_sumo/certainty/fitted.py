@@ -120,10 +120,11 @@ def _errors(
         scene = take_scene(clean, name="moment", location="", time_s=time_s)
     except ScexError:
         return nothing
-    if scene.future is None or scene.future_valid is None or scene.future.shape[1] <= steps[-1]:
+    future, valid = scene.future, scene.future_valid
+    if future is None or valid is None or future.shape[1] <= steps[-1]:
         return nothing
     scene = dataclasses.replace(scene, road=road)
-    moves = (scene.now.speed >= MOVES_MPS) & scene.future_valid[:, : steps[-1] + 1].all(axis=1)
+    moves = (scene.now.speed >= MOVES_MPS) & valid[:, : steps[-1] + 1].all(axis=1)
     vehicle = np.flatnonzero(moves & (scene.recorded_steps >= 5))
     if not len(vehicle):
         return nothing
@@ -135,7 +136,7 @@ def _errors(
         points = [np.concatenate([s[:, None], v], axis=1) for s, v in ((start.x, x), (start.y, y))]
         return np.asarray(np.cumsum(np.hypot(*(np.diff(p, axis=1) for p in points)), axis=1)[:, steps])
 
-    real = way(scene.future.x[vehicle], scene.future.y[vehicle])
+    real = way(future.x[vehicle], future.y[vehicle])
     errors = np.empty((len(vehicle), len(models)))
     for index, plan in plans_of(models, [who] * len(models), history, road, rng):
         errors[:, index] = np.mean(2 * np.abs(way(plan.x, plan.y) - real) / _TIMES**2, axis=1)

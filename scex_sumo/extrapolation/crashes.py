@@ -51,7 +51,8 @@ class Crashes:
         speed = np.full(after.shape, np.inf)
         for vehicle, impact in zip(pair, self._impacts(after, future, *pair), strict=True):
             np.minimum.at(speed, (future, vehicle), impact)
-        which = np.nonzero(np.isfinite(speed))
+        futures, vehicles = np.nonzero(np.isfinite(speed))
+        which = futures.astype(np.int64), vehicles.astype(np.int64)
         self.crashed[which] = True
         return which, slide(after[which], speed[which], steps)
 
