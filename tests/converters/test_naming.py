@@ -64,7 +64,7 @@ def test_what_is_within_the_limit_is_read_whole(tmp_path: Path) -> None:
         ("a.json", b' {"a": 1}', "JSON"),
         ("a.osm", b"[1, 2]", "JSON"),
         ("a.dat", b"\x80\x04\x95abc", "a Python pickle"),
-        ("a.mcap", b"\x89MCAP0\r\n", "an MCAP recording"),
+        ("a.rec", b"\x89MCAP0\r\n", "an MCAP recording"),
         ("a.bin", b"PK\x03\x04....", "a zip archive"),
     ],
 )

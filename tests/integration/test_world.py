@@ -172,7 +172,7 @@ def test_a_vehicle_that_nobody_moves_is_an_error_with_counts(
     mask[0, 3:5] = False
     with SumoWorld(crossing, scene, slots=[0, 1]) as world:
         world.begin(start, np.array([0, 1]))
-        with pytest.raises(SimulationError, match="2 not moved"):
+        with pytest.raises(SimulationError, match="2 vehicles not moved"):
             world.move(start, mask)
 
 

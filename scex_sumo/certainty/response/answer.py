@@ -73,7 +73,7 @@ def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> p
     Example:
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
         >>> scex.critical_responses(scene).column_names[:3]
-        ['track_id', 'other_id', 'action']
+        ['track_id', 'other_id', 'person']
     """
     return responses_and_maps(scene, None if file is None else Path(file))[0]
 

@@ -26,7 +26,7 @@ MIN_SIZE_M: Final = 0.3
 def varied(scene: SeedScene, pair: tuple[int, int], file: Path | None = None) -> Sequence[PairResponse]:
     """Return a pair with smaller and larger boxes, and with headings off either way, where P > 0."""
     expected, people = expected_motion(scene), people_of(file)
-    index = np.flatnonzero(np.isin(scene.track_ids, pair))
+    index = np.flatnonzero(np.isin(expected.scene.track_ids, pair))
     found: list[PairResponse] = []
     for size, turn in ((-BOX_M, 0.0), (BOX_M, 0.0), (0.0, TURN_RAD), (0.0, -TURN_RAD)):
         pairs = pairs_of(_changed(expected, index, size, turn))

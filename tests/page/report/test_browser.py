@@ -17,6 +17,7 @@ from scex_sumo.page.report import contents
 from scex_sumo.page.report.report import write_report
 from scex_sumo.page.report.scene import packed_tracks
 from scex_sumo.reports.encounter_rows import meetings
+from scex_sumo.results.extras import known_percent
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
 from scex_sumo.studies.under_test.page import under_test_curves
@@ -181,7 +182,7 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     assert 0 <= page.locator(".chip").bounding_box()["y"] < 60
     page.keyboard.press("Escape")
     page.wait_for_selector(".chip", state="detached")
-    assert text(page, "#p-collision") == whole == f"{100 * run.collision.estimate.value:.4g} %"
+    assert text(page, "#p-collision") == whole == run.collision.percent
     assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
 
 
@@ -367,15 +368,17 @@ def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
     tables = exact_of(run)
     assert tables is not None and tables.probability() is not None
     shown = text(page, "#any-collision")
-    assert shown == f"{100 * run.collision.estimate.value:.2f} %"
+    assert shown == run.collision.percent
     first = "#exact-table tbody tr:first-child td:nth-child(2)"
     own = text(page, first)
     page.locator("#weights input").nth(2).fill("0.7")  # constant_velocity; the others share the rest
     rest = {name: 0.1 for name in tables.models} | {"constant_velocity": 0.7}
-    assert text(page, "#any-collision") == f"{100 * weighted_probability(run, rest):.2f} %"
+    assert text(page, "#any-collision") == known_percent(weighted_probability(run, rest), tables.remainder)
     one, other = text(page, "#exact-table tbody tr:first-child td").split(" → ")
     pair = weighted_probability(run, rest, pair=(int(one), int(other)))
-    assert text(page, first) == f"{100 * pair:.2f} %" != own
+    table = tables.table(int(one), int(other))
+    assert table is not None
+    assert text(page, first) == known_percent(pair, table.remainder) != own
     assert "keeps its speed (constant_velocity)" in text(page, "#exact-table")
     page.click("#own-weights")
     assert (text(page, "#any-collision"), text(page, first)) == (shown, own)
