@@ -28,6 +28,7 @@ def page(tab: tuple[Any, list[str]], ranking: Path) -> Any:
     page.goto(f"file://{ranking / 'ranking.html'}")
     page.evaluate("localStorage.clear()")
     page.reload()
+    page.locator("#counts", has_text="0 test").wait_for()  # its scripts have begun
     yield page
     assert wrong == []
 
@@ -56,6 +57,7 @@ def test_keys_judge_the_card_that_has_the_focus(page: Any) -> None:
 def test_the_browser_keeps_verdicts(page: Any) -> None:
     judge(page)
     page.reload()
+    page.locator("#counts", has_text="1 test").wait_for()
     assert verdicts(page) == ["test", "data error"]
     assert page.locator(".note").first.input_value() == 'sees, or "not"'
 
@@ -70,6 +72,7 @@ def test_verdicts_are_saved_and_read_by_page_and_command(page: Any, tmp_path: Pa
     assert [(row["verdict"], row["note"]) for row in rows] == [("test", 'sees, or "not"'), ("data error", "")]
     page.evaluate("localStorage.clear()")
     page.reload()
+    page.locator("#counts", has_text="0 test").wait_for()
     assert verdicts(page) == ["–", "–"]
     page.set_input_files("#read", file)
     page.locator("#counts", has_text="1 test").wait_for()
