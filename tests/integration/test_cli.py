@@ -24,7 +24,7 @@ TABLES = (
     *("worst", "collisions", "encounters", "recorded"),
 )
 ROUNDABOUT = scex_sumo.example_path("roundabout")
-ALONE = ("--no-plots", "--reference", "none")  # the human-like reference costs more than a few futures
+ALONE = ("--no-plots", "--reference", "none", "--response", "none")  # they cost more than a few futures
 MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'
 
 

@@ -16,7 +16,7 @@ from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals
 from tests.command import scex
 
-ALONE = ("--no-plots", "--reference", "none")
+ALONE = ("--no-plots", "--reference", "none", "--response", "none")
 FOURS = [[0.25] * 4] * 4
 
 
