@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.files import replacing, write_atomic
-from scex_sumo.base.importing import extra_for
+from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.light_cycles import LightCycle, light_cycles
 from scex_sumo.exporters.opendrive.file import opendrive_text, projection_text
 from scex_sumo.exporters.request import Participant, Request
+from scex_sumo.formats.osi import osi_library
 from scex_sumo.roads.matching import match
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
@@ -24,8 +24,6 @@ _TYPES = {"car": 4, "truck": 7, "bus": 12, "motorcycle": 10, "bicycle": 11}
 """OSI's type of vehicle by our road user; other vehicles are cars."""
 _CIVIL, _PUBLIC = 2, 6
 _VEHICLE, _PEDESTRIAN = 2, 3
-_HEIGHTS_M = {"truck": 3.0, "bus": 3.2, "pedestrian": 1.75}
-_HEIGHT_M = 1.6
 _REAR_AXLE = 0.2  # of the length, from the rear end
 _RED, _YELLOW, _GREEN = 2, 3, 4
 _COLORS = {"G": _GREEN, "g": _GREEN, "s": _GREEN, "y": _YELLOW, "Y": _YELLOW, "r": _RED, "R": _RED, "u": _RED}
@@ -35,39 +33,32 @@ _LIGHT_HEIGHT_M = 4.0
 
 def write_omega_prime(request: Request) -> list[Path]:
     """Write each future as an MCAP file with its map as OpenDRIVE, as omega-prime reads it."""
-    betterosi, files = _osi(), request.files(".mcap")
+    betterosi, files = osi_library(), request.files(".mcap")
     area = betterosi.MapAsamOpenDrive(
         map_reference=request.road.name, open_drive_xml_content=opendrive_text(request.road)
     )
     for future, path in zip(request.futures, files, strict=True):
-        with replacing(path) as temporary:
-            # The writer looks at the ending.
-            named = Path(temporary).with_suffix(".mcap")
+        with TemporaryFolder() as folder:
+            trace = Path(folder, "trace.mcap")
             about = {"creation_time": "1970-01-01T00:00:00Z", "description": request.file_stem(future)}
-            with betterosi.Writer(str(named), metadata=about) as writer:
+            with betterosi.Writer(str(trace), metadata=about) as writer:
                 writer.add_metadata("scex-sumo", _about(request, future))
                 writer.add(area, topic="ground_truth_map", log_time=0)
                 for truth in _ground_truths(request, future, betterosi):
                     writer.add(truth, log_time=_time_ns(truth))
-            named.replace(temporary)
+            write_atomic(path, trace.read_bytes())
     return files
 
 
 def write_osi(request: Request) -> list[Path]:
     """Write each future as a bare trace, and the map as OpenDRIVE beside."""
-    betterosi, files = _osi(), request.files(".osi")
+    betterosi, files = osi_library(), request.files(".osi")
     for future, path in zip(request.futures, files, strict=True):
         bodies = (truth.to_binary() for truth in _ground_truths(request, future, betterosi))
         write_atomic(path, b"".join(len(body).to_bytes(4, "little") + body for body in bodies))
     area = files[0].with_name(f"{request.road.name}.xodr")
     write_atomic(area, opendrive_text(request.road).encode())
     return [*files, area]
-
-
-def _osi() -> Any:
-    with extra_for("traces of OSI need betterosi", "osi"):
-        import betterosi
-    return betterosi
 
 
 def _about(request: Request, future: int) -> dict[str, str]:
@@ -133,7 +124,7 @@ def _moving(
 ) -> Any:
     user, states = road_user(one.kind), one.states
     ahead: FloatArray = np.array([np.cos(states.heading[step]), np.sin(states.heading[step])])
-    height = _HEIGHTS_M.get(user, _HEIGHT_M)
+    height = one.height
     (vx, vy), (ax, ay) = float(states.speed[step]) * ahead, acceleration * ahead
     moving = betterosi.MovingObject
     details: dict[str, Any] = {"type": moving.Type(_PEDESTRIAN)}

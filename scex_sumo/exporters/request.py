@@ -17,11 +17,15 @@ from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.importing import Registry
+from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, Obstacles, SeedScene, States
 from scex_sumo.views.futures import most_critical
+
+_HEIGHTS_M = {"truck": 3.0, "bus": 3.2, "pedestrian": 1.75}
+_HEIGHT_M = 1.6
 
 Exporter: TypeAlias = Callable[["Request"], list[Path]]
 
@@ -66,6 +70,11 @@ class Participant:
     width: float
     states: States
     present: BoolArray
+
+    @property
+    def height(self) -> float:
+        """Assumed height, m: recordings from above have none."""
+        return _HEIGHTS_M.get(road_user(self.kind), _HEIGHT_M)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,8 +20,6 @@ _LANES = {"vehicle": "LANE_SURFACE_STREET", "bicycle": "LANE_BIKE_LANE", "bus": 
 _USERS = {"pedestrian": "PEDESTRIAN", "bicycle": "CYCLIST"}
 _EDGES = {"road_border", "curbstone", "guard_rail", "wall", "fence"}
 _SOLID, _BROKEN = "ROAD_LINE_SOLID_SINGLE_WHITE", "ROAD_LINE_BROKEN_SINGLE_WHITE"
-_HEIGHTS_M = {"truck": 3.0, "bus": 3.2, "pedestrian": 1.75}
-_HEIGHT_M = 1.6
 
 
 def write_scenarionet(request: Request) -> list[Path]:
@@ -85,7 +83,7 @@ def _track(one: Participant) -> dict[str, Any]:
         ),
         "length": np.full(len(valid), one.length),
         "width": np.full(len(valid), one.width),
-        "height": np.full(len(valid), _HEIGHTS_M.get(user, _HEIGHT_M)),
+        "height": np.full(len(valid), one.height),
     }
     state = {
         key: np.where(valid.reshape(-1, *[1] * (column.ndim - 1)), column, 0.0)

@@ -35,7 +35,8 @@ _CUT = "it ends within a record"
 MAX_TILT_RAD = 0.5  # of a box that lies on a road
 
 
-def _osi() -> Any:
+def osi_library() -> Any:
+    """Return betterosi; raises `MissingExtraError` where it is not installed."""
     with extra_for("traces of OSI need betterosi", "osi"):
         import betterosi
     return betterosi
@@ -58,7 +59,7 @@ def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[No
 
 def _messages(path: Path, kind: str) -> Iterator[Any]:
     """Yield the messages of one kind in a trace."""
-    betterosi = _osi()
+    betterosi = osi_library()
     message = getattr(betterosi, kind)
     if path.suffix == ".osi":
         with path.open("rb") as file:

@@ -172,7 +172,8 @@ def _on_road(road: Road, poses: tuple[Rectangles, Rectangles]) -> tuple[list[Boo
     lanes, leaves = [], []
     for pose in poses:
         found = match(road, pose.x, pose.y, pose.heading)
-        vehicle, at = np.unique(found.vehicle, return_index=True)  # the most probable lane of each
+        at = found.best
+        vehicle = found.vehicle[at]
         lane = np.full(len(pose.x), UNDECIDED)
         lane[vehicle] = found.lane_id[at]
         width = np.array([road.lanes[k].width_m for k in found.lane_id[at].tolist()])

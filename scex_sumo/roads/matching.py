@@ -39,6 +39,11 @@ class Matches:
     heading_error: FloatArray
     probability: FloatArray
 
+    @property
+    def best(self) -> IntArray:
+        """Index of the most probable candidate of each vehicle that has one."""
+        return np.unique(self.vehicle, return_index=True)[1].astype(np.int64)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneSegments:

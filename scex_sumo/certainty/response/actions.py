@@ -268,8 +268,8 @@ def _lane_widths(scene: SeedScene) -> FloatArray:
     width = np.full(scene.vehicles, np.inf)
     if scene.road is not None:
         found = match(scene.road, scene.now.x, scene.now.y, scene.now.heading)
-        vehicle, first = np.unique(found.vehicle, return_index=True)
-        width[vehicle] = [scene.road.lanes[lane].width_m for lane in found.lane_id[first].tolist()]
+        best = found.best
+        width[found.vehicle[best]] = [scene.road.lanes[k].width_m for k in found.lane_id[best].tolist()]
     return width
 
 

@@ -276,9 +276,9 @@ def _room_beside(scene: SeedScene) -> FloatArray:
     assert scene.road is not None
     now, room = scene.now, np.zeros((scene.vehicles, 2))
     found = match(scene.road, now.x, now.y, now.heading)
-    first = dict(zip(found.vehicle.tolist()[::-1], found.lane_id.tolist()[::-1], strict=True))
-    for v, lane_id in first.items():
-        room[v] = _sides(scene.road, lane_id, float(scene.width[v]))
+    for k in found.best.tolist():
+        v = found.vehicle[k]
+        room[v] = _sides(scene.road, int(found.lane_id[k]), float(scene.width[v]))
     return room
 
 
