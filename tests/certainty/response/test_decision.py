@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import scex_sumo as scex
 from scex_sumo.certainty.response.decision import HARD, SEVERE, UNAVOIDED, decide, pair_responses
 from scex_sumo.certainty.response.sensitivity import varied
+from scex_sumo.scene import Obstacles, States
 from tests.certainty.queues import queues
 
 
@@ -106,3 +109,23 @@ def test_a_larger_box_makes_a_collision_more_probable() -> None:
     assert smaller.probability < usual.probability < larger.probability
     assert left.probability == pytest.approx(usual.probability, rel=0.2)
     assert left.probability == pytest.approx(right.probability, rel=0.01)  # a straight lane has no sides
+
+
+def test_a_person_that_decides_varies_as_a_vehicle_does() -> None:
+    """People are no tracks of the seed scene: their ids are negative."""
+    car, whole = queues(1, speed=8.0), np.ones((1, 11))
+    states = States(x=14.0 * whole, y=2.6 * whole, heading=-np.pi / 2 * whole, speed=0.0 * whole)
+    person = Obstacles(
+        ids=("P1",),
+        types=("pedestrian",),
+        length=np.array([0.6]),
+        width=np.array([0.6]),
+        states=states,
+        present=whole > 0,
+    )
+    scene = replace(car, obstacles=person)
+    (usual,) = pair_responses(scex.critical_responses(scene).to_pylist())
+    assert usual.pair == (1, -1)
+    found = varied(scene, usual.pair)
+    assert {one.pair for one in found} == {usual.pair}
+    assert len({one.probability for one in found}) > 1
