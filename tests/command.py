@@ -22,7 +22,6 @@ PRELOADED = (
     "scex_sumo.certainty.response.words",
     "scex_sumo.certainty.results",
     "scex_sumo.cli",
-    "scex_sumo.commands.run",
     "scex_sumo.commands.seed",
     "scex_sumo.converters.datasets.recordings",
     "scex_sumo.converters.lanelet.reader",
