@@ -44,6 +44,8 @@ PRELOADED = (
     "scex_sumo.world.sumo",
     "tests.command",
 )
+# Options of a run that leave out what costs more than a few futures.
+ALONE = ("--reference", "none", "--response", "none")
 
 
 class Started:

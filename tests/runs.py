@@ -1,4 +1,4 @@
-"""Runs of tests: without a human-like reference and a page, unless a test asks for them."""
+"""Runs of tests: without human-like reference, critical responses and page, unless a test asks for them."""
 
 from __future__ import annotations
 
@@ -11,4 +11,4 @@ from scex_sumo.scene import SeedScene
 
 def extrapolate(scene: SeedScene, **options: Any) -> Run:
     """Extrapolate as `scex_sumo.extrapolate`."""
-    return scex_sumo.extrapolate(scene, **{"reference": None, "report": False, **options})
+    return scex_sumo.extrapolate(scene, **{"reference": None, "response": None, "report": False, **options})

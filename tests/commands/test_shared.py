@@ -12,7 +12,7 @@ import pytest
 
 from scex_sumo import example_path
 from scex_sumo.commands.json_output import plain
-from tests.command import scex
+from tests.command import ALONE, scex
 
 MAP = example_path("roundabout")
 SHORT = ("--futures", 4, "--steps", 5)
@@ -121,7 +121,7 @@ def test_a_run_is_no_configuration_of_another_command(result: Path) -> None:
 
 
 def test_quiet_leaves_warnings_and_verbose_says_where_an_error_comes_from(tmp_path: Path) -> None:
-    words = ("run", MAP, *SHORT, "--reference", "none", "--no-report", "-o")
+    words = ("run", MAP, *SHORT, *ALONE, "--no-report", "-o")
     assert "note: " in scex(*words, tmp_path / "a", "--time", 0.5).stderr
     assert scex(*words, tmp_path / "b", "--time", 0.5, "-q").stderr == ""
     assert "Traceback" in scex("run", tmp_path / "none.osm", "-v").stderr

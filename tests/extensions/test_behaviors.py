@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.command import ALONE
 from tests.extensions.package import install, scex
 
 MAP = Path(__file__).parents[2] / "scex_sumo/scenarios/data/roundabout.osm"
@@ -35,7 +36,7 @@ def test_a_model_of_another_package_drives_by_its_name(tmp_path: Path) -> None:
     assert wrong.returncode == 2 and "braker: unknown parameter 'speed'; nearest:" in wrong.stderr
     out = tmp_path / "out"
     run = [MAP, "--synthetic", 3, "--futures", 2, "--steps", 10, "-o", out, "--workers", 1]
-    done = scex(tmp_path, "run", *run, "--reference", "none", "--models", "braker:deceleration=2")
+    done = scex(tmp_path, "run", *run, *ALONE, "--models", "braker:deceleration=2")
     assert done.returncode == 0, done.stderr
     said = json.loads((out / "run.json").read_text())
     assert "braker:deceleration=2" in json.dumps(said["models"])

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from scex_sumo import example_path
+from tests.command import ALONE
 from tests.extensions.package import install, scex
 
 CODE = '''
@@ -50,7 +51,7 @@ def test_an_extra_of_another_package_has_an_option_and_a_row_everywhere(tmp_path
 
 def test_an_extra_by_its_import_path_needs_no_package(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CODE)
-    options = ("--reference", "none", "--no-report")
+    options = (*ALONE, "--no-report")
     done = scex(tmp_path, *command(tmp_path, "--extra", "mine:Speeding:fast=50", *options), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "fast vehicles [%]" in done.stdout
@@ -66,5 +67,5 @@ def test_an_extra_by_its_import_path_needs_no_package(tmp_path: Path) -> None:
 
 def test_an_extra_that_cannot_be_imported_is_left_out_with_a_word(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.extras", name="bad", target="stranger:no", code="import nothing_here")
-    done = scex(tmp_path, *command(tmp_path, "--reference", "none", "--no-report"))
+    done = scex(tmp_path, *command(tmp_path, *ALONE, "--no-report"))
     assert done.returncode == 0 and "warning: extra bad is left out" in done.stderr

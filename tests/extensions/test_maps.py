@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from scex_sumo import example_path
+from tests.command import ALONE
 from tests.converters.track_files import straight, write_rows
 from tests.extensions.package import install, scex
 
@@ -42,7 +43,7 @@ def a_map(folder: Path) -> Path:
 
 def test_a_map_of_another_packages_format_is_populated_and_run(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code=CODE)
-    options = ("--synthetic", 2, "--futures", 2, "--models", "constant_velocity", "--reference", "none")
+    options = ("--synthetic", 2, "--futures", 2, "--models", "constant_velocity", *ALONE)
     done = scex(tmp_path, "run", a_map(tmp_path), *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "out/run.json").read_text())["seed_scene"]["location"] == "mymap"

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
+from tests.command import ALONE
 from tests.extensions.package import install, scex
 
 CODE = """
@@ -52,7 +53,7 @@ def test_a_metric_of_another_package_is_a_column_of_a_run(package: Path) -> None
     """Its function is needed for the run alone: the result is read where the package is absent."""
     out = package / "out"
     seed = scex_sumo.example_path("roundabout")
-    few = ("--futures", 4, "--reference", "none", "--no-report", "-o", out)
+    few = ("--futures", 4, *ALONE, "--no-report", "-o", out)
     done = scex(package, "run", seed, "--metrics", "paper,speed_gap", *few)
     assert done.returncode == 0, done.stderr
     table = pq.read_table(out / "metrics.parquet")

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from scex_sumo import example_path
+from tests.command import ALONE
 from tests.extensions.package import install, scex
 
 CODE = """
@@ -19,7 +20,7 @@ def tracks(table, exact):
 
 
 def seed_of(folder: Path, name: str) -> tuple[dict, list[str]]:
-    options = ("--time", 4, "--futures", 1, "--models", "constant_velocity", "--reference", "none")
+    options = ("--time", 4, "--futures", 1, "--models", "constant_velocity", *ALONE)
     done = scex(folder, "run", example_path("roundabout"), *options, "-o", folder / name)
     assert done.returncode == 0, done.stderr
     rows = (folder / name / "seed.csv").read_text().splitlines()

@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 import scex_sumo
+from tests.command import ALONE
 from tests.extensions.package import install, scex
 
 CODE = '''
@@ -42,7 +43,7 @@ class Recorder:
         return states
 '''
 ROUNDABOUT = scex_sumo.example_path("roundabout")
-OPTIONS = ("--futures", 3, "--steps", 5, "--no-report", "--reference", "none")
+OPTIONS = ("--futures", 3, "--steps", 5, "--no-report", *ALONE)
 
 
 def test_a_world_of_another_package_is_used_by_its_name(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.options import SeedOptions
 from scex_sumo.scenarios.populated import synthetic_seed
 from scex_sumo.scenarios.seeds import read_seed
-from tests.command import scex
+from tests.command import ALONE, scex
 
 MAP = example_path("urban_intersection")
 
@@ -44,7 +44,7 @@ def test_cases_read_back_are_the_scenes_and_repeat_to_the_byte(tmp_path: Path) -
 
 def test_a_run_starts_from_a_generated_case(tmp_path: Path) -> None:
     generate_command(MAP, vehicles=4, count=1, out=tmp_path / "scenes")
-    options = ["--futures", 2, "--models", "rules", "--reference", "none", "--no-report", "--world", "plain"]
+    options = ["--futures", 2, "--models", "rules", *ALONE, "--no-report", "--world", "plain"]
     done = scex("run", tmp_path / "scenes" / MAP.name, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "run.json").is_file()

@@ -16,7 +16,7 @@ import pytest
 import scex_sumo
 from scex_sumo.base.programs import program
 from scex_sumo.metrics.registry import COLUMNS, columns_of, metrics_named
-from tests.command import scex
+from tests.command import ALONE, scex
 
 BOTH = columns_of(metrics_named(["paper", "path"]))
 TABLES = (
@@ -24,7 +24,7 @@ TABLES = (
     *("worst", "collisions", "encounters", "recorded"),
 )
 ROUNDABOUT = scex_sumo.example_path("roundabout")
-ALONE = ("--no-plots", "--reference", "none", "--response", "none")  # they cost more than a few futures
+QUICK = ("--no-plots", *ALONE)
 MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'
 
 
@@ -32,7 +32,7 @@ MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run of an example seed."""
     out = tmp_path_factory.mktemp("run") / "out"
-    done = scex("run", ROUNDABOUT, "--futures", 12, *ALONE, "--keep-plans", "-o", out)
+    done = scex("run", ROUNDABOUT, "--futures", 12, *QUICK, "--keep-plans", "-o", out)
     assert done.returncode == 0, done.stderr
     return out
 
@@ -79,7 +79,7 @@ def test_the_summary_names_every_metric(tmp_path: Path) -> None:
     main = ("collision", "severe injuries", "body gap", "1/TTC on path", "DRAC", "THW", "WTTC of outlines")
     folded = ("PTTC on path", "PET [s]", "distance", "traffic quality", "gap time", "PTTC [s]", "/3")
     for preset, words in (([], main), (["--preset", "both"], main + folded)):
-        done = scex("run", ROUNDABOUT, "--futures", 3, *ALONE, *preset, "-o", out)
+        done = scex("run", ROUNDABOUT, "--futures", 3, *QUICK, *preset, "-o", out)
         assert done.returncode == 0, done.stderr
         assert [word for word in main + folded if word in done.stdout] == list(words)
 
@@ -101,7 +101,7 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_batches_and_workers(
 ) -> None:
     for options in (["--batch", "5"], ["--workers", "2", "--batch", "4"]):
         out = tmp_path / options[0].strip("-")
-        done = scex("run", ROUNDABOUT, "--futures", 12, *ALONE, "--keep-plans", "-o", out, *options)
+        done = scex("run", ROUNDABOUT, "--futures", 12, *QUICK, "--keep-plans", "-o", out, *options)
         assert done.returncode == 0, done.stderr
         for table in TABLES:
             name = f"{table}.parquet"
@@ -129,7 +129,7 @@ def test_evaluated_again_a_result_has_the_runs_values(result: Path, tmp_path: Pa
 
 def test_long_futures_with_few_plans_are_evaluated_again_whole(tmp_path: Path) -> None:
     """Recordings of 200 steps and more are cut into windows; futures are not, history included."""
-    options = ("--futures", 2, "--steps", 195, "--replan", 17, *ALONE, "--keep-plans")
+    options = ("--futures", 2, "--steps", 195, "--replan", 17, *QUICK, "--keep-plans")
     done = scex("run", ROUNDABOUT, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert scex("metrics", tmp_path / "out", "-o", tmp_path / "again.parquet").returncode == 0
@@ -139,7 +139,7 @@ def test_long_futures_with_few_plans_are_evaluated_again_whole(tmp_path: Path) -
 
 def test_without_plans_gap_times_are_of_the_tracks_driven_and_that_is_said(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    done = scex("run", ROUNDABOUT, "--futures", 2, *ALONE, "-o", out)
+    done = scex("run", ROUNDABOUT, "--futures", 2, *QUICK, "-o", out)
     assert done.returncode == 0, done.stderr
     assert not (out / "plans.parquet").exists()
     done = scex("metrics", out, "-o", tmp_path / "again.parquet")
@@ -153,7 +153,7 @@ def test_without_plans_gap_times_are_of_the_tracks_driven_and_that_is_said(tmp_p
 
 
 def test_fewer_futures_are_the_first_of_more(result: Path, tmp_path: Path) -> None:
-    done = scex("run", ROUNDABOUT, "--futures", 5, *ALONE, "-o", tmp_path / "out")
+    done = scex("run", ROUNDABOUT, "--futures", 5, *QUICK, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     few = pq.read_table(tmp_path / "out" / "metrics.parquet")
     assert few.equals(pq.read_table(result / "metrics.parquet").slice(0, 5))
@@ -174,7 +174,7 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
     assert (out / "incomplete.json").exists()
     assert not (out / "run.json").exists()
     assert "interrupted" in refused("view", out, "--future", 0)
-    done = scex("run", ROUNDABOUT, "--futures", 12, *ALONE, "--keep-plans", "-o", out)
+    done = scex("run", ROUNDABOUT, "--futures", 12, *QUICK, "--keep-plans", "-o", out)
     assert done.returncode == 0, done.stderr
     for table in TABLES:
         name = f"{table}.parquet"
@@ -195,7 +195,7 @@ def test_a_result_folder_with_a_comma_is_written_and_its_future_opens_in_sumo(tm
 
 
 def test_thresholds_are_the_users_where_given(tmp_path: Path) -> None:
-    options = ["--futures", 3, "--threshold", "pttc=100", "--threshold", "distance=0", *ALONE]
+    options = ["--futures", 3, "--threshold", "pttc=100", "--threshold", "distance=0", *QUICK]
     done = scex("run", ROUNDABOUT, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     run = scex_sumo.open_run(tmp_path / "out")
@@ -216,7 +216,7 @@ def test_every_combination_is_run_on_request(tmp_path: Path) -> None:
         "--models",
         models,
         *fixed,
-        *ALONE,
+        *QUICK,
         "-o",
         tmp_path / "out",
     )

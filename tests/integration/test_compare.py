@@ -13,7 +13,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.studies.compare.command import short_names
-from tests.command import scex
+from tests.command import ALONE, scex
 
 PAIRS = 3
 
@@ -40,7 +40,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         done = scex(
             "run",
             scex_sumo.example_path(example),
-            *("--futures", 32, "--seed", seed, "--no-plots", "--reference", "none", "-o", home / name),
+            *("--futures", 32, "--seed", seed, "--no-plots", *ALONE, "-o", home / name),
         )
         assert done.returncode == 0, done.stderr
     return [home / name for name in ("ring", "m0", "m1")]

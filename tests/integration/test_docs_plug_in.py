@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import scex
+from tests.command import ALONE, scex
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -46,7 +46,7 @@ def run(command: list[str], where: Path) -> str:
         if "--futures" in arguments:
             at = arguments.index("--futures")
             del arguments[at : at + 2]
-        few = ("--futures", 3, "--no-plots", "--reference", "none")
+        few = ("--futures", 3, "--no-plots", *ALONE)
         done = scex("run", DOCS.parent / arguments[1], *arguments[2:], *few, cwd=where, env=environment)
     else:
         full = [sys.executable, *arguments]

@@ -14,9 +14,9 @@ import pytest
 import scex_sumo
 from scex_sumo.studies.under_test.results import UnderTest
 from tests import command
+from tests.command import ALONE
 
 ROUNDABOUT = scex_sumo.example_path("roundabout")
-ALONE = ("--reference", "none")
 MODELS = "standard_driver,constant_velocity"
 DRIVER = '''
 import numpy as np

@@ -14,9 +14,9 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.statistics.bands import Look, grow, look
 from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals
-from tests.command import scex
+from tests.command import ALONE, scex
 
-ALONE = ("--no-plots", "--reference", "none", "--response", "none")
+QUICK = ("--no-plots", *ALONE)
 FOURS = [[0.25] * 4] * 4
 
 
@@ -69,7 +69,7 @@ def test_a_band_that_makes_no_sense_is_refused(band: float) -> None:
 
 
 def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_path: Path) -> None:
-    words = ("--until-band", 0.01, "--futures", 130, "--steps", 3, *ALONE, "-o")
+    words = ("--until-band", 0.01, "--futures", 130, "--steps", 3, *QUICK, "-o")
     for name, options in (("one", []), ("two", ["--workers", "2", "--batch", "32"])):
         done = scex("run", scex_sumo.example_path("motorway_merge"), *words, tmp_path / name, *options)
         assert done.returncode == 0, done.stderr
@@ -82,13 +82,13 @@ def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_pat
 
 def test_a_run_until_a_band_ends_at_exact_tables_and_keeps_them(tmp_path: Path) -> None:
     words = ("run", scex_sumo.example_path("roundabout"), "--until-band", 0.04, "--futures", 300)
-    done = scex(*words, *ALONE, "-o", tmp_path / "exact")
+    done = scex(*words, *QUICK, "-o", tmp_path / "exact")
     assert done.returncode == 0, done.stderr
     assert "P(collision) is exact after 100 futures, remainder 0.030" in done.stdout
     run = scex_sumo.open_run(tmp_path / "exact")
     assert (run.futures, run.info["band"]["remainder"]) == (100, 0.03)
     assert run.collision.estimate.value == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2)
-    sampled = scex(*words, "--no-exact", *ALONE, "-o", tmp_path / "sampled")
+    sampled = scex(*words, "--no-exact", *QUICK, "-o", tmp_path / "sampled")
     assert sampled.returncode == 0, sampled.stderr
     info = json.loads((tmp_path / "sampled" / "run.json").read_text())
     assert info["futures"] > 100

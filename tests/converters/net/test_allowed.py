@@ -14,7 +14,7 @@ from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import allowed_content, allowed_copy, open_net, refuse_outputs
 from scex_sumo.world.tiles import TileTemplate
-from tests.command import scex
+from tests.command import ALONE, scex
 
 LANE = 'lane="A0B0_0"'
 KINDS = {
@@ -103,7 +103,7 @@ def test_no_command_lets_a_foreign_net_write(grid: str, tmp_path: Path) -> None:
         f'<snapshot time="3.00"><edgeData id="d" file="{out}"/><vType id="car"/><vehicle id="a" type="car"'
         ' pos="20 20" speed="5 5" angle="90"/><lane id="A0B0_0"><vehicles value="a"/></lane></snapshot>'
     )
-    small = ("--futures", 2, "--models", "constant_velocity", "--reference", "none")
+    small = ("--futures", 2, "--models", "constant_velocity", *ALONE)
     for words in (
         ("run", net, "--fcd", tracks, "--time", 2, *small, "-o", tmp_path / "fcd"),
         ("run", net, "--state", state, *small, "-o", tmp_path / "state"),
