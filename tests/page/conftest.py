@@ -12,7 +12,7 @@ import pytest
 from scex_sumo import example_path
 from scex_sumo.page.report.report import write_report
 from scex_sumo.results.run import Run, open_run
-from tests.command import ALONE, scex
+from tests.command import scex
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 
@@ -21,7 +21,7 @@ CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found :=
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Sixty futures of the roundabout, with their report."""
     folder = tmp_path_factory.mktemp("report") / "out"
-    words = ("--futures", 60, *ALONE, "--no-report", "-o", folder)
+    words = ("--futures", 60, "--reference", "none", "--no-report", "-o", folder)
     scex("run", example_path("roundabout"), *words).check_returncode()
     run = open_run(folder)
     write_report(run)
