@@ -16,6 +16,7 @@ import typer
 
 from scex_sumo.base.errors import ScexError, ScexWarning, UsageError
 from scex_sumo.base.options import present_names
+from scex_sumo.base.time_limit import last_words
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
 from scex_sumo.commands.shared import COMMANDS, Command, with_shared
@@ -81,6 +82,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # ? for – on some terminals
     print_safely()
+    last_words.append(lambda words: tell(f"error: {words}"))
     warnings.simplefilter("ignore", ScexWarning)  # commands print the notes
     try:
         sys.argv[1:] = present_names(sys.argv[1:])

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.base.time_limit import OutOfTimeError, last_words
 
 OnStep: TypeAlias = Callable[[int], None]
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
@@ -123,6 +124,7 @@ def serve() -> None:
     def report(kind: str, content: Any) -> None:
         _write(reports, (kind, content))
 
+    last_words.append(lambda words: report("failed", (OutOfTimeError(words), WorkerTraceback(""))))
     with suppress(EOFError, BrokenPipeError), ExitStack() as opened:
         while True:
             kind, content = pickle.load(sys.stdin.buffer)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,12 +16,14 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.importing import staying
+from scex_sumo.base.time_limit import OutOfTimeError, time_limit
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
 from scex_sumo.behaviors.models.nearest_path import follow_path
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
+MAX_CALL_S, MAX_VEHICLE_S = 60.0, 0.1  # of a call, and of each of its vehicles in addition
 MAX_NAME = 80  # characters of a model's name in an error
 JUMP_M = 5.0  # from the straight motion within one step: 500 m/s², beyond any vehicle
 STATES = ("x", "y", "heading", "speed")
@@ -68,14 +71,22 @@ class Fallible:
         made = self.plan(history, road, who, rng)
         if len(who) == 0 or made.fallback is None or not made.fallback.all():
             return
-        name = self.name if len(self.name) <= MAX_NAME else f"{self.name[:MAX_NAME]}..."
-        why = f"{name}: no usable plan for any of {len(who)} vehicles of the seed scene: {made.reasons[0]}"
+        none = f"no usable plan for any of {len(who)} vehicles of the seed scene"
+        why = f"{self._short_name()}: {none}: {made.reasons[0]}"
         if not is_ours(self.inner):
             why += (
                 f"; it is {describe_source(self.inner)}; needs a Plan of x, y, heading, speed, each "
                 f"(n, {PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
             )
         raise ScexError(why)
+
+    def _short_name(self) -> str:
+        return self.name if len(self.name) <= MAX_NAME else f"{self.name[:MAX_NAME]}..."
+
+    def _limited(self, vehicles: int) -> AbstractContextManager[None]:
+        if is_ours(self.inner):  # programs have limits of their own
+            return nullcontext()
+        return time_limit(f"the driver {self._short_name()}", MAX_CALL_S + MAX_VEHICLE_S * vehicles)
 
     def _ask(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -85,10 +96,12 @@ class Fallible:
         futures = np.unique(who.future).tolist() if len(who) > 1 else []
         before = [rng[future].bit_generator.state for future in futures]
         try:
-            with staying():
+            with staying(), self._limited(len(who)):
                 planned = self.inner.plan(history, road, who, rng)
             made = plan_arrays(planned, len(who))
             defects = plan_defects(made, history, who)
+        except OutOfTimeError:
+            raise
         except (Exception, SystemExit) as error:  # of a user's code
             if len(who) == 1:
                 return _blank(1), [own_error_reason(error)], np.ones(1, dtype=np.bool_)

@@ -331,15 +331,20 @@ def _of_node(node: Any, numbers: Mapping[str, int], first: int) -> Iterator[Regu
             yield Regulation(
                 element_id=number,
                 kind=kind,
-                lanes=(numbers[link.getFromLane().getID()],),
+                lanes=(_from(link, numbers),),
                 yielding=(numbers[_via(link, numbers)],),
                 priority=tuple(numbers[_via(links[k], numbers)] for k in over),
             )
             number += 1
     lit = [link for _, link in sorted(links.items()) if link.getTLSID()]
     if lit:
-        lanes = dict.fromkeys(numbers[link.getFromLane().getID()] for link in lit)
+        lanes = dict.fromkeys(_from(link, numbers) for link in lit)
         yield Regulation(element_id=number, kind="traffic_light", lanes=tuple(lanes), lights=(number,))
+
+
+def _from(link: Any, numbers: Mapping[str, int]) -> int:
+    """Return the lane before a junction; the one in it if a converted map begins there."""
+    return numbers.get(link.getFromLane().getID()) or numbers[_via(link, numbers)]
 
 
 def _via(link: Any, numbers: Mapping[str, int]) -> str:

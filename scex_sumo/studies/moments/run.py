@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from scex_sumo.base.errors import TrackError, UsageError, reason_of
 from scex_sumo.base.files import TemporaryFolder, writing
+from scex_sumo.base.time_limit import OutOfTimeError
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.converters.net.convert import converted
@@ -194,6 +195,8 @@ def attempt(
                     f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin"
                 )
             return work(task, scene, packed)
+    except OutOfTimeError:  # of a driver, which would let every moment wait as long
+        raise
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 
