@@ -34,16 +34,17 @@ def test_python_code_without_end_raises_and_the_code_after_it_goes_on(
     impatient: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for _ in range(2):  # the line comes once
-        with pytest.raises(OutOfTimeError, match=r"^the driver a did not return within 1 s; look for"):
-            with time_limit.time_limit("the driver a", 1.0), time_limit.time_limit("within", 0.1):
-                endless()
+        with (
+            pytest.raises(OutOfTimeError, match=r"^the driver a did not return within 1 s; look for"),
+            time_limit.time_limit("the driver a", 1.0),
+            time_limit.time_limit("within", 0.1),
+        ):
+            endless()
     time.sleep(0.6)
     assert capsys.readouterr().err == "waiting up to 1 s for the driver a\n"
 
 
-def test_code_that_returns_in_time_is_left_alone(
-    impatient: None, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_code_that_returns_in_time_is_left_alone(impatient: None, capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(3):
         with time_limit.time_limit("the driver b", 1.0):
             time.sleep(0.1)
@@ -68,7 +69,7 @@ def test_a_worker_in_native_code_without_end_reports_and_ends() -> None:
 def test_a_process_of_the_user_goes_on(capsys: pytest.CaptureFixture[str], impatient: None) -> None:
     with pytest.raises(OutOfTimeError):
         stuck(1.0)
-    assert "look for an endless loop in it; it cannot be interrupted, end the process" in capsys.readouterr().err
+    assert "endless loop in it; it cannot be interrupted, end the process" in capsys.readouterr().err
 
 
 DRIVER = """

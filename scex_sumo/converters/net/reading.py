@@ -20,10 +20,9 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.sumo_net import HEADER, LaneTable, SumoNet, net_file
-from scex_sumo.converters.net.text import BEYOND, JOINT_M, KEY, LaneletPart
+from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, KEY, LaneletPart
 from scex_sumo.geometry.polylines import length_of
 
-CHANGED_M = 1e-3  # difference of lengths from which a lane was changed
 GAP_M = 0.1  # between road beyond the border and a lane
 _DRIVEN = ("normal", "", None, "internal")  # functions of edges
 _MARKUP = re.compile(rb"<!(DOCTYPE|ENTITY)|<\?xml-", re.IGNORECASE)

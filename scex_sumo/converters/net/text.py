@@ -15,7 +15,8 @@ from scex_sumo.base.arrays import FloatArray
 DECIMALS = 3  # millimetres: what SUMO's tools expect
 KEY = "lanelets"
 JOINT_M = 0.05  # where road follows road, the lane between takes this much of both
-BEYOND = 0  # road before or behind the map's border
+BEYOND = 0  # road before or behind the map's border, and between lanelets that do not meet
+CHANGED_M = 1e-3  # difference of lengths from which a lane was changed
 
 
 def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:

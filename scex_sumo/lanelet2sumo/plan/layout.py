@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
 from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.text import BEYOND, JOINT_M, LaneletPart
+from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, LaneletPart
 from scex_sumo.geometry.polylines import (
     along,
     bend,
@@ -174,6 +176,18 @@ class _Plan:
             lanelet = BEYOND if lane.subtype == ENTRY else lane.lane_id
             yield LaneletPart(lanelet, start, end, lane.width_m, lane.speed_limit_mps)
 
+    def _joined_parts(self, path: Path) -> Iterator[LaneletPart]:
+        """Yield the stretches of an internal lane, with those between lanelets that do not meet."""
+        reached = None
+        for piece, start, end in self._inner_parts(path):
+            (stretch,) = self._lanelet_parts([(piece, start, end)])
+            line = cut(self._topology.lane(piece).centreline, start, end)
+            gap = 0.0 if reached is None else math.dist(reached, line[0])
+            if gap > CHANGED_M:
+                yield replace(stretch, lanelet=BEYOND, start=0.0, end=gap)
+            yield stretch
+            reached = line[-1]
+
     def _width(self, pieces: Sequence[Piece]) -> float:
         widths = [self._piece_width(piece) for piece in pieces]
         sizes = [max(end - start, 1e-3) for start, end in map(self._topology.span, pieces)]
@@ -198,7 +212,7 @@ class _Plan:
             speed=min(lane.speed_limit_mps for lane in (lanes if path.inside else lanes[1:])),
             starts=self._starts(path, over),
             allow="" if lanes[0].kind == "vehicle" else lanes[0].kind,
-            parts=tuple(self._lanelet_parts(self._inner_parts(path))),
+            parts=tuple(self._joined_parts(path)),
         )
         driven = [self._topology.lane(piece).lane_id for piece in path.pieces]
         return Connection(

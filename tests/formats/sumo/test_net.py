@@ -16,9 +16,10 @@ from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import open_net
 from scex_sumo.formats.sumo.net import beside
 from scex_sumo.geometry.polylines import distances, samples
-from scex_sumo.road import Road
+from scex_sumo.road import Regulation, Road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.populated import synthetic_seed
+from tests.converters import sumo_roads
 from tests.runs import extrapolate
 
 NODES = """<nodes>
@@ -215,3 +216,24 @@ def test_conditions_of_lights_are_named_in_a_note(tmp_path: Path) -> None:
     net.write_text(text[:first] + light + text[first:])
     (note,) = convert(read_map(net), tmp_path / "b.net.xml").notes
     assert note.startswith("traffic lights with conditions: tl1; ")
+
+
+@pytest.mark.parametrize("kind", ["right_of_way", "traffic_light"])
+def test_a_converted_map_that_begins_in_a_junction_is_read_back(kind: str, tmp_path: Path) -> None:
+    rule = Regulation(element_id=9, kind=kind, lanes=(2,), yielding=(2,), priority=(1,), lights=(9,))
+    drawn = sumo_roads.road(
+        [sumo_roads.lane(1, [(-50, 0), (50, 0)]), sumo_roads.lane(2, [(0, -1), (0, 50)])], [rule]
+    )
+    back = read_map(convert(drawn, tmp_path / "drawn.net.xml").path)
+    assert list(back.lanes) == [1, 2] and not back.notes
+    assert kind in {rule.kind for rule in back.regulations if rule.lanes == (2,)}
+
+
+def test_lanes_of_a_converted_map_that_do_not_meet_keep_their_ids(tmp_path: Path) -> None:
+    drawn = sumo_roads.road(
+        [sumo_roads.lane(1, [(0, 0), (50, 0)], to=(2,)), sumo_roads.lane(2, [(50.5, 0), (90, 0)])]
+    )
+    back = read_map(convert(drawn, tmp_path / "drawn.net.xml").path)
+    assert not back.notes and back.lanes[1].successors == (2,) and list(back.lanes) == [1, 2]
+    for i in (1, 2):
+        np.testing.assert_allclose(back.lanes[i].centreline, drawn.lanes[i].centreline, atol=1e-8)
