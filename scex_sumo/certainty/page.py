@@ -14,7 +14,7 @@ from scex_sumo.results.run import Run
 def exact_part(run: Run) -> PagePart:
     """Return the card of a run with exact tables; none where no pair collides."""
     contents = exact_contents(run)
-    return PagePart(cards=exact_card(run), info={"exact": contents})
+    return PagePart(cards=exact_card(run), info={"exact": contents}, scripts=("exact.js",))
 
 
 def exact_contents(run: Run) -> dict[str, Any] | None:

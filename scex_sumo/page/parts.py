@@ -16,6 +16,7 @@ class PagePart:
     Attributes:
         first: cards beside the map, before the stress test; ``cards`` stand below the tables.
         info: names and numbers by key.
+        scripts: assets that its cards need, besides those of each page.
         tables: sortable tables by the id of their place, see `table_place`.
         verdict: a sentence below the worst encounters.
     """
@@ -23,5 +24,6 @@ class PagePart:
     first: Sequence[Html] = ()
     cards: Sequence[Html] = ()
     info: Mapping[str, Any] = field(default_factory=dict)
+    scripts: Sequence[str] = ()
     tables: Mapping[str, Any] = field(default_factory=dict)
     verdict: str = ""

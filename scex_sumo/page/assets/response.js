@@ -54,11 +54,12 @@ const onceIn = (share) => share > 0 ? share < 0.5 ? `once in ${oneDigit(1 / shar
 
 const MAX_SHOWN_S = 4.5; // response time
 
-function responseCard(run, state, { people: counted, pairs }, jump) {
-  const canvas = byId("response-map"), sliders = [byId("people-median"), byId("people-away")], figures = all("#people output");
+function responseCard(run, state, { people: counted, pairs }, jump, road) {
+  const canvas = byId("response-map"), sliders = ["people-median", "people-away", "people-late"].map(byId), figures = all("#people output");
   const columns = [{ title: "pair" }, { title: "action", kind: "words" }, { title: "collides about", kind: "names" }, { title: "as counted", kind: "names" }];
   const vehicle = (track) => run.info.track_ids.indexOf(track), vehiclesOf = ({ other_id: other, track_id: track }) => [vehicle(other), vehicle(track)];
-  let people = counted, chosen = pairs[0], level = 0, parts;
+  const play = actingStage(run, road, byId("acting"));
+  let people = counted, chosen = pairs[0], level = 0, late = 0, axis = {}, parts;
   const actionOf = ({ action }) => counted.actions.find(({ name }) => name === action), kindOf = (pair) => counted.actions.indexOf(actionOf(pair));
   const rows = () => pairs.map((pair) => ({
     pair,
@@ -69,9 +70,25 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
   function choose(pair) {
     chosen = pair;
     level = actionOf(pair).values.indexOf(pair.value);
+    late = lateOf(pair.responses[level][1]);
     table.choose();
-    draw();
+    act();
     list();
+  }
+
+  // The median of too late responses, as `too_late` of answer.py; without contact that of all.
+  function lateOf(critical) {
+    const median = people.response_s[kindOf(chosen)];
+    return Math.min(critical === null ? median : Math.max(critical + 0.2, median), MAX_SHOWN_S);
+  }
+
+  function act() { // plays the point of the map
+    const vehicles = vehiclesOf({ other_id: chosen.track_id, track_id: chosen.other_id }), motion = actedBy(chosen, level, late, people, vehicles.map((v) => run.info.sizes[v]));
+    const { track_id: one, other_id: other } = chosen, { values, unit } = actionOf(chosen), after = (motion.poses.length - 1) / 10;
+    play(vehicles, motion);
+    const ends = motion.speed === null ? "no contact" : `contact after ${after.toFixed(1)} s, at ${motion.speed.toFixed(0)} m/s`;
+    tell(byId("acting-said"), `Plays: ${one} ${chosen.action}, ${values[level]} ${unit}; ${other} brakes ${late.toFixed(1)} s after that shows: ${ends}.`);
+    draw();
   }
 
   function open(pair) { // here, and on the map
@@ -83,14 +100,16 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
   }
 
   function draw() {
-    const { values, unit, words, smooth } = actionOf(chosen), kind = kindOf(chosen), late = laterOf(people), { often, responses } = chosen;
+    const { values, unit, words, smooth } = actionOf(chosen), kind = kindOf(chosen), isLater = laterOf(people), { often, responses } = chosen;
     parts = partsOf(people, chosen);
     sliders[0].value = people.response_s[kind];
     sliders[1].value = people.away_share;
-    [`${short(people.response_s[kind])} s`, percent(people.away_share)].forEach((said, i) => tell(figures[i], said));
+    sliders[2].value = late;
+    [`${short(people.response_s[kind])} s`, percent(people.away_share), `${short(late, 1)} s`].forEach((said, i) => tell(figures[i], said));
     const pen = sharp(canvas), { paint, write, width, height } = pen, [left, right, top, base] = [30, width - 64, 46, height - 30];
     const highest = Math.max(...responses.flat()), most = clamp(1.25 * highest, 3, MAX_SHOWN_S), least = values[0], largest = values.at(-1);
     if (!width) return;
+    axis = { most, top, base, right };
     const toX = (value) => left + (value - least) / (largest - least) * (right - left), toY = (time) => base - clamp(time ?? most, 0, most) / most * (base - top);
     counted.decelerations.forEach((_, k) => {
       const line = values.flatMap((value, i) => [value, ...(smooth || i > 8 ? [] : [values[i + 1]])].map((x) => [toX(x), toY(responses[i][k])])), dash = [[2, 3], [], [6, 3]][k];
@@ -102,7 +121,7 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
       const share = (often[i] - often[i + 1]) / (values[i + 1] - value), high = share > 0 ? clamp(9 + Math.log10(share), 0, 9) / 9 * 34 : 0;
       box(toX(value), toX(values[i + 1]) - 1, 40 - high, 40, { fill: "likely", alpha: 0.45 });
     });
-    const times = Array.from({ length: 81 }, (_, i) => i / 80 * most), shares = times.map((time) => late(kind, chosen.gap, time));
+    const times = Array.from({ length: 81 }, (_, i) => i / 80 * most), shares = times.map((time) => isLater(kind, chosen.gap, time));
     const dense = shares.map((share, i) => share - (shares[i + 1] ?? share)), peak = Math.max(...dense);
     paint([[right + 6, base], ...dense.map((share, i) => [right + 6 + share / peak * 54, toY(times[i])]), [right + 6, top]], { fill: "likely", alpha: 0.45 });
     paint([[left, toY(counted.careful_s)], [right, toY(counted.careful_s)]], { stroke: "soft", dash: [1, 3], width: 1 });
@@ -115,7 +134,9 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     write("how late", right + 6, top - 4, { align: "left" });
     const at = toX(values[level]);
     paint([[at, 6], [at, base]], { stroke: "picked" });
-    for (const response of responses[level]) paint(circle([at, toY(response)], 3.5), { fill: "picked" });
+    paint([[left, toY(late)], [right, toY(late)]], { stroke: "picked", width: 1, dash: [1, 3] });
+    for (const response of responses[level]) paint(circle([at, toY(response)], 2.5), { fill: "picked" });
+    paint(circle([at, toY(late)], 6), { stroke: "picked", fill: "card", width: 2.5 });
     const said = saidOf(words, smooth);
     tell(byId("response-said"), said);
     for (const [name, value] of Object.entries({ valuemin: least, valuemax: largest, valuenow: values[level], valuetext: said })) canvas.setAttribute(`aria-${name}`, value);
@@ -151,27 +172,29 @@ function responseCard(run, state, { people: counted, pairs }, jump) {
     announce(`${chosen.other_id} and ${chosen.track_id} collide about ${onceIn(responseProbability(people, chosen))}`);
   }
 
-  function move(to) {
+  function move(to, time = late) {
     level = clamp(to, 0, chosen.often.length - 1);
-    draw();
+    late = clamp(time, 0, MAX_SHOWN_S);
+    act();
   }
   sliders[0].oninput = () => {
     const factor = Number(sliders[0].value) / counted.response_s[kindOf(chosen)];
     change({ ...people, response_s: counted.response_s.map((time) => time * factor) });
   };
   sliders[1].oninput = () => change({ ...people, away_share: Number(sliders[1].value) });
+  sliders[2].oninput = () => move(level, Number(sliders[2].value));
   byId("own-people").onclick = () => change(counted);
-  canvas.onpointerdown = canvas.onpointermove = ({ offsetX, buttons, type }) => {
+  canvas.onpointerdown = canvas.onpointermove = ({ offsetX, offsetY, buttons, type }) => {
     if (!buttons && type === "pointermove") return;
-    const { values } = actionOf(chosen), value = values[0] + (offsetX - 30) / (canvas.clientWidth - 94) * (values.at(-1) - values[0]);
-    move(values.map((each, i) => [Math.abs(each - value), i]).sort(([a], [b]) => a - b)[0][1]);
+    const { values } = actionOf(chosen), value = values[0] + (offsetX - 30) / (axis.right - 30) * (values.at(-1) - values[0]);
+    move(values.map((each, i) => [Math.abs(each - value), i]).sort(([a], [b]) => a - b)[0][1], (axis.base - offsetY) / (axis.base - axis.top) * axis.most);
   };
   canvas.onkeydown = (event) => {
-    const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (!by) return;
+    const [across, up] = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key] ?? [];
+    if (across === undefined) return;
     event.preventDefault();
     event.stopPropagation();
-    move(level + by);
+    move(level + across, late + up);
   };
   choose(chosen);
   return {

@@ -21,7 +21,7 @@ _WARNING = "warning: "
 SCRIPTS = (
     *BASE,
     *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
-    *("selection.js", "address.js", "vehicles.js", "exact.js", "response.js", "parts.js", "report.js"),
+    *("selection.js", "address.js", "vehicles.js", "parts.js", "report.js"),
 )
 
 
@@ -44,7 +44,8 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str
     body = run_body(info, parts)
     tables = {name: table for part in parts for name, table in part.tables.items()}
     more = {name: value for part in parts for name, value in part.info.items()}
-    return page_html(info["name"], body, SCRIPTS, info | more | {"tables": tables}, arrays)
+    scripts = dict.fromkeys([*SCRIPTS, *(name for part in parts for name in part.scripts)])
+    return page_html(info["name"], body, tuple(scripts), info | more | {"tables": tables}, arrays)
 
 
 def run_body(info: Mapping[str, Any], parts: Sequence[PagePart] = ()) -> str:

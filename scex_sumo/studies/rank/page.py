@@ -38,7 +38,7 @@ from scex_sumo.studies.rank.table import page_columns, pair_words, severity_word
 from scex_sumo.studies.rank.triage import KEY, VERDICTS
 
 HTML = "ranking.html"
-SCRIPTS = ("stage.js", "triage.js")
+SCRIPTS = ("loop.js", "stage.js", "triage.js")
 _ROWS = 1000
 _EXTRAS = (ExactProbabilities(), CriticalResponse())  # of the reports of moments
 _BY = {"severity": "the severe injuries (MAIS 3+) that are to be expected"}

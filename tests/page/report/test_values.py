@@ -70,3 +70,18 @@ def test_the_map_of_responses_has_its_values_as_text(page: Any) -> None:
     heads, *lines = cells(page, "#response .sr")
     assert len(lines) == 10 and heads[2].endswith("at 4 m/s²")
     assert page.get_attribute("#response-map", "aria-valuetext") == text(page, "#response-said")
+
+
+def test_the_point_of_the_map_plays_beside_it(page: Any) -> None:
+    """Keys, sliders and a drag choose action and response time."""
+    page.wait_for_selector("#acting-said:has-text('Plays: ')")
+    page.click("#response-table tr:has-text('goes on')")
+    page.fill("#people-late", "0.5")
+    assert " brakes 0.5 s after that shows: " in text(page, "#acting-said")
+    page.focus("#response-map")
+    page.keyboard.press("ArrowUp")
+    assert " brakes 0.6 s after that shows: " in text(page, "#acting-said")
+    before = text(page, "#acting-said")
+    page.keyboard.press("ArrowRight")
+    assert text(page, "#acting-said") != before and page.input_value("#people-late") == "0.6"
+    assert page.evaluate("document.querySelector('#acting').toDataURL().length") > 2000
