@@ -16,13 +16,13 @@ import scex_sumo
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.evaluation.plans import read_plans
 from scex_sumo.metrics.base import PAPER, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import scene_batches
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.encounters import answers_of
-from scex_sumo.results.plans import read_plans
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
 

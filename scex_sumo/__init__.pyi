@@ -3,7 +3,6 @@ from .base.errors import ScexError as ScexError
 from .base.errors import ScexWarning as ScexWarning
 from .base.options import option as option
 from .behaviors.base import Behavior as Behavior
-from .behaviors.own import behavior as behavior
 from .behaviors.registry import parse_models as parse_models
 from .behaviors.spec import ModelSpec as ModelSpec
 from .certainty.fitted import fitted_weights as fitted_weights
@@ -35,10 +34,11 @@ from .formats.sumo.watch import watch as watch
 from .learned.scene_graph.graph import SceneGraph as SceneGraph
 from .learned.scene_graph.graph import scene_graph as scene_graph
 from .learned.training.attention import plot_attention as plot_attention
-from .metrics.own import metric as metric
 from .metrics.pairs.scenes import Samples as Samples
 from .metrics.pairs.scenes import Scenes as Scenes
 from .plug_in.inputs import Surroundings as Surroundings
+from .plug_in.own import behavior as behavior
+from .plug_in.own import metric as metric
 from .plug_in.predictor import Predictor as Predictor
 from .plug_in.user_model import predictor as predictor
 from .results.extras import Decision as Decision

@@ -7,7 +7,7 @@ n (vehicles that plan in one call).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.importing import DRAWINGS
 
 if TYPE_CHECKING:
+    from scex_sumo.intention import Intention
     from scex_sumo.road import Road
 
 
@@ -111,51 +112,6 @@ class Obstacles:
     width: FloatArray
     states: States
     present: BoolArray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stop:
-    """Planned stop of a vehicle, as SUMO counts along its lanes.
-
-    Attributes:
-        lane: SUMO's name of the lane.
-        start_m: begin of the place on the lane; ``end_m`` its end, where the front bumper stands.
-        duration_s: time from the arrival on; of a vehicle that stands there already, the rest.
-        until_s: earliest departure, s after the seed moment; negative without one.
-        flags: of SUMO's ``setStop``.
-    """
-
-    lane: str
-    start_m: float
-    end_m: float
-    duration_s: float
-    until_s: float = -1.0
-    flags: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Intention:
-    """What a SUMO simulation knows of one of its vehicles: its route, type and stops.
-
-    Attributes:
-        edges: SUMO's edges of the route from the vehicle's on.
-        model: SUMO's name of its car-following model.
-        vehicle_class: SUMO's class, e.g. ``taxi``.
-        parameters: attributes of its ``vType`` that make no driver random.
-        speed_factor: desired speed over the limit.
-        stops: the next ones, in order.
-        change_mps: lateral speed while it changes its lane, positive to the left, else 0.
-        lanes: lanes of the road along the route, those within junctions included.
-    """
-
-    edges: tuple[str, ...]
-    model: str = "Krauss"
-    vehicle_class: str = "passenger"
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    speed_factor: float = 1.0
-    stops: tuple[Stop, ...] = ()
-    change_mps: float = 0.0
-    lanes: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,21 +1,16 @@
 """Options: fields of a frozen dataclass that the command line, ``--config``, Python and the docs all read.
 
 A field made by `option` carries its help and how the command line writes it. Messages name options as the
-command line does; `python_words` translates them for callers in Python.
+command line does; `extrapolate` translates them for callers in Python.
 """
 
 from __future__ import annotations
 
-import functools
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
-from scex_sumo.base.errors import ScexError, UsageError, nearest
-
-P = ParamSpec("P")
-T = TypeVar("T")
+from scex_sumo.base.errors import UsageError, nearest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,48 +76,6 @@ def split_options(given: Mapping[str, Any], kinds: Sequence[type]) -> list[dict[
         if name not in everything:
             raise UsageError(f"unknown option {name!r}; nearest: {nearest(name, everything)}")
     return [{name: given[name] for name in names if name in given} for names in known]
-
-
-def _flags(name: str, one: Option, *, is_flag: bool) -> dict[str, str]:
-    """Return the words for an option in Python by its names on the command line."""
-    pairs = one.names or (f"--{name.replace('_', '-')}",)
-    words: dict[str, str] = {}
-    for pair in pairs:
-        on, _, off = pair.partition("/")
-        words |= {on: f"{name}=True" if is_flag else name}
-        if is_flag:
-            words |= {off or on.replace("--", "--no-", 1): f"{name}=False"}
-    return words
-
-
-def python_message(message: str, kinds: Sequence[type]) -> str:
-    """Return a message of the command line with its options as arguments, e.g. ``exact=False``."""
-    words = {"-o": "out"}
-    for kind in kinds:
-        flags = {one.name for one in fields(kind) if isinstance(one.default, bool)}
-        for name, one in options_of(kind).items():
-            words |= _flags(name, one, is_flag=name in flags)
-    return re.sub(r"(?<![\w-])--?[a-z][a-z-]*(?![\w-])", lambda found: words.get(found[0], found[0]), message)
-
-
-def python_words(kinds: Callable[[], Sequence[type]]) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Decorate a function for callers in Python: its errors name arguments, not options of the command line.
-
-    ``kinds`` returns the dataclasses with the options.
-    """
-
-    def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        @functools.wraps(function)
-        def speaking(*args: P.args, **given: P.kwargs) -> T:
-            try:
-                return function(*args, **given)
-            except ScexError as error:
-                error.args = (python_message(str(error), kinds()),)
-                raise
-
-        return speaking
-
-    return decorate
 
 
 def present_names(arguments: Iterable[str]) -> list[str]:

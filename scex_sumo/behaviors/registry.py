@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object, staying
-from scex_sumo.base.programs import OWN_MODEL, SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver, IdmProfile
 from scex_sumo.behaviors.models.simple import (
@@ -101,6 +100,8 @@ def mixes() -> dict[str, str]:
 
 def known_names() -> list[str]:
     """Return the names that `build` accepts, ``sumo:<model>`` among them."""
+    from scex_sumo.base.sumo_drivers import OWN_MODEL, SUMO_MODELS
+
     sumo = [f"{SUMO}:{model}" for model in (*SUMO_MODELS, OWN_MODEL)]
     return [*_CORE, *sumo, *sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *_MIXES})]
 
@@ -245,6 +246,8 @@ def _parse_one(text: str) -> ModelSpec:
     name, *rest = body.split(":") if own is None else (own[0], *own[1])
     if name == SUMO:
         if not rest or "=" in rest[0]:
+            from scex_sumo.base.sumo_drivers import SUMO_MODELS
+
             raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")
         name = f"{SUMO}:{rest.pop(0)}"
     elif rest and _is_import_path(name, rest[0]) and not _is_known(name):
@@ -296,6 +299,8 @@ def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
     entry = _entry_for(spec)
     if spec.model is not None or not spec.name.startswith(f"{SUMO}:"):
         return maker_of(spec, entry)
+    from scex_sumo.base.sumo_drivers import check_driver
+
     given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
     model = spec.name.partition(":")[2]
     check_driver(model, given)

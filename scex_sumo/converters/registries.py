@@ -110,8 +110,8 @@ class Dataset:
         repair: repair of this dataset's own defects before `repair_tracks`.
         simulated: whether positions and velocities are exact, and ``read`` takes ``window=(first, last)``, s,
             to simulate only that, and ``progress``.
-        from_car: whether a car recorded it, with a map in the same coordinates: nothing is aligned, and
-            vehicles off the lanes are treated by `within_map`.
+        within: ``within(table, road)`` treats vehicles off the lanes, of a recording from a car with a map in
+            the same coordinates, and gives the table and phrases; None: the recording is aligned to its map.
     """
 
     registry: ClassVar = DATASETS
@@ -124,7 +124,7 @@ class Dataset:
     siblings: Callable[[Path], Iterable[Path]] = lambda path: ()
     repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
     simulated: bool = False
-    from_car: bool = False
+    within: Callable[[TrackTable, Road], tuple[TrackTable, list[str]]] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
+from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.formulas.tq import WINDOW_S
-from scex_sumo.results.plans import StoredPlans
 from scex_sumo.scene import States
 
 WINDOW_STEPS = 64

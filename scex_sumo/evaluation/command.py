@@ -44,11 +44,12 @@ def metrics_command(
     ] = None,
 ) -> None:
     """Evaluate criticality metrics of recorded or simulated tracks."""
+    from scex_sumo.evaluation.plans import read_plans
     from scex_sumo.evaluation.sources import read_source
     from scex_sumo.evaluation.tables import recording_table
     from scex_sumo.metrics.base import MetricParameters
     from scex_sumo.results.info import as_written
-    from scex_sumo.results.plans import PLANS, read_plans
+    from scex_sumo.results.plans import PLANS
 
     if out is not None and out.suffix not in TABLE_SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(TABLE_SUFFIXES)}")

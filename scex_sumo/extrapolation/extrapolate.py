@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from functools import partial
 from typing import Any
 
-from scex_sumo.base.errors import UsageError, warn_notes
-from scex_sumo.base.options import python_words, split_options
+from scex_sumo.base.errors import ScexError, UsageError, warn_notes
+from scex_sumo.base.options import Option, options_of, split_options
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
@@ -18,7 +19,6 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
 
-@python_words(run_options)
 def extrapolate(
     scene: SeedScene,
     settings: RunSettings | None = None,
@@ -48,6 +48,18 @@ def extrapolate(
         >>> run.metrics.num_rows
         4
     """
+    try:
+        run = _run(scene, settings, progress, options)
+    except ScexError as error:
+        error.args = (_python_message(str(error)),)
+        raise
+    warn_notes([*run.info["net_notes"], *run.info["run_notes"]])
+    return run
+
+
+def _run(
+    scene: SeedScene, settings: RunSettings | None, progress: Progress | bool | None, options: dict[str, Any]
+) -> Run:
     if not isinstance(scene, SeedScene):
         raise UsageError(
             f"extrapolate: got {type(scene).__name__}, needs a seed scene; make one with "
@@ -60,6 +72,25 @@ def extrapolate(
     how = RunOptions(bar=partial(progress_of, progress), **others)
     extras = [*extras_of(own), *map(extra_named, how.extra)]
     with Workers(1 if how.gui else min(how.workers, settings.count or how.workers)) as pool:
-        run = run_scene(scene, settings, workers=pool, options=how, extras=extras)
-    warn_notes([*run.info["net_notes"], *run.info["run_notes"]])
-    return run
+        return run_scene(scene, settings, workers=pool, options=how, extras=extras)
+
+
+def _python_message(message: str) -> str:
+    """Return a message with arguments, e.g. ``exact=False``, in the place of options of the command line."""
+    words = {"-o": "out"}
+    for kind in run_options():
+        flags = {one.name for one in dataclasses.fields(kind) if isinstance(one.default, bool)}
+        for name, one in options_of(kind).items():
+            words |= _arguments(name, one, is_flag=name in flags)
+    return re.sub(r"(?<![\w-])--?[a-z][a-z-]*(?![\w-])", lambda found: words.get(found[0], found[0]), message)
+
+
+def _arguments(name: str, one: Option, *, is_flag: bool) -> dict[str, str]:
+    """Return the words for an option in Python by its names on the command line."""
+    words: dict[str, str] = {}
+    for pair in one.names or (f"--{name.replace('_', '-')}",):
+        on, _, off = pair.partition("/")
+        words |= {on: f"{name}=True" if is_flag else name}
+        if is_flag:
+            words |= {off or on.replace("--", "--no-", 1): f"{name}=False"}
+    return words

@@ -18,6 +18,7 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats import recognition
 from scex_sumo.formats.boxes import MAX_ITEMS, box_table, checked, one_line, yaw_of
+from scex_sumo.formats.from_car import within_map
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, AV2_POSES
 from scex_sumo.geometry.polylines import wrap
@@ -195,5 +196,5 @@ ARGOVERSE = Dataset(
     read=_read,
     recordings=_recordings,
     name=lambda path, files: _name(path),
-    from_car=True,
+    within=within_map,
 )

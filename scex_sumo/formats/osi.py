@@ -18,6 +18,7 @@ from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import MAX_ITEMS, box_table, one_line
+from scex_sumo.formats.from_car import within_map
 from scex_sumo.formats.recognition import is_osi
 from scex_sumo.formats.sumo.imported import opendrive_road
 from scex_sumo.road import Road
@@ -160,4 +161,4 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 
 OSI_MAP = MapFormat(is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE")
-OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, from_car=True)
+OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map)

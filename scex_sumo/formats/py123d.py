@@ -22,6 +22,7 @@ from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats import recognition
 from scex_sumo.formats.boxes import box_table, checked, one_line, yaw_of
+from scex_sumo.formats.from_car import within_map
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_map
 from scex_sumo.formats.spat import lane_programme
@@ -290,6 +291,6 @@ PY123D = Dataset(
     recordings=_recordings,
     files=_files,
     name=lambda path, files: _name(files[0]),
-    from_car=True,
+    within=within_map,
 )
 PY123D_LIGHTS = SignalFormat(is_mine=recognition.PY123D_LIGHTS.is_mine, read=_read_signals)

@@ -27,6 +27,7 @@ from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import box_table, one_line
+from scex_sumo.formats.from_car import within_map
 from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
 from scex_sumo.formats.recognition import is_scenarionet
 from scex_sumo.formats.spat import lane_programme
@@ -417,6 +418,6 @@ SCENARIONET = Dataset(
     read=_read,
     recordings=_recordings,
     name=lambda path, files: _name(files[0]),
-    from_car=True,
+    within=within_map,
 )
 SCENARIONET_LIGHTS = SignalFormat(is_mine=is_scenarionet, read=_read_signals)

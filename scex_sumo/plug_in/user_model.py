@@ -14,9 +14,9 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior, is_driven_by_sumo
 from scex_sumo.behaviors.objects import signature_of
-from scex_sumo.behaviors.own import behavior
 from scex_sumo.behaviors.spec import EMPTY, ModelEntry
 from scex_sumo.plug_in.inputs import Surroundings
+from scex_sumo.plug_in.own import behavior
 from scex_sumo.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex

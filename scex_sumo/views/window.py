@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scex_sumo.base.colors import model_colors
 from scex_sumo.views.drawings import LETTER_M, WINDOW_SIZE, draw_legend, frame_of, write_view_settings
 from scex_sumo.world.tiles import TileTemplate
 
@@ -19,7 +20,8 @@ def write_window(folder: Path, tiles: Tiles, *, delay_ms: int) -> tuple[list[Pat
         additional.append(folder / "tiles.add.xml")
         TileTemplate(tiles.extras).write(additional[-1], tiles.slots, tiles.layout)
     bounds, offsets = tiles.template.bounds, [tiles.layout.offset(slot) for slot in tiles.slots]
-    frame = frame_of(bounds, offsets, tiles.legend).on(bounds)
+    entries = list(zip(tiles.models, model_colors(tiles.models), strict=True))
+    frame = frame_of(bounds, offsets, entries).on(bounds)
     additional.append(folder / "legend.add.xml")
     additional[-1].write_text(f"<additional>\n{draw_legend(frame)}</additional>\n", encoding="utf-8")
     letter_m = LETTER_M * frame.exaggeration if len(tiles.slots) == 1 else 0.0

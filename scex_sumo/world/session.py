@@ -12,7 +12,6 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from scex_sumo.base.colors import Rgb
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import writing
 from scex_sumo.base.importing import Registry
@@ -46,13 +45,13 @@ WINDOWS = Registry(group="scex_sumo.windows", kind="live window")
 
 
 class Tiles(NamedTuple):
-    """Tiles that a live window shows, with the drawing of the net and the models of the legend."""
+    """Tiles that a live window shows, with the drawing of the net, and the models that its legend names."""
 
     template: TileTemplate
     layout: TileLayout
     slots: Sequence[int]
     extras: Path | None
-    legend: Sequence[tuple[str, Rgb]]
+    models: Sequence[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +114,7 @@ class SumoSession:
         *,
         gui: bool,
         delay_ms: int,
-        legend: Sequence[tuple[str, Rgb]],
+        models: Sequence[str],
     ) -> None:
         """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later."""
         self.slots = sorted({int(slot) for slot in slots})
@@ -123,7 +122,7 @@ class SumoSession:
         self._folder = folder
         self._gui = gui
         self._delay_ms = delay_ms
-        self._legend = legend
+        self._models = models
         self._template = template_of(net.path)
         self._extras = net.extras
         count = max(self.slots, default=0) + 1
@@ -175,7 +174,7 @@ class SumoSession:
         self._types.write(types)
         additional, options = [types], ["-n", checked_path(net)]
         if self._gui:
-            tiles = Tiles(self._template, self.layout, self.slots, self._extras, self._legend)
+            tiles = Tiles(self._template, self.layout, self.slots, self._extras, self._models)
             drawn, settings = WINDOWS.load("sumo-gui")(self._folder, tiles, delay_ms=self._delay_ms)
             additional += drawn
             options += [*settings, "--start", "true", "--quit-on-end", "true"]

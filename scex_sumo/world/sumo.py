@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.colors import Rgb, model_colors
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
@@ -31,6 +30,7 @@ from scex_sumo.world.tiles import TILE_SLOTS, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
+    from scex_sumo.base.colors import Rgb
     from scex_sumo.converters.net.sumo_net import SumoNet
     from scex_sumo.world.driven import SumoDrivers
 
@@ -52,19 +52,20 @@ class SumoWorld:
         slots: Sequence[int],
         gui: bool = False,
         delay_ms: int = 100,
-        legend: Sequence[tuple[str, Rgb]] = (),
+        models: Sequence[str] = (),
     ) -> None:
         """Build the tiles; SUMO starts with the first batch.
 
         Args:
             slots: tile slots of all batches, each below ``TILE_SLOTS``.
             gui: show sumo-gui; the last bits of positions may differ.
+            models: names in its legend.
         """
         self._scene = scene
         self._temporary = TemporaryFolder()
         self._types = TypeBook(scene)
         self._session = SumoSession(
-            net, slots, self._types, Path(self._temporary.name), gui=gui, delay_ms=delay_ms, legend=legend
+            net, slots, self._types, Path(self._temporary.name), gui=gui, delay_ms=delay_ms, models=models
         )
         self._gui = gui
         self._length = np.asarray(scene.length, dtype=np.float64)
@@ -248,11 +249,9 @@ class SumoSimulator:
     has_sumo = True
 
     def __init__(self, request: WorldRequest) -> None:
-        self._scene, self._gui = request.scene, request.gui
-        self._colors = model_colors(request.models)
-        legend = tuple(zip(request.models, self._colors, strict=True))
+        self._request = request
         self._world = SumoWorld(
-            request.net, request.scene, slots=request.slots, gui=request.gui, legend=legend
+            request.net, request.scene, slots=request.slots, gui=request.gui, models=request.models
         )
 
     def __enter__(self) -> SumoSimulator:
@@ -263,8 +262,11 @@ class SumoSimulator:
 
     def begin(self, batch: BatchStart) -> World:
         """Return the world, set to the seed scene."""
-        self._world.begin(self._scene.now.repeat(len(batch.slots)), batch.slots, batch.driven)
-        if self._gui:
+        self._world.begin(self._request.scene.now.repeat(len(batch.slots)), batch.slots, batch.driven)
+        if self._request.gui:
+            from scex_sumo.base.colors import model_colors
+
+            colors = model_colors(self._request.models)
             for (future, vehicle), model in np.ndenumerate(batch.assignment):
-                self._world.color(future, vehicle, self._colors[model])
+                self._world.color(future, vehicle, colors[model])
         return self._world

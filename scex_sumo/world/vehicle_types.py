@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TypeAlias
 from xml.sax.saxutils import quoteattr as quoted
 
-from scex_sumo.base.colors import OTHER_RGB
-from scex_sumo.base.programs import RANDOM_MODELS, RANDOM_PARAMETERS, check_driver
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.scene import SeedScene
 
@@ -37,6 +35,8 @@ def given_type(
 def _driven_type(
     name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str], own: str
 ) -> str:
+    from scex_sumo.base.sumo_drivers import RANDOM_PARAMETERS
+
     shape = gui_shape(kind)
     attributes = {"vClass": own or _CLASSES.get(shape, "passenger"), "guiShape": shape}
     attributes["carFollowModel"] = model
@@ -51,7 +51,11 @@ def _element(name: str, length: float, width: float, attributes: Mapping[str, st
 
 
 class TypeBook:
-    """Vehicle types of a seed scene: one for each type and size, and for each SUMO driver."""
+    """Vehicle types of a seed scene: one for each type and size, and for each SUMO driver.
+
+    Attributes:
+        random: whether a driver uses SUMO's random numbers.
+    """
 
     def __init__(self, scene: SeedScene) -> None:
         """Collect types and sizes of all road users."""
@@ -62,6 +66,7 @@ class TypeBook:
                 zip(others.types, others.length.tolist(), others.width.tolist(), strict=True)
             )
         self._intentions = scene.intentions
+        self.random = False
         self._drivers: dict[_Driver, int] = {}
         self._written: set[int] = set()
 
@@ -70,16 +75,14 @@ class TypeBook:
         """Whether the last file has every driver."""
         return self._written == set(self._drivers.values())
 
-    @property
-    def random(self) -> bool:
-        """Whether a driver uses SUMO's random numbers."""
-        return any(model in RANDOM_MODELS for model, _, _ in self._drivers)
-
     def enter(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> None:
         """Enter a SUMO driver; raises a `UsageError` as `check_driver`."""
+        from scex_sumo.base.sumo_drivers import RANDOM_MODELS, check_driver
+
         key = self._driver(vehicle, model, parameters)
         if key not in self._drivers:
             check_driver(model, parameters)
+            self.random |= model in RANDOM_MODELS
             self._drivers[key] = len(self._drivers)
 
     def _driver(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> _Driver:
@@ -103,8 +106,12 @@ class TypeBook:
     def write(self, path: Path) -> None:
         """Write SUMO's additional file."""
         lines = {_type_name(*size): given_type(_type_name(*size), *size) for size in self._vehicles}
-        for size in self._obstacles:
-            lines[_type_name(*size)] = given_type(_type_name(*size), *size, OTHER_RGB)
+        if self._obstacles:
+            from scex_sumo.base.colors import OTHER_RGB
+
+            lines |= {
+                (name := _type_name(*size)): given_type(name, *size, OTHER_RGB) for size in self._obstacles
+            }
         for (model, parameters, own), index in self._drivers.items():
             for size in self._vehicles:
                 name = f"{_type_name(*size)}_{model}{index}"

@@ -18,7 +18,6 @@ from scex_sumo.behaviors.base import Behavior, is_driven_by_sumo
 from scex_sumo.behaviors.listing import known_models
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.behaviors.own import behavior
 from scex_sumo.behaviors.registry import (
     DEFAULT_MODELS,
     ModelSpec,
@@ -29,6 +28,7 @@ from scex_sumo.behaviors.registry import (
     model_specs,
     parse_models,
 )
+from scex_sumo.plug_in.own import behavior
 from scex_sumo.plug_in.predictor import Predictor
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.own import behavior
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.guard.guarded import Guarded
 from scex_sumo.plug_in.fallback import Fallible
+from scex_sumo.plug_in.own import behavior
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 from scex_sumo.statistics.designs import DESIGNS

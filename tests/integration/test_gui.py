@@ -34,7 +34,7 @@ from test_gui import scene, states
 
 net = SimpleNamespace(path=Path(sys.argv[2]), extras=None)
 with SumoWorld(net, scene(), slots=[0, 1], gui=True, delay_ms=0,
-           legend=[("standard_driver", (54, 124, 196))]) as world:
+           models=["standard_driver"]) as world:
     drivers = [SumoDriven(future=1, vehicle=0, model="IDM", parameters={}, edges=("w_in", "e_out"))]
     for driven in ([], drivers):
         mask = np.ones((2, 2), dtype=bool)

@@ -66,15 +66,12 @@ def read_clean(
         checks = () if dataset.simulated else check_recording(table.vehicles, road)
         table, findings = repaired(table, findings, dataset)
         findings = without_explained(findings, checks)
-    from_car = dataset.from_car
-    if align and road is not None and not from_car:
+    if road is not None and dataset.within is not None:
+        table, left = dataset.within(table, road)
+        findings = (*findings, *left)
+    elif road is not None and align:
         table, moved = align_tracks(table, road, siblings=_siblings(paths))
         findings = (*findings, *moved)
-    if road is not None and from_car:
-        from scex_sumo.converters.datasets.from_car import within_map
-
-        table, left = within_map(table, road)
-        findings = (*findings, *left)
     return CleanRecording(table=table, findings=findings, repair=repair, checks=checks)
 
 

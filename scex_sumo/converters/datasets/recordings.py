@@ -125,5 +125,5 @@ def window_with_history(window: Window) -> Window:
 def doubts_of_place(samples: Evidence, road: Road, tracks: Path) -> tuple[str, ...]:
     """Return a warning if a map is likely at a wrong place, from where vehicles drive."""
     dataset = dataset_of(tracks)
-    doubt = None if dataset.from_car or dataset.simulated else doubt_place(samples, road)
+    doubt = None if dataset.within is not None or dataset.simulated else doubt_place(samples, road)
     return (doubt,) if doubt else ()

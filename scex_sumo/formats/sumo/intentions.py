@@ -12,9 +12,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.programs import RANDOM_PARAMETERS, REFUSED, known_parameters
+from scex_sumo.base.sumo_drivers import RANDOM_PARAMETERS, REFUSED, known_parameters
 from scex_sumo.converters.net.reading import lane_places, net_root, read_ends
-from scex_sumo.scene import Intention, Stop
+from scex_sumo.intention import Intention, Stop
 
 INTENTIONS_S = 1.0  # between records of intentions
 MAX_EDGES, MAX_STOPS = 50, 3  # of a vehicle that are kept

@@ -24,7 +24,8 @@ from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, types_of, with_lanes
 from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
-from scex_sumo.scene import STEP_S, Intention, SeedScene
+from scex_sumo.intention import Intention
+from scex_sumo.scene import STEP_S, SeedScene
 
 _NOWHERE_M = 1e8  # SUMO's coordinates of vehicles that are not in the network are beyond
 _PARKED = 2  # bit of a stop's state

@@ -1,4 +1,4 @@
-"""Registration of a metric of your own, by a decorator."""
+"""Registration of a behaviour model or a metric of your own, by a decorator."""
 
 from __future__ import annotations
 
@@ -7,11 +7,51 @@ from collections.abc import Callable
 from typing import Literal, TypeVar
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.metrics import registry
+from scex_sumo.behaviors import registry as behaviors
+from scex_sumo.behaviors.registry import EXTENSIONS, MIXES, SUMO
+from scex_sumo.metrics import registry as metrics
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 from scex_sumo.metrics.registry import METRICS, Metric
 
+T = TypeVar("T")
 F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
+
+
+def behavior(name: str) -> Callable[[T], T]:
+    """Register a behaviour model: ``@behavior("my_driver")`` on a class with ``plan`` or ``plan_one``.
+
+    See `Behavior` and `SingleVehicleBehavior`. Keyword arguments of the constructor are the parameters. A
+    function of a vehicle's ``history`` becomes a `Predictor`.
+
+    Raises:
+        UsageError: the name is taken or cannot be written on a command line.
+
+    Example:
+        >>> @scex.behavior("parked")
+        ... class Parked:
+        ...     def plan(self, history, road, who, rng):
+        ...         now = history.now[who.future, who.vehicle]
+        ...         x, y, heading = (np.repeat(a[:, None], 30, axis=1) for a in (now.x, now.y, now.heading))
+        ...         return scex.Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
+        >>> [str(model) for model in scex.parse_models("parked")]
+        ['parked']
+    """
+
+    def register(constructor: T) -> T:
+        if (
+            name in {*behaviors._CORE, SUMO, *behaviors._MIXES}
+            or EXTENSIONS.is_ours(name)
+            or MIXES.is_ours(name)
+        ):
+            raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
+        if not name or any(c in name for c in ",:@= \t\n"):
+            raise UsageError(f"behavior {name!r}: a name must not contain , : @ = or spaces")
+        if not callable(constructor):
+            raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
+        behaviors._registered[name] = behaviors._entry(constructor, name)
+        return constructor
+
+    return register
 
 
 def metric(
@@ -45,7 +85,7 @@ def metric(
         >>> scex.extrapolate(scene, futures=2, metrics=["slowest"]).metrics.column_names
         ['future', 'slowest', 'slowest_mean', 'collision']
     """
-    if name in METRICS or name in registry._TAKEN:
+    if name in METRICS or name in metrics._TAKEN:
         raise UsageError(f"metric {name!r}: the name is taken; choose another one")
     if not name or name.endswith("_mean") or any(c in name for c in ",:@=. \t\n"):
         raise UsageError(f"metric {name!r}: a name must not contain , : @ = . or spaces, nor end with _mean")
@@ -65,7 +105,7 @@ def metric(
             threshold=threshold,
             label=label or "",
         )
-        registry._registered[name] = made
+        metrics._registered[name] = made
         function.__scex_metric__ = made  # type: ignore[attr-defined]
         return function
 

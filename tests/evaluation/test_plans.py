@@ -11,9 +11,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import ResultError
+from scex_sumo.evaluation.plans import read_plans
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part
-from scex_sumo.results.plans import plans_table, read_plans
+from scex_sumo.results.plans import plans_table
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
 
