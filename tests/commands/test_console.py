@@ -69,6 +69,10 @@ def test_names_in_results_and_of_files_do_not_reach_a_terminal_unescaped(tmp_pat
     (out / "run.json").write_text(json.dumps(info))
     tracks = tmp_path / "tracks.csv"
     tracks.write_text(f"track_id,{TITLE}frame_id\n1,1\n")
-    for arguments in (("encounters", out), ("plot", out), ("run", ROUNDABOUT, "--tracks", tracks)):
+    for arguments in (
+        ("encounters", out),
+        ("plot", out, "--metric", "ttc"),
+        ("run", ROUNDABOUT, "--tracks", tracks),
+    ):
         written = on_a_terminal(*arguments)
         assert r"\x1b]0;evil" in written and "\x1b]" not in written, arguments

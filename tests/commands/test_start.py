@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.scenarios import example_path
+from tests.command import ALONE
 
 NEVER = {"scipy.sparse", "scipy.linalg", "torch"}
 
@@ -31,4 +32,4 @@ def test_a_run_does_without_torch_and_most_of_scipy(tmp_path: Path) -> None:
 def test_a_second_run_on_a_map_does_without_lanelet2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     code = "print('lanelet2' in sys.modules)"
-    assert [after_a_run(tmp_path, code, "--reference", "none") for _ in range(2)] == [["True"], ["False"]]
+    assert [after_a_run(tmp_path, code, *ALONE) for _ in range(2)] == [["True"], ["False"]]

@@ -299,7 +299,7 @@ def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_pat
         "    return scenes.unordered(np.abs(scenes.speed[second] - scenes.speed[first]))\n"
     )
     out = tmp_path / "out"
-    words = (dataset, *OPTIONS, "--metrics", "paper,closeness:speed_gap", "--workers", 2, "-o", out)
+    words = (dataset, *OPTIONS, "--metrics", "paper,closeness:speed_gap", "-o", out)
     done = scex("rank", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = pq.read_table(out / "moments.parquet")
@@ -321,7 +321,7 @@ def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
     assert (row["futures"], row["remainder"]) == (64, 3 / 64)
     assert 0 < row["extra"] <= 128
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
-    run = extrapolate(seed, futures=150, out=tmp_path / "run")
+    run = extrapolate(seed, futures=16, out=tmp_path / "run")
     assert run.collision.exact == pytest.approx(row["p_collision"])
     tables = {
         key: table.probability() for key, table in exact_of(run).tables.items() if key[2] == "collision"
