@@ -6,8 +6,10 @@ A *lane* is one Lanelet2 lanelet in driving direction; SUMO's lanes are named ``
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
@@ -196,3 +198,63 @@ class Road:
     def vehicle_lanes(self) -> dict[int, Lane]:
         """Lanes that cars may drive on, by id."""
         return {i: lane for i, lane in self.lanes.items() if lane.kind == "vehicle"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signal:
+    """States of a signal group over time, which repeat.
+
+    Attributes:
+        letters: SUMO's, one for each phase, e.g. ``G``, ``y``, ``r``; empty if unknown.
+        ends_s: (K,) end of each phase within the cycle.
+        start_s: place of the seed moment in the cycle.
+    """
+
+    letters: str = ""
+    ends_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    start_s: float = 0.0
+
+    def at(self, time_s: float) -> tuple[str, float]:
+        """Return the state at a time since the seed moment, and for how many seconds it has been shown."""
+        if not self.letters:
+            return "", 0.0
+        place = (self.start_s + time_s + 1e-6) % self.ends_s[-1]
+        phase = int(np.searchsorted(self.ends_s, place, side="right")) % len(self.letters)
+        since, k = place - (self.ends_s[phase - 1] if phase else 0.0), phase - 1
+        while self.letters[k] == self.letters[phase] and k % len(self.letters) != phase:
+            since += self.ends_s[k] - (self.ends_s[k - 1] if k % len(self.letters) else 0.0)
+            k -= 1
+        return self.letters[phase], float(since)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Passage:
+    """Way through a junction from a lane to a lane, with its rules.
+
+    Attributes:
+        line: (P, 2) centreline, m; without a drawn stop line vehicles stop at its beginning.
+        lanes: lanes under it, from the one before the junction to the one after.
+        state: SUMO's of the link, e.g. ``M`` (priority), ``m`` (yield), ``s`` (stop), ``w`` (all-way stop).
+        signal: index of its signal group; -1 without a light.
+        yields_to: indices of the passages to which it gives way.
+    """
+
+    line: FloatArray
+    lanes: tuple[int, ...]
+    state: str
+    signal: int
+    yields_to: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rules:
+    """Rules of a road at one moment, as its SUMO net has them.
+
+    Attributes:
+        stop_lines: (S, 2) polylines, m; so the outlines of the crosswalks.
+    """
+
+    passages: tuple[Passage, ...]
+    signals: tuple[Signal, ...] = ()
+    stop_lines: tuple[FloatArray, ...] = ()
+    crosswalks: tuple[FloatArray, ...] = ()

@@ -18,7 +18,7 @@ from scex_sumo.base.importing import DRAWINGS
 
 if TYPE_CHECKING:
     from scex_sumo.intention import Intention
-    from scex_sumo.road import Road
+    from scex_sumo.road import Road, Rules
 
 
 STEP_S = 0.1
@@ -132,6 +132,7 @@ class SeedScene:
         source: origin of the data, for ``run.json``.
         road: the map, if the scene was read together with one.
         intentions: (V,) what SUMO knows of each vehicle of its simulation; () for recordings.
+        rules: lights and right of way that drivers obey; None: none.
 
     Example:
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
@@ -155,6 +156,7 @@ class SeedScene:
     source: dict[str, Any] = field(default_factory=dict)
     road: Road | None = None
     intentions: tuple[Intention | None, ...] = ()
+    rules: Rules | None = None
 
     def __repr__(self) -> str:
         future = 0 if self.future is None else self.future.shape[1]

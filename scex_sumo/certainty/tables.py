@@ -34,6 +34,10 @@ WORDS: Mapping[str, str] = {
     "standard_driver": "drives calmly",
     "risky_driver": "drives riskily",
     "replay": "drives as recorded",
+    "runs_red": "runs red",
+    "ignores_priority": "ignores priority",
+    "cuts_in": "cuts in",
+    "drifts": "drifts out of its lane",
 }
 """What a vehicle does under a model, for cut sets in words."""
 

@@ -17,7 +17,7 @@ from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.extras import Extra, Work
-from scex_sumo.extrapolation.job import Job, batch_size, batches_of
+from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.measure import Recorded, measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
@@ -65,9 +65,10 @@ def run_scene(
     path = Path(temporary.name) / "run" if temporary else Path(str(options.out))
     identity = _identity(scene, settings, models, assignment)
     folder = ResultFolder(path, identity, overwrite=options.overwrite)
+    scene, net = ruled(scene, _net(scene, folder, options), settings)
     job = Job(
         scene,
-        _net(scene, folder, options),
+        net,
         settings,
         models,
         assignment,

@@ -94,6 +94,17 @@ class Job:
         return futures % TILE_SLOTS if self.apart else np.zeros_like(futures)
 
 
+def ruled(scene: SeedScene, net: SumoNet, settings: RunSettings) -> tuple[SeedScene, SumoNet]:
+    """Return the scene of a job with the rules of its road, and the net with notes on them."""
+    road = scene.road
+    if not settings.obeys or road is None or not (road.regulations or road.net):
+        return replace(scene, rules=None), net
+    from scex_sumo.converters.net.rules import with_rules
+
+    scene, notes = with_rules(scene, net)
+    return scene, replace(net, notes=(*net.notes, *notes))
+
+
 def batches_of(futures: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:
     """Cut futures into batches of at most ``size``; with ``apart``, a batch has different slots."""
     batches: list[list[int]] = []

@@ -46,6 +46,7 @@ Models: TypeAlias = Driver | Sequence[Driver]
 FUTURES: Final = 385
 """Futures of a run, as in the paper."""
 
+PAPER_MIX: Final = "paper"
 RUN_PRESETS: Final = {"paper": ("paper",), "path": ("path",), "both": ("paper", "path")}
 """Sets of metrics that a run evaluates."""
 
@@ -171,6 +172,7 @@ class RunSettings:
         metavar="sumo|plain|checked|NAME",
     )
     keep_plans: bool = option("Write plans.parquet, to evaluate gap times again.", False)
+    rules: bool = option("Drivers obey lights and right of way; those of the mix paper never do.", True)
 
     def __post_init__(self) -> None:
         self._put_region()
@@ -248,6 +250,12 @@ class RunSettings:
         """The models to draw from."""
         return model_specs(self.models)
 
+    @property
+    def obeys(self) -> bool:
+        """Whether drivers obey the rules of the road; those of the paper's mix do not."""
+        named = self.models.split(",") if isinstance(self.models, str) else ()
+        return self.rules and PAPER_MIX not in [name.strip() for name in named]
+
     @cached_property
     def count(self) -> int | None:
         """Number of futures, or with ``until_band`` the maximum; None for every combination."""
@@ -293,6 +301,7 @@ class RunSettings:
             "design": self.design if self.count is not None else "all",
             "until_band": self.until_band,
             "seed": self.seed,
+            **({} if self.obeys else {"rules": False}),
             **({"world": self.world} if self.world != DEFAULT_WORLD else {}),
             "preset": self.preset,
             "reflect": self.reflect,

@@ -299,7 +299,7 @@ def handed_out(made: Plan, kind: IntArray) -> Plan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Intent:
-    """Arguments of `drive` for n distinct situations."""
+    """Arguments of `drive` for n distinct situations; ``aside`` as there."""
 
     who: VehicleIndex
     paths: SeedPaths
@@ -307,6 +307,7 @@ class Intent:
     accelerate: Accelerate
     # (m,) situation of each of the m vehicles; None if each has its own
     kind: IntArray | None = None
+    aside: FloatArray | None = None
 
     def of(self, kind: IntArray) -> Intent:
         """Return the intent for (k,) of the m vehicles."""
@@ -361,6 +362,11 @@ def _side_by_side(history: SceneHistory, paths: SeedPaths, intents: Sequence[Int
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         return np.concatenate([model(step, v[k], travelled[k], s[k]) for model, k in parts])
 
-    made = drive(history, who, paths, np.concatenate([one.row for one in intents]), accelerate)
+    row, aside = np.concatenate([one.row for one in intents]), None
+    if any(one.aside is not None for one in intents):
+        aside = np.vstack(
+            [np.zeros((len(one.who), PLAN_STEPS + 1)) if one.aside is None else one.aside for one in intents]
+        )
+    made = drive(history, who, paths, row, accelerate, aside=aside)
     kinds = [np.arange(len(one.who)) if one.kind is None else one.kind for one in intents]
     return [handed_out(made, begin + kind) for begin, kind in zip(ends, kinds, strict=False)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +26,8 @@ from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_p
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
+LINE_GAP_M = 0.5  # before a place to stop
+LINE_BRAKING = 0.7  # of the comfortable deceleration, for one
 HABIT_STEPS = 5  # over which the acceleration before the seed scene is measured
 
 
@@ -68,7 +71,8 @@ class IdmProfile:
             "curve_deceleration",
         )
         check_positive(self, *positive)
-        check_positive(self, *(name for name in vars(self) if name not in (*positive, "path")), zero=True)
+        others = (name for name in IdmProfile.__dataclass_fields__ if name not in (*positive, "path"))
+        check_positive(self, *others, zero=True)
         check_path(self.path)
 
 
@@ -174,8 +178,15 @@ class IdmDriver(DrivesAlong):
         """See `DrivesAlong`."""
         return self.follow(history, who, *chosen_paths(history, road, who, self.profile.path))
 
-    def follow(self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> Intent:
-        """Return the drive along (n,) rows of `paths`."""
+    def follow(
+        self,
+        history: SceneHistory,
+        who: VehicleIndex,
+        paths: SeedPaths,
+        row: IntArray,
+        hold: FloatArray | None = None,
+    ) -> Intent:
+        """Return the drive along (n,) rows of `paths`; (n,) ways to places to stop, m, inf without."""
         profile = self.profile
         now = history.now[who.future, who.vehicle]
         s_centre, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
@@ -190,10 +201,13 @@ class IdmDriver(DrivesAlong):
             obstacle_clearance=profile.obstacle_clearance,
         )
         # Vehicles with the same leader at the same gap drive the same; many futures differ elsewhere only.
-        situation = np.stack([row, leaders.gap, leaders.speed], axis=1)
+        holds = [] if hold is None else [hold]
+        situation = np.stack([row, leaders.gap, leaders.speed, *holds], axis=1)
         first, kind = distinct(np.concatenate([own_motion(history, who), situation], axis=1))
         behind = (leaders.gap[first], leaders.speed[first])
         accelerate = self._accelerate(history, who[first], paths, row[first], *behind)
+        if hold is not None:
+            accelerate = stopping(accelerate, self.profile, hold[first])
         return Intent(who=who[first], paths=paths, row=row[first], accelerate=accelerate, kind=kind)
 
     def _accelerate(
@@ -233,6 +247,20 @@ class IdmDriver(DrivesAlong):
             return a
 
         return accelerate
+
+
+def stopping(accelerate: Accelerate, profile: IdmProfile, way: FloatArray) -> Accelerate:
+    """Return accelerations of drivers that stop after ways (n,), m, as behind a leader that stands there."""
+    braking = LINE_BRAKING * profile.comfort_deceleration
+    to_line = replace(profile, minimum_gap=LINE_GAP_M, time_headway=0.0, comfort_deceleration=braking)
+    share = partial(leader_share, to_line, leader_speed=np.zeros_like(way))
+
+    def accelerate_and_stop(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
+        slowing = profile.max_acceleration * (1 - share(speed=v, gap=way - travelled))
+        slowing = np.where(np.isfinite(way), slowing, np.inf)
+        return np.minimum(accelerate(step, v, travelled, s), np.maximum(slowing, -profile.max_deceleration))
+
+    return accelerate_and_stop
 
 
 def seed_motion(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:

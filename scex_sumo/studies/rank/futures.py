@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.extrapolation.job import Job, run_in_memory
+from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.results.folder import tracks_table
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
@@ -69,6 +69,7 @@ def _run(task: RankTask, scene: SeedScene, road: bytes) -> pa.Table | MomentPart
     models, run, net = built(task.settings.models), task.settings.run, net_of(road, task.settings.cache)
     if task.futures.start == 0:
         models.try_on(scene, seed=run.seed)
+    scene, net = ruled(scene, net, run)
     count = task.futures.stop if task.drawn is None else task.settings.futures
     drawn = models.draw(scene.track_ids, futures=count, seed=run.seed, design=run.design)
     same = compared(net, task.ref)

@@ -22,7 +22,7 @@ from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import LoadedRecording, recording_moments
 from scex_sumo.evaluation.split import PARTS, Split, split_moments
-from scex_sumo.extrapolation.job import Job, run_in_memory
+from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import Rollout
@@ -175,6 +175,7 @@ def _run(
     scene: SeedScene, net: SumoNet, compared: bool, settings: RunSettings, models: ModelSet, count: int
 ) -> _Futures:
     models.try_on(scene, seed=settings.seed)
+    scene, net = ruled(scene, net, settings)
     drawn = models.draw(scene.track_ids, futures=count, seed=settings.seed, design=settings.design)
     counted = recorded_steps_of(scene, settings.steps)
     job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted, compared=compared)

@@ -1,0 +1,285 @@
+"""Holds: how far drivers may go by lights, priority and crosswalks, from the states of all vehicles.
+
+Critical headways: Highway Capacity Manual, 7th edition (TRB 2022): 4.5 s for a permitted left turn at a light
+(chapter 31), 6.5 s for a minor street that crosses (chapter 20), 5.0 s for the entry of a roundabout (chapter
+22), which counts for all merging.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.rules.ways import RuledWays, ruled_ways
+from scex_sumo.road import Rules
+from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
+
+REACH_M = 100.0  # holds further ahead count later
+PASSED_M = 0.5  # a front that is so far beyond a line has passed it
+BEFORE_ZONE_M = 1.0  # of a conflict, for a vehicle that waits within the junction
+AT_LINE_M = 4.0  # a vehicle that stands so near before a line waits at it
+STANDS_MPS = 0.5
+BRAKES_STEPS, BRAKES_MPS = 3, 0.3  # a vehicle that lost so much speed in so many steps brakes
+START_MPS2 = 1.5  # acceleration of a vehicle that goes
+COMING_MPS2 = 3.0  # a vehicle that would brake harder than this does not stop at its red light
+GOING_MPS = 5.0  # least speed of a vehicle that goes, after it has started
+CLEAR_S = 1.0  # between a vehicle that leaves a conflict and the next one
+PERMITTED_S, CROSSING_S, MERGING_S = 4.5, 6.5, 5.0  # critical headways
+WALKER_M, WALKER_S = 1.0, (0.0, 1.0, 2.0)  # around a crosswalk; times ahead at which walkers count
+
+GREEN, YELLOW, RED = "GgOoMmswZ=", "yY", "rRu"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Manner:
+    """How n drivers obey; numbers, or one (n,) for each.
+
+    Attributes:
+        lights: whether lights count; so ``priority``.
+        yellow_mps2: a driver stops at yellow if that needs no harder braking.
+        red_mps2: the same at red.
+        red_delay_s: time for which red counts as yellow.
+        gaps: factor on critical headways.
+        priority_mps2: a driver gives way if that needs no harder braking.
+    """
+
+    lights: FloatArray | bool = True
+    priority: FloatArray | bool = True
+    yellow_mps2: FloatArray | float = 3.0
+    red_mps2: FloatArray | float = 9.0
+    red_delay_s: FloatArray | float = 0.0
+    gaps: FloatArray | float = 1.0
+    priority_mps2: FloatArray | float = 4.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lit:
+    """Lights of all passages now: (G,) whether red, yellow, green with priority, and for how long, s."""
+
+    red: BoolArray
+    yellow: BoolArray
+    free: BoolArray
+    stop: BoolArray
+    since_s: FloatArray
+
+    @classmethod
+    def at(cls, rules: Rules, time_s: float) -> Lit:
+        """Return the lights at a time since the seed moment; the last one is that of passages without."""
+        shown = [*(signal.at(time_s) for signal in rules.signals), ("", 0.0)]
+        letters = [letter for letter, _ in shown]
+        return cls(
+            red=np.array([x != "" and x in RED for x in letters]),
+            yellow=np.array([x != "" and x in YELLOW for x in letters]),
+            free=np.array([x == "G" for x in letters]),
+            stop=np.array([x == "s" for x in letters]),
+            since_s=np.array([since for _, since in shown]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Traffic:
+    """Places of all vehicles on their paths: (C, V) path, front and rear, m, and speed, m/s."""
+
+    row: IntArray
+    front: FloatArray
+    rear: FloatArray
+    speed: FloatArray
+    stood: BoolArray  # within the last second
+    brakes: BoolArray
+
+
+def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffic:
+    """Return the places of all vehicles on paths (C, V)."""
+    future, vehicle = np.indices(row.shape).reshape(2, -1)
+    who, now = VehicleIndex(future=future, vehicle=vehicle), history.now
+    s, _, _ = foot_points(paths, row.ravel(), now.x.ravel(), now.y.ravel(), expected_way(history, who))
+    s, half = s.reshape(row.shape), history.scene.length / 2
+    return Traffic(
+        row=row,
+        front=s + half,
+        rear=s - half,
+        speed=np.maximum(now.speed, 0.0),
+        stood=np.any(history.states.speed < STANDS_MPS, axis=2),
+        brakes=history.states.speed[:, :, -1 - BRAKES_STEPS] - now.speed > BRAKES_MPS,
+    )
+
+
+@owner_cache
+def straight_traffic(history: SceneHistory, paths: SeedPaths) -> Traffic:
+    """Return the places of all vehicles on their straightest paths."""
+    row = np.broadcast_to(paths.first + paths.straight, history.now.shape)
+    return traffic_on(history, paths, row)
+
+
+def holds(
+    history: SceneHistory,
+    who: VehicleIndex,
+    paths: SeedPaths,
+    row: IntArray,
+    traffic: Traffic,
+    manner: Manner,
+    lit: Lit | None = None,
+) -> FloatArray:
+    """Return (n,) ways of the front to the next place where a driver has to stop, m; inf if there is none.
+
+    Args:
+        row: (n,) path of each driver.
+        traffic: of all vehicles.
+        lit: the lights now; None: those of the scene.
+    """
+    rules = history.scene.rules
+    free = np.full(len(who), np.inf)
+    if rules is None or not len(who):
+        return free
+    ways = ruled_ways(paths, rules)
+    lit = Lit.at(rules, history.step * STEP_S) if lit is None else lit
+    me = _Drivers(who, row, traffic, manner)
+    gap = np.minimum(_at_lights(me, ways, lit), _giving_way(me, ways, traffic, lit))
+    return np.minimum(gap, _at_crosswalks(me, ways, history))
+
+
+class _Drivers:
+    """n drivers with their places."""
+
+    def __init__(self, who: VehicleIndex, row: IntArray, traffic: Traffic, manner: Manner) -> None:
+        at = who.future, who.vehicle
+        self.who, self.row, self.manner = who, row, manner
+        self.front, self.speed, self.stood = traffic.front[at], traffic.speed[at], traffic.stood[at]
+        self.brakes = traffic.brakes[at]
+
+    def of(self, name: str, driver: IntArray) -> FloatArray:
+        """Return a manner of drivers, (m,)."""
+        return np.broadcast_to(np.asarray(getattr(self.manner, name)), self.row.shape)[driver]
+
+    def least(self, driver: IntArray, gap: FloatArray, stops: BoolArray) -> FloatArray:
+        """Return the smallest gap (n,) of those (m,) at which drivers stop."""
+        result = np.full(len(self.row), np.inf)
+        np.minimum.at(result, driver[stops], np.maximum(gap[stops], 0.0))
+        return result
+
+    def needed(self, driver: IntArray, gap: FloatArray) -> FloatArray:
+        """Return braking (m,) to stop within gaps (m,), m/s²; half of it for drivers that brake already."""
+        needed = self.speed[driver] ** 2 / (2 * np.maximum(gap, 0.1))
+        return np.asarray(np.where(self.brakes[driver], needed / 2, needed))
+
+
+def _spread(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the index of each of n ranges of so many numbers, and the numbers, concatenated."""
+    owner = np.repeat(np.arange(len(count)), count)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
+
+
+def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> FloatArray:
+    driver, entry = _spread(ways.first[me.row], ways.first[me.row + 1] - ways.first[me.row])
+    gap, signal = ways.stop[entry] - me.front[driver], ways.signal[entry]
+    ahead = (gap > -PASSED_M) & (gap < REACH_M)
+    needed, since = me.needed(driver, gap), lit.since_s[signal]
+    early = lit.red[signal] & (since < me.of("red_delay_s", driver))
+    stops = (lit.yellow[signal] | early) & (needed <= me.of("yellow_mps2", driver))
+    stops |= lit.red[signal] & ~early & (needed <= me.of("red_mps2", driver))
+    stops &= me.of("lights", driver) != 0
+    # A stop sign holds everyone once.
+    sign = lit.stop[signal] | ((signal < 0) & np.isin(np.array(ways.state, dtype="U1"), ["s", "w"])[entry])
+    waited = me.stood[driver] & (gap < AT_LINE_M)
+    sign &= ~waited & (needed <= me.of("priority_mps2", driver))
+    stops |= sign & (me.of("priority", driver) != 0)
+    return me.least(driver, gap, stops & ahead)
+
+
+def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> FloatArray:
+    """Return the ways (n,) to stop for vehicles on passages with priority."""
+    driver, pair = _meetings(me, ways, traffic, lit)
+    entry, other, future = ways.own[pair], ways.other[pair], me.who.future[driver]
+    vehicle, v, gap = ways.vehicle[ways.row[other]], me.speed[driver], _way_to_stop(me, ways, driver, pair)
+    front, speed = traffic.front[future, vehicle], traffic.speed[future, vehicle]
+    rear, line = traffic.rear[future, vehicle], ways.stop[other] - front
+    coming = speed**2 / (2 * np.maximum(line, 0.1)) > COMING_MPS2
+    held = (line > -PASSED_M) & (lit.red | lit.yellow)[ways.signal[other]] & ~coming
+    arrives = _time(ways.other_span[pair, 0] - front, speed, speed)
+    leaves = _time(ways.other_span[pair, 1] - rear, speed, speed)
+    going = np.maximum(v, GOING_MPS)
+    own_arrives = _time(ways.own_span[pair, 0] - me.front[driver], v, going)
+    at_line = np.where(gap < AT_LINE_M, 0.0, _time(gap, v, going))
+    critical = np.where(ways.merges[pair], MERGING_S, CROSSING_S)
+    critical = np.where(ways.signal[entry] >= 0, PERMITTED_S, critical) * me.of("gaps", driver)
+    left_before = leaves + CLEAR_S * np.minimum(me.of("gaps", driver), 1.0) < own_arrives
+    gone = ways.other_span[pair, 1] < rear
+    gives = ~(held | gone | left_before) & (arrives - at_line < critical)
+    stood = traffic.stood[future, vehicle] & (line < AT_LINE_M)
+    gives &= ~(ways.mutual[pair] & _goes_first(me, driver, gap, line, stood, vehicle))
+    gives &= me.needed(driver, gap) <= me.of("priority_mps2", driver)
+    return me.least(driver, gap, gives)
+
+
+def _meetings(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> tuple[IntArray, IntArray]:
+    """Return drivers (m,) and pairs of passages (m,) in which another vehicle takes that with priority."""
+    first = np.searchsorted(ways.own, ways.first)
+    driver, pair = _spread(first[me.row], first[me.row + 1] - first[me.row])
+    row = ways.row[ways.other[pair]]
+    vehicle, gap = ways.vehicle[row], _way_to_stop(me, ways, driver, pair)
+    counts = (gap > -PASSED_M) & (gap < REACH_M) & (vehicle != me.who.vehicle[driver])
+    counts &= traffic.row[me.who.future[driver], vehicle] == row
+    counts &= ~lit.free[ways.signal[ways.own[pair]]] & (me.of("priority", driver) != 0)
+    return driver[counts], pair[counts]
+
+
+def _way_to_stop(me: _Drivers, ways: RuledWays, driver: IntArray, pair: IntArray) -> FloatArray:
+    """Return (m,) ways to the lines, m; to the conflict for drivers that are within the junction."""
+    line = ways.stop[ways.own[pair]] - me.front[driver]
+    zone = ways.own_span[pair, 0] - BEFORE_ZONE_M - me.front[driver]
+    return np.where(line <= -PASSED_M, zone, line)
+
+
+def _time(way: FloatArray, v: FloatArray, most: FloatArray) -> FloatArray:
+    """Return (m,) times for a way at a speed, or from near standing with an acceleration, s; 0 if passed."""
+    way = np.maximum(way, 0.0)
+    starting = (np.sqrt(v**2 + 2 * START_MPS2 * way) - v) / START_MPS2
+    return np.where(v > 1.0, way / np.maximum(most, 0.1), starting)
+
+
+def _goes_first(
+    me: _Drivers,
+    driver: IntArray,
+    gap: FloatArray,
+    line: FloatArray,
+    other_stood: BoolArray,
+    vehicle: IntArray,
+) -> BoolArray:
+    """Return (m,) whether drivers go before others that must give way, too: who stopped first goes first.
+
+    Of two that both stand, the one with the lower number came first.
+    """
+    stood = me.stood[driver] & (gap < AT_LINE_M)
+    first = np.where(stood == other_stood, me.who.vehicle[driver] < vehicle, stood)
+    first = np.where(~stood & ~other_stood, gap < line, first)
+    return np.asarray(first & (line >= -PASSED_M))
+
+
+def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> FloatArray:
+    """Return the ways (n,) to stop for people on crosswalks, or who step on them."""
+    people = history.scene.obstacles
+    if people is None or not len(ways.walks) or history.obstacle_states is None:
+        return np.full(len(me.row), np.inf)
+    import shapely
+
+    rules = history.scene.rules
+    assert rules is not None and history.obstacle_present is not None
+    now = history.obstacle_states
+    used = np.zeros(len(rules.crosswalks), dtype=np.bool_)
+    for k in np.unique(ways.walks[:, 3].astype(int)):
+        area = shapely.make_valid(shapely.Polygon(rules.crosswalks[k])).buffer(WALKER_M)
+        way = np.outer(WALKER_S, now.speed)
+        x, y = now.x + way * np.cos(now.heading), now.y + way * np.sin(now.heading)
+        later = shapely.contains_xy(area, x, y)
+        used[k] = bool((np.any(later, axis=0) & history.obstacle_present).any())
+    walks = ways.walks[used[ways.walks[:, 3].astype(int)]]
+    first = np.searchsorted(walks[:, 0], np.arange(len(ways.first)))
+    driver, walk = _spread(first[me.row], first[me.row + 1] - first[me.row])
+    gap = walks[walk, 1] - BEFORE_ZONE_M - me.front[driver]
+    stops = (gap > -PASSED_M) & (gap < REACH_M) & (me.needed(driver, gap) <= me.of("priority_mps2", driver))
+    return me.least(driver, gap, stops & (me.of("priority", driver) != 0))

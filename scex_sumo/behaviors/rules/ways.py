@@ -1,0 +1,162 @@
+"""Passages of junctions along the paths of a seed scene: stops, conflicts with passages of other paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.geometry.polylines import along, length_of, samples
+from scex_sumo.road import Passage, Rules
+
+NEAR_M = 1.5  # between a path and the passage that it takes; the next lane is 3 m away
+LONGER = 1.3, 4.0  # a path may be so many times longer than a passage, and m
+LINE_M = 15.0  # before a passage, for its drawn stop line
+CLEARANCE_M = 2.6  # of centrelines on which two cars touch
+STEP_M = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RuledWays:
+    """Passages on the paths of a seed scene: E passages on paths, sorted by path; K pairs that conflict.
+
+    Attributes:
+        row: (E,) path; so ``passage`` and ``signal``, their indices.
+        stop: (E,) arc length on the path where a vehicle stops, m; so ``end``, where the passage ends.
+        first: (P + 1,) entries of path p are ``first[p]`` to ``first[p + 1]``.
+        own: (K,) entry that gives way; sorted.
+        other: (K,) entry that has priority.
+        own_span: (K, 2) arc lengths of the conflict on the path that gives way, m; so ``other_span``.
+        mutual: (K,) whether both give way to each other; so ``merges``, whether they lead to one lane.
+        vehicle: (P,) vehicle of each path.
+        walks: (W, 4) path, begin and end of each crosswalk on it, m, and index of the crosswalk.
+    """
+
+    row: IntArray
+    passage: IntArray
+    signal: IntArray
+    state: tuple[str, ...]
+    stop: FloatArray
+    end: FloatArray
+    first: IntArray
+    own: IntArray
+    other: IntArray
+    own_span: FloatArray
+    other_span: FloatArray
+    mutual: BoolArray
+    merges: BoolArray
+    vehicle: IntArray
+    walks: FloatArray
+
+
+@owner_cache
+def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
+    """Find the passages on all paths, and where they conflict."""
+    table = paths.table.reshape(len(paths.lanes), paths.samples, -1)
+    entries: list[tuple[int, int, float, float, float]] = []
+    boxes = shapely.STRtree([shapely.LineString(p.line) for p in rules.passages])
+    stops = shapely.STRtree([shapely.LineString(line) for line in rules.stop_lines])
+    for row, points in enumerate(table[:, :, :2]):
+        line = shapely.LineString(points)
+        for k in np.sort(boxes.query(line, "dwithin", NEAR_M)).tolist():
+            if (place := _place(points, table[row, :, 2:4], rules.passages[k])) is not None:
+                entries.append((row, k, _stop(points, place[0], rules, stops), *place))
+    rows, passage = (np.array([e[i] for e in entries], dtype=np.int64) for i in (0, 1))
+    stop, begin, end = (np.array([e[i] for e in entries]) for i in (2, 3, 4))
+    own, other, spans = _pairs(rules, passage, begin, rows)
+    yields = [set(p.yields_to) for p in rules.passages]
+    mutual = [passage[a] in yields[passage[b]] for a, b in zip(own, other, strict=True)]
+    return RuledWays(
+        row=rows,
+        passage=passage,
+        signal=np.array([rules.passages[k].signal for k in passage.tolist()], dtype=np.int64),
+        state=tuple(rules.passages[k].state for k in passage.tolist()),
+        stop=stop,
+        end=end,
+        first=np.searchsorted(rows, np.arange(len(table) + 1)),
+        own=own,
+        other=other,
+        own_span=spans[:, :2],
+        other_span=spans[:, 2:],
+        mutual=np.array(mutual, dtype=np.bool_),
+        merges=(end[own] - spans[:, 1] < STEP_M) & (end[other] - spans[:, 3] < STEP_M),
+        vehicle=np.repeat(np.arange(len(paths.count)), paths.count),
+        walks=np.array([*_walks(table[:, :, :2], rules)]).reshape(-1, 4),
+    )
+
+
+def _place(points: FloatArray, ways: FloatArray, passage: Passage) -> tuple[float, float] | None:
+    """Return the arc lengths where a passage begins and ends on a path (N, 2); None if it is not taken."""
+    length = length_of(passage.line)
+    marks = along(passage.line, np.array([0.0, length / 2, length]))
+    distance = np.hypot(*(points[:, None] - marks).transpose(2, 0, 1))
+    at = distance.argmin(axis=0)
+    if (distance[at, range(3)] > NEAR_M).any() or not at[0] <= at[1] <= at[2]:
+        return None
+    step = marks[1] - marks[0]
+    if ways[at[0]] @ step < 0.5 * np.hypot(*step) or DS_M * (at[2] - at[0]) > LONGER[0] * length + LONGER[1]:
+        return None
+    return DS_M * float(at[0]), DS_M * float(at[2])
+
+
+def _stop(points: FloatArray, begin: float, rules: Rules, stops: shapely.STRtree) -> float:
+    """Return where a vehicle stops before a passage: at the drawn stop line, else where it begins."""
+    first = int(max(begin - LINE_M, 0.0) / DS_M)
+    before = points[first : int(begin / DS_M) + 3]
+    if not len(rules.stop_lines) or len(before) < 2:
+        return begin
+    line = shapely.LineString(before)
+    met = [
+        line.project(line.intersection(stops.geometries[k]).centroid) for k in stops.query(line, "intersects")
+    ]
+    return DS_M * first + max(met) if met else begin
+
+
+def _pairs(
+    rules: Rules, passage: IntArray, begin: FloatArray, row: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return pairs of entries of which the first gives way, and the spans (K, 4) of their conflicts."""
+    on: dict[int, list[int]] = {}
+    for entry, k in enumerate(passage.tolist()):
+        on.setdefault(k, []).append(entry)
+    found: dict[tuple[int, int], FloatArray | None] = {}
+    own, other, spans = [], [], []
+    for entry, k in enumerate(passage.tolist()):
+        for foe in rules.passages[k].yields_to:
+            for theirs in on.get(foe, ()):
+                if (k, foe) not in found:
+                    found[k, foe] = _span(rules.passages[k].line, rules.passages[foe].line)
+                span = found[k, foe]
+                if span is not None and row[entry] != row[theirs]:
+                    own.append(entry)
+                    other.append(theirs)
+                    spans.append(span + np.repeat([begin[entry], begin[theirs]], 2))
+    return np.array(own, np.int64), np.array(other, np.int64), np.array(spans).reshape(-1, 4)
+
+
+def _span(one: FloatArray, other: FloatArray) -> FloatArray | None:
+    """Return begin and end of a conflict on two lines, (4,) m; None if they keep clear of each other."""
+    (s, points), (t, others) = samples(one, STEP_M), samples(other, STEP_M)
+    near = np.hypot(*(points[:, None] - others).transpose(2, 0, 1)) < CLEARANCE_M
+    if not near.any():
+        return None
+    here, there = np.flatnonzero(near.any(axis=1)), np.flatnonzero(near.any(axis=0))
+    return np.array([s[here[0]], s[here[-1]], t[there[0]], t[there[-1]]])
+
+
+def _walks(points: FloatArray, rules: Rules) -> Iterator[tuple[float, float, float, float]]:
+    """Yield path, begin and end of each crosswalk on a path, and the index of the crosswalk."""
+    if not rules.crosswalks:
+        return
+    areas = [shapely.make_valid(shapely.Polygon(outline)) for outline in rules.crosswalks]
+    tree = shapely.STRtree(areas)
+    for row, line in enumerate(points):
+        for k in np.sort(tree.query(shapely.LineString(line), "intersects")).tolist():
+            inside = np.flatnonzero(shapely.contains_xy(areas[k], line))
+            if len(inside):
+                yield row, DS_M * float(inside[0]), DS_M * float(inside[-1]), k

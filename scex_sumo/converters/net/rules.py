@@ -1,0 +1,171 @@
+"""Rules of the road, read from the SUMO net of a run: what SUMO's drivers see, ours see too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.reading import net_root, points_of
+from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet
+from scex_sumo.geometry.polylines import without_repeats
+from scex_sumo.road import Passage, Road, Rules, Signal
+from scex_sumo.scene import STEP_S, SeedScene
+
+RECORDED = "recorded"  # programID of a light that replays a recording
+BOTH_WAYS = "wZ="  # link states of which two may give way to each other
+
+
+def with_rules(scene: SeedScene, net: SumoNet) -> tuple[SeedScene, tuple[str, ...]]:
+    """Return a scene with the rules of its road, and notes; without rules if the road has none."""
+    road = scene.road
+    assert road is not None
+    rules, notes = read_rules(net_root(net.path), net.lanes, road)
+    return replace(scene, rules=rules if rules.passages else None), notes
+
+
+def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tuple[str, ...]]:
+    """Return the rules of a net and notes on what contradicts itself, where nothing is obeyed.
+
+    Lights whose phases are invented, as the net of a map without phases needs them, are unknown.
+    """
+    shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
+    links = list(_links(root, shapes))
+    signals, notes = _signals(root, links, known=road.net is not None)
+    passages: list[Passage] = []
+    for junction in root.iter("junction"):
+        mine = [link for link in links if link.junction == junction.get("id")]
+        if any(link.light is not None and link.light not in signals for link in mine):
+            continue
+        if any(link.yields or link.light for link in mine):
+            twice = _contradiction(mine)
+            if twice:
+                notes.append(f"junction {junction.get('id')}: {twice} give way to each other; no rules there")
+                continue
+            passages += _passages(mine, len(passages), signals, lanes)
+    crosswalks = tuple(area.outline for area in road.areas if area.kind == "crosswalk")
+    lines = tuple(line for rule in road.regulations for line in rule.stop_lines)
+    states = tuple(signals.values())
+    return Rules(passages=tuple(passages), signals=states, stop_lines=lines, crosswalks=crosswalks), tuple(
+        notes
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Link:
+    line: FloatArray
+    lanes: tuple[str, ...]
+    junction: str
+    row: int
+    state: str
+    light: tuple[str, int] | None
+    yields: frozenset[int]
+
+
+def _links(root: Element, shapes: Mapping[str, FloatArray]) -> Iterator[_Link]:
+    following = {
+        f"{c.get('from')}_{c.get('fromLane')}": c.get("via")
+        for c in root.iter("connection")
+        if c.get("from", "").startswith(":")
+    }
+    rows = dict(_rows(root))
+    for c in root.iter("connection"):
+        if c.get("from", "").startswith(":") or not c.get("via"):
+            continue
+        chain: list[str] = []
+        lane = c.get("via")
+        while lane and lane in shapes and lane not in chain:
+            chain.append(lane)
+            lane = following.get(lane)
+        found = next((rows[lane] for lane in chain if lane in rows), None)
+        line = without_repeats(np.vstack([shapes[lane] for lane in chain])) if chain else np.empty((0, 2))
+        if found is None or len(line) < 2:
+            continue
+        light = (c.get("tl", ""), int(c.get("linkIndex", -1))) if c.get("tl") else None
+        ends = (f"{c.get('from')}_{c.get('fromLane')}", f"{c.get('to')}_{c.get('toLane')}")
+        yield _Link(
+            line=line,
+            lanes=(ends[0], *chain, ends[1]),
+            junction=found[0],
+            row=found[1],
+            state=c.get("state", ""),
+            light=light,
+            yields=found[2],
+        )
+
+
+def _rows(root: Element) -> Iterator[tuple[str, tuple[str, int, frozenset[int]]]]:
+    """Yield each internal lane with its junction, its row, and the rows to which it gives way."""
+    for junction in root.iter("junction"):
+        if junction.get("type") != "internal":
+            name, lanes = junction.get("id", ""), junction.get("intLanes", "").split()
+            bits = {r.get("index"): r.get("response", "")[::-1] for r in junction.iter("request")}
+            for row, lane in enumerate(lanes):
+                yields = (k for k, bit in enumerate(bits.get(str(row), "")) if bit == "1")
+                yield lane, (name, row, frozenset(yields))
+
+
+def _signals(
+    root: Element, links: Sequence[_Link], *, known: bool
+) -> tuple[dict[tuple[str, int], Signal], list[str]]:
+    """Return the signal of each (light, link index), and notes."""
+    notes: list[str] = []
+    programmes: dict[str, Element] = {}
+    for programme in root.iter("tlLogic"):
+        programmes.setdefault(programme.get("id", ""), programme)
+    used: dict[str, set[int]] = {}
+    for link in links:
+        if link.light is not None:
+            used.setdefault(link.light[0], set()).add(link.light[1])
+    found: dict[tuple[str, int], Signal] = {}
+    for name, indices in used.items():
+        logic = programmes.get(name, Element("tlLogic"))
+        phases = [(float(p.get("duration", 0)), p.get("state", "")) for p in logic.iter("phase")]
+        phases = [phase for phase in phases if phase[0] > 0]
+        fits = bool(phases) and all(len(state) > max(indices) for _, state in phases)
+        if not fits:
+            notes.append(f"traffic light {name}: its phases do not fit its {len(indices)} links; not obeyed")
+        offset = float(logic.get("offset", 0) or 0)
+        for index in indices:
+            if fits and (known or logic.get("programID") == RECORDED):
+                letters = "".join(state[index] for _, state in phases)
+                ends = np.cumsum([duration for duration, _ in phases])
+                # A future begins at 0.1 s of its simulation.
+                found[name, index] = Signal(ends_s=ends, letters=letters, start_s=STEP_S - offset)
+            elif fits:
+                found[name, index] = Signal()
+    unlinked = sorted(set(programmes) - set(used))
+    if unlinked and known:
+        notes.append(f"traffic light {unlinked[0]}: controls no lane; not obeyed")
+    return found, notes
+
+
+def _contradiction(links: Sequence[_Link]) -> str:
+    """Name two links without all-way stop, zipper or right before left that give way to each other."""
+    by_row = {link.row: link for link in links}
+    for link in links:
+        for row in link.yields:
+            other = by_row.get(row)
+            both = other is not None and link.row in other.yields and link.light is None
+            if other is not None and both and not {link.state, other.state} & set(BOTH_WAYS):
+                return f"{link.lanes[0]} and {other.lanes[0]}"
+    return ""
+
+
+def _passages(
+    links: Sequence[_Link], first: int, signals: Mapping[tuple[str, int], Signal], lanes: LaneTable
+) -> Iterator[Passage]:
+    places = {link.row: first + k for k, link in enumerate(links)}
+    numbers = {key: k for k, key in enumerate(signals)}
+    for link in links:
+        under = dict.fromkeys(lanelet for lane in link.lanes for lanelet in lanes.lanelets(lane))
+        yield Passage(
+            line=link.line,
+            lanes=tuple(under),
+            state=link.state,
+            signal=-1 if link.light is None else numbers.get(link.light, -1),
+            yields_to=tuple(places[row] for row in sorted(link.yields) if row in places),
+        )

@@ -1,0 +1,76 @@
+"""Rules of a SUMO net: right of way, lights over time, and what contradicts itself."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import pytest
+
+from scex_sumo.converters.net.rules import read_rules
+from scex_sumo.converters.net.sumo_net import LaneTable
+from scex_sumo.road import Road
+
+# A street from a to b, and one from c to d that crosses it and gives way.
+NET = """<net>
+  <edge id=":j_0" function="internal"><lane id=":j_0_0" shape="0,0 10,0"/></edge>
+  <edge id=":j_1" function="internal"><lane id=":j_1_0" shape="5,-5 5,5"/></edge>
+  <edge id="a"><lane id="a_0" shape="-50,0 0,0"/></edge><edge id="b"><lane id="b_0" shape="10,0 50,0"/></edge>
+  <edge id="c"><lane id="c_0" shape="5,-50 5,-5"/></edge><edge id="d"><lane id="d_0" shape="5,5 5,50"/></edge>
+  LOGIC
+  <junction id="j" type="priority" incLanes="a_0 c_0" intLanes=":j_0_0 :j_1_0" shape="0,0">
+    <request index="0" response="FIRST" foes="10"/><request index="1" response="01" foes="01"/>
+  </junction>
+  <connection from="a" to="b" fromLane="0" toLane="0" via=":j_0_0" LIGHT state="M"/>
+  <connection from="c" to="d" fromLane="0" toLane="0" via=":j_1_0" state="m"/>
+</net>"""
+LANES = LaneTable([(1, "a_0"), (2, ":j_0_0"), (3, "b_0"), (11, "c_0"), (12, ":j_1_0"), (13, "d_0")])
+LOGIC = """<tlLogic id="t" programID="PROGRAMME" offset="OFFSET">
+  <phase duration="20" state="G"/><phase duration="3" state="y"/><phase duration="30" state="r"/></tlLogic>"""
+
+
+def rules_of(*, net: bool = True, **words: str):
+    text = NET.replace("LOGIC", LOGIC if "LIGHT" in words else "")
+    for word, value in ({"FIRST": "00", "LIGHT": "", "OFFSET": "0.1", "PROGRAMME": "0"} | words).items():
+        text = text.replace(word, value)
+    road = Road(name="drawn", lanes={}, net=__file__ if net else None)  # type: ignore[arg-type]
+    return read_rules(ElementTree.fromstring(text), LANES, road)
+
+
+def test_passages_with_their_lanes_and_priority() -> None:
+    rules, notes = rules_of()
+    first, second = rules.passages
+    assert (first.lanes, first.yields_to, first.state, first.signal) == ((1, 2, 3), (), "M", -1)
+    assert (second.lanes, second.yields_to, second.state) == ((11, 12, 13), (0,), "m")
+    assert first.line.tolist() == [[0, 0], [10, 0]]
+    assert notes == ()
+
+
+def test_lights_begin_at_the_seed_moment() -> None:
+    rules, _ = rules_of(LIGHT='tl="t" linkIndex="0"')
+    (signal,) = rules.signals
+    assert rules.passages[0].signal == 0
+    assert [signal.at(t)[0] for t in (0.0, 19.9, 20.1, 23.5, 53.1, -1.0)] == ["G", "G", "y", "r", "G", "r"]
+
+
+@pytest.mark.parametrize(("programme", "known"), [("0", False), ("recorded", True)])
+def test_invented_phases_of_a_map_without_a_net_are_unknown(programme: str, known: bool) -> None:
+    rules, _ = rules_of(net=False, LIGHT='tl="t" linkIndex="0"', PROGRAMME=programme)
+    assert (rules.signals[0].at(0.0)[0] != "") == known
+
+
+def test_phases_that_do_not_fit_are_not_obeyed() -> None:
+    rules, notes = rules_of(LIGHT='tl="t" linkIndex="4"')
+    assert rules.passages == ()
+    assert notes == ("traffic light t: its phases do not fit its 1 links; not obeyed",)
+
+
+def test_a_light_without_lanes_is_not_obeyed() -> None:
+    rules, notes = rules_of(LIGHT="")
+    assert len(rules.passages) == 2
+    assert notes == ("traffic light t: controls no lane; not obeyed",)
+
+
+def test_two_that_give_way_to_each_other_have_no_rules() -> None:
+    rules, notes = rules_of(FIRST="10")
+    assert rules.passages == ()
+    assert notes == ("junction j: a_0 and c_0 give way to each other; no rules there",)
