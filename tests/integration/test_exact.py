@@ -35,7 +35,13 @@ def run_of(scene: SeedScene, out: Path, futures: int | str = 385, **options: Any
 @pytest.fixture(scope="module")
 def roundabout(tmp_path_factory: pytest.TempPathFactory) -> Run:
     out = tmp_path_factory.mktemp("exact") / "out"
-    return run_of(scex_sumo.read_seed(scex_sumo.example_path("roundabout")), out)
+    # by hand: the ways of drivers without rules of the road
+    return run_of(scex_sumo.read_seed(scex_sumo.example_path("roundabout")), out, rules=False)
+
+
+def test_collisions_of_drivers_with_rules_are_exact(tmp_path: Path) -> None:
+    run = run_of(scex_sumo.read_seed(scex_sumo.example_path("roundabout")), tmp_path / "out")
+    assert run.collision.exact == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2, abs=1e-15)
 
 
 def test_the_example_has_the_probabilities_worked_out_by_hand(roundabout: Run) -> None:
