@@ -17,9 +17,8 @@ from scex_sumo.scene import States
 from scex_sumo.world.base import SumoDriven
 from scex_sumo.world.tiles import tile_id
 
-# moveToXY's keepRoute: 1 = lane on the route, 2 = exact position, 4 = lane of any permission.
-ANY_LANE = 2 + 4
-CAR_LANE = 2
+# moveToXY's keepRoute: 1 = lane on the route, 2 = exact position, on a lane for the vehicle's class.
+OWN_LANE = 2
 _OWN_ROUTE = 2 + 1
 # Distance of a vehicle to its lane. Faster than SUMO's 100 m; 5 m misses some forking lanes.
 MATCH_M = 20.0
@@ -173,7 +172,7 @@ class RunningBatch:
     def override(self, mask: BoolArray) -> None:
         """Move the vehicles in the mask (C, V) from now on, which SUMO drove."""
         self.overridden = self.overridden | mask
-        self.lanes = np.where(mask, ANY_LANE, self.lanes)
+        self.lanes = np.where(mask, OWN_LANE, self.lanes)
         self._selected.clear()
 
     def refuse_shared_slots(self) -> None:
@@ -220,7 +219,7 @@ def new_batch(
         offset=np.array(offsets, dtype=np.float64).T[..., None],
         overridden=overridden,
         mixed=mixed,
-        lanes=np.where(mixed[:, None] & overridden, ANY_LANE, _OWN_ROUTE),
+        lanes=np.where(mixed[:, None] & overridden, OWN_LANE, _OWN_ROUTE),
         speed=start.speed.copy(),
         held=np.empty(start.shape),
         shared=SharedVehicles(group.reshape(-1)),

@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.world.base import SumoDriven
-from scex_sumo.world.batch import ANY_LANE, MATCH_M, NO_LANE, RunningBatch
+from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch
 from scex_sumo.world.lane_change import LaneChange
 from scex_sumo.world.tiles import tile_id
 
@@ -110,7 +110,7 @@ class SumoDrivers:
                 change.switch(self._sumo)
         self._straight_on = [pose.ahead() for pose in self._straight_on]
         for pose in self._straight_on:
-            self._sumo.vehicle.moveToXY(pose.key, "", NO_LANE, pose.x, pose.y, pose.angle, ANY_LANE, MATCH_M)
+            self._sumo.vehicle.moveToXY(pose.key, "", NO_LANE, pose.x, pose.y, pose.angle, OWN_LANE, MATCH_M)
             yield pose.key, pose.speed, 0.0
 
     def follow_routes(self) -> None:

@@ -9,10 +9,10 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.scene import HISTORY_STEPS, REPLAYED, SeedScene, States
-from scex_sumo.world.batch import CAR_LANE, MATCH_M, NO_LANE, RunningBatch, to_sumo
+from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch, to_sumo
 from scex_sumo.world.session import ANY_ROUTE
 from scex_sumo.world.tiles import tile_id
-from scex_sumo.world.vehicle_types import TypeBook
+from scex_sumo.world.vehicle_types import TypeBook, road_class
 
 REACH_M = 250.0  # between vehicles that can meet within some seconds
 
@@ -31,11 +31,10 @@ def put_obstacles(
             if present[o]:
                 if key not in batch.obstacles:
                     sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), types.obstacle(o))
-                    # Vehicles on crossings and walking areas crash libsumo 1.28.
-                    sumo.vehicle.setVehicleClass(key, "passenger")
+                    sumo.vehicle.setVehicleClass(key, road_class(others.types[o]))
                     batch.obstacles.add(key)
                 x, y = float(front_x[o] + dx), float(front_y[o] + dy)
-                sumo.vehicle.moveToXY(key, "", NO_LANE, x, y, float(angle[o]), CAR_LANE, MATCH_M)
+                sumo.vehicle.moveToXY(key, "", NO_LANE, x, y, float(angle[o]), OWN_LANE, MATCH_M)
             elif key in batch.obstacles:
                 sumo.vehicle.remove(key)
                 batch.obstacles.remove(key)

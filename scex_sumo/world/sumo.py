@@ -27,7 +27,7 @@ from scex_sumo.world.batch import (
 )
 from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls, load_sumo
 from scex_sumo.world.tiles import TILE_SLOTS, tile_id
-from scex_sumo.world.vehicle_types import TypeBook
+from scex_sumo.world.vehicle_types import TypeBook, road_class
 
 if TYPE_CHECKING:
     from scex_sumo.base.colors import Rgb
@@ -241,6 +241,7 @@ class SumoWorld:
                 if batch.mixed[future]:
                     # Else others give way to lane changes that never happen.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
+                    self._sumo.vehicle.setVehicleClass(key, road_class(self._scene.types[v]))
 
 
 class SumoSimulator:

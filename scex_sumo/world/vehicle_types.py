@@ -22,6 +22,11 @@ def gui_shape(kind: str) -> str:
     return _GUI_SHAPES.get(user, user)
 
 
+def road_class(kind: str) -> str:
+    """Return SUMO's class for a recorded type: none that may be on crossings, where libsumo 1.28 crashes."""
+    return _CLASSES.get(gui_shape(kind), "passenger")
+
+
 def given_type(
     name: str, kind: str, length: float, width: float, rgb: tuple[int, int, int] | None = None
 ) -> str:
@@ -37,8 +42,7 @@ def _driven_type(
 ) -> str:
     from scex_sumo.base.sumo_drivers import RANDOM_PARAMETERS
 
-    shape = gui_shape(kind)
-    attributes = {"vClass": own or _CLASSES.get(shape, "passenger"), "guiShape": shape}
+    attributes = {"vClass": own or road_class(kind), "guiShape": gui_shape(kind)}
     attributes["carFollowModel"] = model
     attributes |= dict.fromkeys(RANDOM_PARAMETERS, "0")
     return _element(name, length, width, {**attributes, **parameters})

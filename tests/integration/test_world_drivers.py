@@ -7,8 +7,10 @@ the junction at x = 992, and goes on at y = 998.4 beyond it; the speed limit is 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import libsumo
 import numpy as np
@@ -21,6 +23,7 @@ from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import Obstacles, SeedScene, States
 from scex_sumo.world.batch import RunningBatch
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
+from tests.formats.sumo.simulations import write_grid
 from tests.runs import extrapolate
 
 STRAIGHT = ("w_in", "e_out")
@@ -318,3 +321,21 @@ def test_pedestrians_are_on_no_walking_lane_of_sumo(monkeypatch: pytest.MonkeyPa
     seed = read_seed(example_path("urban_intersection"))
     extrapolate(seed, models="sumo:EIDM", futures=1, steps=10, exact=False, out=tmp_path / "run")
     assert len(lanes) == 22 and not any("_w" in lane or "_c" in lane for lane in lanes)
+
+
+@pytest.mark.parametrize("kind", ["car", "bus"])
+def test_a_vehicle_that_is_moved_onto_a_crossing_is_on_no_walking_lane_of_sumo(
+    kind: str, tmp_path: Path
+) -> None:
+    """As above, and as all vehicles beside those that SUMO drives."""
+    net = write_grid(tmp_path).net
+    (lane,) = (lane for lane in ElementTree.parse(net).iter("lane") if lane.get("id") == ":A1_c1_0")
+    (x, y), *_, (to_x, to_y) = (map(float, point.split(",")) for point in lane.attrib["shape"].split())
+    heading = np.arctan2(to_y - y, to_x - x)
+    on_it = (0.5 * (x + to_x) - 2.0 * np.cos(heading), 0.5 * (y + to_y) - 2.0 * np.sin(heading), heading, 1.0)
+    seed = replace(scene((0.0, 40.0, np.pi / 2, 5.0), on_it), types=("car", kind))
+    lanes = []
+    with SumoWorld(SimpleNamespace(path=net, extras=None), seed, slots=[0]) as world:
+        drive(world, seed, [0], [driven(0, "EIDM", ("A0A1", "A1A2"))], 1)
+        lanes.append(libsumo.vehicle.getLaneID("t0_2"))
+    assert lanes[0] and "_c" not in lanes[0] and "_w" not in lanes[0]
