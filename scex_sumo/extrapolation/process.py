@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import pickle
+import re
 import subprocess
 import sys
+import tempfile
 import threading
 import traceback
 from collections.abc import Callable
@@ -21,6 +24,7 @@ from scex_sumo.base.time_limit import OutOfTimeError, last_words
 OnStep: TypeAlias = Callable[[int], None]
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
+_FRAME = re.compile(r"^  File .* in (\S+)$", re.MULTILINE)  # of faulthandler
 _MAIN = str(Path(__file__).with_name("__main__.py"))
 # One thread each: the processes are the parallelism.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -88,7 +92,15 @@ class WorkerProcess:
             self._process.wait(timeout=1)
         self._process.kill()
         status = self._process.wait()
-        return f"signal {-status}" if status < 0 else f"exit status {status}"
+        return f"signal {-status}{self._crash_place()}" if status < 0 else f"exit status {status}"
+
+    def _crash_place(self) -> str:
+        """Return the last calls of Python before a crash, innermost first."""
+        assert self._process is not None
+        with suppress(OSError):
+            frames = _FRAME.findall(_crash_file(self._folder, self._process.pid).read_text(errors="replace"))
+            return "".join(f" < {function}" for function in frames[:3]).replace(" <", " in", 1)
+        return ""
 
     def kill(self) -> None:
         """Kill the process for good."""
@@ -114,6 +126,8 @@ class WorkerProcess:
 
 def serve() -> None:
     """Do the tasks that come in on standard input until it closes: the main function of a worker."""
+    crash = _crash_file(tempfile.gettempdir(), os.getpid()).open("w")
+    faulthandler.enable(crash)
     reports = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # SUMO's prints do not get among the reports
     from scex_sumo.world.session import load_sumo
@@ -141,6 +155,10 @@ def serve() -> None:
             except Exception as error:
                 opened.close()
                 report("failed", (_sendable(error), WorkerTraceback(traceback.format_exc())))
+
+
+def _crash_file(folder: str, process: int) -> Path:
+    return Path(folder) / f"crash-{process}.txt"
 
 
 class WorkerTraceback(Exception):

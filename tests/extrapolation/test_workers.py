@@ -87,3 +87,5 @@ def test_a_task_out_of_its_own_time_is_not_tried_again() -> None:
         in_other_process(out_of_time, where="here", died="died", endless="endless")
     with pytest.raises(SimulationError, match=r"died \(signal 9\)"):
         in_other_process(partial(signal.raise_signal, signal.SIGKILL), where="here", died="died")
+    with pytest.raises(SimulationError, match=r"died \(signal 11 in \S+ < serve < <module>\)"):
+        in_other_process(partial(signal.raise_signal, signal.SIGSEGV), where="here", died="died")
