@@ -14,9 +14,8 @@ from typing import Annotated
 
 import typer
 
-from scex_sumo.base.errors import ScexError, ScexWarning, UsageError
+from scex_sumo.base.errors import ScexError, ScexWarning, UsageError, last_words
 from scex_sumo.base.options import present_names
-from scex_sumo.base.time_limit import last_words
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
 from scex_sumo.commands.shared import COMMANDS, Command, with_shared

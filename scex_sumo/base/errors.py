@@ -4,10 +4,16 @@ import difflib
 import inspect
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 _PACKAGE = str(Path(__file__).parents[1])
+
+last_words: list[Callable[[str], None]] = []
+"""Tells the line of an error that cannot be raised, before the process ends; the last one counts.
+
+Without one the process stays: it is the user's own, and its other threads may go on.
+"""
 
 
 class ScexError(Exception):

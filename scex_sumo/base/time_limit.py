@@ -10,11 +10,11 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from scex_sumo.base.errors import SimulationError
+from scex_sumo.base.errors import SimulationError, last_words
 
 QUIET_S = 2.0  # after which a line says that the run waits
 RETURN_S = 5.0  # for Python code to end by the error that is raised in it
@@ -43,13 +43,6 @@ _calls: dict[int, _Call] = {}  # by thread
 _lock = threading.Lock()
 _told: set[str] = set()
 _watcher: list[threading.Thread] = []
-
-
-last_words: list[Callable[[str], None]] = []
-"""Tells the line of an error that cannot be raised, before the process ends; the last one counts.
-
-Without one the process stays: it is the user's own, and its other threads may go on.
-"""
 
 _end = os._exit  # which is replaced while users' code runs
 

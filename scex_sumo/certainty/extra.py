@@ -1,33 +1,25 @@
-"""Exact probabilities as an extra of a run."""
+"""Exact probabilities as an extra of a run: its methods."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 from scex_sumo.base.errors import ScexError, warn_notes
-from scex_sumo.base.options import option
-from scex_sumo.certainty import EXACT, FITTED
-from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.certainty.exact import find_exact, why_not_exact
+from scex_sumo.certainty.fitted import answer_of, fitted_weights, write_fitted
+from scex_sumo.certainty.options import EXACT, FITTED, ExactProbabilities
+from scex_sumo.certainty.page import exact_part
+from scex_sumo.certainty.results import Exact, exact_of, write_exact
+from scex_sumo.extrapolation.extras import Work
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.results.extras import ExactProbability, Row
 from scex_sumo.results.run import Run
 
-if TYPE_CHECKING:
-    from scex_sumo.certainty.results import Exact
 
-
-@dataclass(frozen=True, kw_only=True)
-class ExactProbabilities(Extra):
-    """Futures with chosen assignments, from which P of an event follows exactly, see docs/exact.md."""
-
-    order: ClassVar[int] = 10
-    files: ClassVar[tuple[str, ...]] = (EXACT, "exact", FITTED)
-
-    exact: bool = option("Run some more futures for exact probabilities.", True)
-    fit_weights: bool = option("Fit the models' weights to the recording.", False)
+class ExactExtra(ExactProbabilities):
+    """Exact probabilities with their methods."""
 
     def settle(self, work: Work) -> Any:
         """Return the influence tables of the futures so far, if any collision has an exact probability."""
@@ -40,8 +32,6 @@ class ExactProbabilities(Extra):
         file.unlink(missing_ok=True)
         found = work.settled or self._found(work)
         if found is not None:
-            from scex_sumo.certainty.results import write_exact
-
             write_exact(found, file)
         return ()
 
@@ -49,8 +39,6 @@ class ExactProbabilities(Extra):
         """Fit the weights to the recording and write them to ``fitted_weights.json``."""
         (run.folder / FITTED).unlink(missing_ok=True)
         if self.fit_weights and sum(entry["weight"] > 0 for entry in run.info["models"]) > 1:
-            from scex_sumo.certainty.fitted import fitted_weights, write_fitted
-
             try:
                 write_fitted(run.folder, fitted_weights(run))
             except ScexError as error:  # the run is finished
@@ -73,15 +61,11 @@ class ExactProbabilities(Extra):
         """Return the fitted weights, and P of any collision with them."""
         if not (run.folder / FITTED).is_file():
             return {}
-        from scex_sumo.certainty.fitted import answer_of
-
         return {"fitted_weights": answer_of(run)}
 
     def _found(self, work: Work) -> Any:
         if not self.exact:
             return None
-        from scex_sumo.certainty.exact import find_exact, why_not_exact
-
         job = work.job
         if why_not_exact(job.settings, job.models, len(job.assignment)) is not None:
             return None
@@ -119,16 +103,8 @@ class ExactProbabilities(Extra):
 
     def page(self, run: Run) -> Any:
         """Return the card with a slider for each model's weight; None where no pair collides."""
-        if _tables(run) is None:
-            return None
-        from scex_sumo.certainty.page import exact_part
-
-        return exact_part(run)
+        return None if _tables(run) is None else exact_part(run)
 
 
 def _tables(run: Run) -> Exact | None:
-    if not (run.folder / EXACT).is_file():
-        return None
-    from scex_sumo.certainty.results import exact_of
-
-    return exact_of(run)
+    return exact_of(run) if (run.folder / EXACT).is_file() else None

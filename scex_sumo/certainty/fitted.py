@@ -22,7 +22,7 @@ from scex_sumo.base.errors import ResultError, ScexError, TrackError, UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.behaviors.registry import build, model_specs
-from scex_sumo.certainty import FITTED
+from scex_sumo.certainty.options import FITTED
 from scex_sumo.certainty.results import TooFewFuturesError, weighted_probability
 from scex_sumo.converters.datasets.moment import find_moments
 from scex_sumo.converters.datasets.reader import read_clean

@@ -15,7 +15,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic
-from scex_sumo.certainty import EXACT
+from scex_sumo.certainty.options import EXACT
 from scex_sumo.certainty.tables import InfluenceTable, Weights, shares_of, union_probability
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION

@@ -39,7 +39,7 @@ def run_answer(run: Run) -> dict[str, Any]:
             for group in alike(worst_stress(run))
         ],
         "encounters": meeting_rows(meetings(run)),
-        **{key: value for extra in extras_results() for key, value in extra.answer(run).items()},
+        **{key: value for extra in extras_results(run.folder) for key, value in extra.answer(run).items()},
     }
 
 

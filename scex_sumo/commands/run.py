@@ -69,7 +69,7 @@ def _tell(run: Run, preset: str | None) -> None:
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
     console = output_console(width=110)
-    for extra in extras_results():
+    for extra in extras_results(run.folder):
         extra.print_above(run, console, preset)
     print_summary(run, output_console(width=110), preset=preset)
     if run.info["band"] is not None:

@@ -16,7 +16,7 @@ from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.convert import converted
-from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.extrapolation.extras import Extra, Work, working
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.measure import Recorded, measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
@@ -65,6 +65,10 @@ def run_scene(
     path = Path(temporary.name) / "run" if temporary else Path(str(options.out))
     identity = _identity(scene, settings, models, assignment)
     folder = ResultFolder(path, identity, overwrite=options.overwrite)
+    for extra in extras:
+        if not extra.is_on(settings):
+            folder.remove(extra.files)
+    active = working(extras, settings)
     scene, net = ruled(scene, _net(scene, folder, options), settings)
     job = Job(
         scene,
@@ -77,7 +81,7 @@ def run_scene(
         compared=options.compared,
     )
     watch.lap("convert")
-    repeats = [extra.repeats(settings) for extra in extras]
+    repeats = [extra.repeats(settings) for extra in active]
     with options.bar(scene.name) as tick:
         parts = [_part_of(tick, k, 1 + sum(repeats)) for k in range(1 + sum(repeats))]
         run_all = partial(_run_all, workers=workers, batch=options.batch, progress=parts[0])
@@ -95,7 +99,7 @@ def run_scene(
         watch.lap("tables")
         work = Work(job=job, part=part, workers=workers, options=options, extras=extras)
         rows: list[Row] = []
-        for number, extra in enumerate(extras):
+        for number, extra in enumerate(active):
             progress = parts[1 + sum(repeats[:number])] if repeats[number] else None
             own = dataclasses.replace(work, progress=progress, settled=settled.get(number))
             rows += extra.after(own)
@@ -106,7 +110,7 @@ def run_scene(
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
-    for extra in extras:
+    for extra in active:
         run.written.update(extra.finish(run, work))
     return run
 
@@ -115,7 +119,7 @@ def checked_models(settings: RunSettings, options: RunOptions, extras: Sequence[
     """Build the models of a run; raise a `UsageError` for what can be known without the seed scene."""
     models = ModelSet.of(settings)
     check_world(settings, models, gui=options.gui)
-    for extra in extras:
+    for extra in working(extras, settings):
         extra.check(settings, models)
     return models
 

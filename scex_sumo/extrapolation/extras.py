@@ -70,6 +70,10 @@ class Extra(ExtraResults):
     nested: ClassVar[bool] = True
     """Whether it works for a run inside of another run's folder, too."""
 
+    def is_on(self, settings: RunSettings) -> bool:
+        """Return whether it works in a run with these settings; the other methods are not called if not."""
+        return True
+
     def check(self, settings: RunSettings, models: ModelSet) -> None:
         """Raise a `UsageError` for options that make no sense, before a future is simulated."""
 
@@ -96,6 +100,11 @@ class Extra(ExtraResults):
 def run_options() -> tuple[type, ...]:
     """Return the dataclasses whose fields are the options of a run: settings, other options, extras."""
     return RunSettings, RunOptions, *extra_types().values()
+
+
+def working(extras: Sequence[Extra], settings: RunSettings) -> list[Extra]:
+    """Return the extras that are on, with all their methods."""
+    return [extra.loaded() for extra in extras if extra.is_on(settings)]
 
 
 def extras_of(given: Sequence[Mapping[str, Any]]) -> list[Extra]:

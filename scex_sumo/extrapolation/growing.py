@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from scex_sumo.extrapolation.extras import Work
+from scex_sumo.extrapolation.extras import Work, working
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.results.parts import Parts
 from scex_sumo.statistics.bands import Look, grow, look, remainder_of
@@ -38,7 +38,7 @@ def run_until_narrow(
         if tried or found.width <= band or remainder_of(count) > band:
             return found
         work = work_of(job=grown, part=parts.read(0, count, plans=False))
-        known = {number: extra.settle(work) for number, extra in enumerate(work.extras)}
+        known = {number: extra.settle(work) for number, extra in enumerate(working(work.extras, settings))}
         tried, settled = True, {number: one for number, one in known.items() if one is not None}
         least = min((one.remainder for one in settled.values()), default=1.0)
         if least > band:

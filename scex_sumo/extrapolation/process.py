@@ -18,8 +18,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from scex_sumo.base.errors import SimulationError, UsageError
-from scex_sumo.base.time_limit import OutOfTimeError, last_words
+from scex_sumo.base.errors import SimulationError, UsageError, last_words
+from scex_sumo.base.time_limit import OutOfTimeError
 
 OnStep: TypeAlias = Callable[[int], None]
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.run import Run
 
 
@@ -22,10 +23,12 @@ class ReportPage(Extra):
 
     report: bool = option("Write report.html.", True, names=("--report/--no-report", "--plots/--no-plots"))
 
+    def is_on(self, settings: RunSettings) -> bool:
+        """See `Extra`."""
+        return self.report
+
     def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
         """Write the page."""
-        if not self.report:
-            return {}
         from scex_sumo.page.report.report import write_report
 
         return {"report": write_report(run, work.job.scene)}

@@ -69,7 +69,7 @@ def print_summary(run: Run, console: Console, *, preset: str | None = None) -> N
 
 def answer_lines(run: Run) -> list[str]:
     """Return what people do, then the stress test: collision shares and the worst encounters in words."""
-    lines = [line for extra in extras_results() for line in extra.lines(run)]
+    lines = [line for extra in extras_results(run.folder) for line in extra.lines(run)]
     found, human = meetings(run), run.reference
     hits = [one for one in found if one.futures == HUMAN_LIKE and one.row["collision"] > 0]
     if human is not None and human.outcomes and (hits or not lines):

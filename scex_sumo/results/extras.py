@@ -11,13 +11,16 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.importing import Registry
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+E = TypeVar("E", bound="ExtraResults")
 
 EXTRAS: Final = Registry(group="scex_sumo.extras", kind="extra of a run")
 
@@ -132,7 +135,11 @@ class ExtraResults:
     order: ClassVar[int] = 0
     """Extras with a lower number come first."""
     files: ClassVar[tuple[str, ...]] = ()
-    """Patterns of the files and folders that it writes into a result folder."""
+    """Patterns of the files and folders that it writes into a result folder; removed if it is off."""
+
+    def loaded(self: E) -> E:
+        """Return the extra with all methods; one whose methods are in another module imports them here."""
+        return self
 
     def exact_probability(
         self, run: Any, event: str, pair: tuple[int, int] | None
@@ -176,7 +183,14 @@ def extra_types() -> Mapping[str, type[ExtraResults]]:
     return dict(sorted(found.items(), key=lambda item: (item[1].order, item[0])))
 
 
+def extras_results(folder: Path) -> tuple[ExtraResults, ...]:
+    """Return the registered extras, to read what they wrote into a folder; those without are not loaded."""
+    return tuple(
+        _reader(name) if not kind.files or any(map(any, map(folder.glob, kind.files))) else kind()
+        for name, kind in extra_types().items()
+    )
+
+
 @cache
-def extras_results() -> tuple[ExtraResults, ...]:
-    """Return the registered extras, to read what they wrote."""
-    return tuple(kind() for kind in extra_types().values())
+def _reader(name: str) -> ExtraResults:
+    return extra_types()[name]().loaded()

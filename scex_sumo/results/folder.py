@@ -134,22 +134,19 @@ class ResultFolder(OutputFolder):
     evidence = ("metrics.parquet", "assignments.parquet", "tracks.parquet", "seed.csv")
 
     def _clear(self) -> None:
-        for name in ("seed.csv", *_TABLES):
-            (self.path / name).unlink(missing_ok=True)
-        for pattern in _PATTERNS:
-            for file in self.path.glob(pattern):
-                file.unlink()
-        for name in (PARTS, "sumo"):
-            shutil.rmtree(self.path / name, ignore_errors=True)
-        for path in (
-            path for kind in extra_types().values() for p in kind.files for path in self.path.glob(p)
-        ):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        self.remove((*_TABLES, *_PATTERNS, PARTS, "sumo"))
+        for kind in extra_types().values():
+            self.remove(kind.files)
 
     def _prepare(self) -> None:
         for name in (PARTS, "sumo"):
             (self.path / name).mkdir(exist_ok=True)
         remove_broken(self.path)
+
+    def remove(self, patterns: Sequence[str]) -> None:
+        """Remove files and folders of some patterns."""
+        for path in (path for pattern in patterns for path in self.path.glob(pattern)):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
 
     def in_order(self, futures: int, *, size: int, plans: bool = True) -> Iterator[Part]:
         """Yield all futures in order, some at a time; raise a `ResultError` if some are missing."""
@@ -205,6 +202,7 @@ def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
 
 
 _PATTERNS = (
+    "seed.csv",
     "densities.*",
     "cumulative.*",
     "scene.png",
@@ -216,7 +214,7 @@ _TABLES = tuple(
     f"{name}.parquet"
     for name in (
         *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst"),
-        *("collisions", "encounters", "pair_outcomes"),
+        *("collisions", "encounters", "pair_outcomes", "under_test"),
     )
 )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,6 +21,10 @@ from scex_sumo.statistics.density import Interval
 
 class PairTables(Protocol):
     """Parts of a `Run` that tell what happens to a pair in each future."""
+
+    @property
+    def folder(self) -> Path:
+        """Result folder."""
 
     @property
     def futures(self) -> int:
@@ -79,7 +84,7 @@ def probability_of(
     run: PairTables, sampled: Interval, event: str, pair: tuple[int, int] | None = None
 ) -> Probability:
     """Return the probability of an event of a pair, or of any pair: exact where an extra knows it."""
-    found = (extra.exact_probability(run, event, pair) for extra in extras_results())
+    found = (extra.exact_probability(run, event, pair) for extra in extras_results(run.folder))
     return Probability(sampled=sampled, known=next((one for one in found if one is not None), None))
 
 

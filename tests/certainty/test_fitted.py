@@ -9,7 +9,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.errors import UsageError
-from scex_sumo.certainty.extra import ExactProbabilities
+from scex_sumo.certainty.extra import ExactExtra
 from scex_sumo.certainty.fitted import _fit, fitted_weights, mixture, read_fitted, write_fitted
 from tests.runs import extrapolate
 
@@ -44,12 +44,12 @@ def test_the_summary_tells_weights_of_the_folder_and_p_with_them(tmp_path: Path)
     names = [entry["model"] for entry in run.info["models"]]
     errors = np.tile([5.0, 5.0, 0.1, 5.0], (40, 1))
     write_fitted(run.folder, _fit(names, np.arange(40), errors, before=True))
-    (line,) = ExactProbabilities().lines(run)
+    (line,) = ExactExtra().lines(run)
     assert (
         "constant_velocity 1.00 [1.00–1.00]" in line and "40 plans of 40 vehicles before the moment" in line
     )
     assert read_fitted(run.folder) is not None
-    assert ExactProbabilities().answer(run)["fitted_weights"]["p_collision"] == pytest.approx(
+    assert ExactExtra().answer(run)["fitted_weights"]["p_collision"] == pytest.approx(
         scex_sumo.weighted_probability(run, {"constant_velocity": 1.0}), abs=1e-6
     )
 

@@ -18,7 +18,7 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.pool import Pool, in_other_process, succeeded
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
-from scex_sumo.humans.reference import HumanReference
+from scex_sumo.humans.extra import HumanReference
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 

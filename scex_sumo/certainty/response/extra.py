@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from scex_sumo.base.errors import ResultError, listed
-from scex_sumo.base.options import option
-from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.certainty.options import DECISION, MAPS, PEOPLE, RESPONSE, CriticalResponse
+from scex_sumo.extrapolation.extras import Work
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import Decision, Row
@@ -21,51 +20,27 @@ if TYPE_CHECKING:
     from scex_sumo.certainty.response.decision import PairResponse
     from scex_sumo.certainty.response.usual import Population
 
-RESPONSE: Final = "response.parquet"
-DECISION: Final = "decision.json"
-MAPS: Final = "response_maps.json"
-NONE: Final = "none"
-PEOPLE: Final = "people"
 HEAD: Final = "human-like, by actions and response times"
 _WORST = 3  # lines of pairs
 
 
-@dataclass(frozen=True, kw_only=True)
-class CriticalResponse(Extra):
-    """What it takes until two vehicles collide, and how often people let it happen, see docs/response.md."""
-
-    order: ClassVar[int] = 15
-    files: ClassVar[tuple[str, ...]] = (RESPONSE, DECISION, MAPS)
-
-    response: str | None = option(
-        "How people act and respond, or a file.",
-        PEOPLE,
-        metavar="people|FILE|none",
-        takes=str,
-    )
-
-    usual: str | None = option(
-        "Finished ranking of the same place, which says what is usual.", None, metavar="RANKING", takes=str
-    )
+class ResponseExtra(CriticalResponse):
+    """Critical responses with their methods."""
 
     def check(self, settings: RunSettings, models: ModelSet) -> None:
         """Raise a `UsageError` for a bad file."""
         self._population()
-        if self._wanted and self._file is not None:
+        if self._file is not None:
             from scex_sumo.certainty.response.people import people_of
 
             people_of(self._file)
-
-    @property
-    def _wanted(self) -> bool:
-        return self.response not in (None, NONE)
 
     @property
     def _file(self) -> Path | None:
         return None if self.response == PEOPLE else Path(str(self.response))
 
     def _population(self) -> Population | None:
-        if not self._wanted or self.usual is None:
+        if self.usual is None:
             return None
         from scex_sumo.certainty.response.usual import Population
 
@@ -75,8 +50,6 @@ class CriticalResponse(Extra):
         """Write the table and the decision; return P of any collision for the human-like futures."""
         for name in self.files:
             (work.job.folder / name).unlink(missing_ok=True)
-        if not self._wanted:
-            return ()
         from scex_sumo.certainty.response.answer import any_collision, responses_and_maps
 
         table, maps = responses_and_maps(work.job.scene, self._file)
@@ -158,7 +131,7 @@ class CriticalResponse(Extra):
     def answer(self, run: Run) -> Mapping[str, Any]:
         """Return ``human_like``, what it takes, and ``response``, P of any collision and the table's rows."""
         if not (run.folder / RESPONSE).is_file():
-            return {"human_like": None, "response": None}
+            return super().answer(run)
         from scex_sumo.certainty.response.answer import any_collision
         from scex_sumo.certainty.response.words import told
 

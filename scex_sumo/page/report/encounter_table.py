@@ -98,7 +98,7 @@ def print_pair(one: Meeting, console: Console) -> None:
     heads = [("question", "names", ""), ("share", "percent", ""), ("interval", "text", "")]
     title = f"share of {run.futures} {one.futures} futures, 95 % interval"
     print_table(console_table(title, heads, rows), console)
-    for line in (line for extra in extras_results() for line in extra.pair_lines(run, row)):
+    for line in (line for extra in extras_results(run.folder) for line in extra.pair_lines(run, row)):
         print_line(line, console)
     gaps = ["> 10" if row[f"gap_p{p}"] is None else f"{row[f'gap_p{p}']:.1f}" for p in ("05", "50", "95")]
     print_line(

@@ -39,7 +39,9 @@ def report_html(run: Run, scene: SeedScene | None = None) -> str:
 
 def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
     """Return the report as HTML from the result of `report_contents`."""
-    parts: list[PagePart] = [part for extra in extras_results() if (part := extra.page(run)) is not None]
+    parts: list[PagePart] = [
+        part for extra in extras_results(run.folder) if (part := extra.page(run)) is not None
+    ]
     info = info | {"tested": " ".join(part.verdict for part in parts if part.verdict)}
     body = run_body(info, parts)
     tables = {name: table for part in parts for name, table in part.tables.items()}

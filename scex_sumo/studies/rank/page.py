@@ -15,9 +15,8 @@ import pyarrow.compute as pc
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.certainty.extra import ExactProbabilities
+from scex_sumo.certainty.options import CriticalResponse, ExactProbabilities
 from scex_sumo.certainty.response.answer import once_in
-from scex_sumo.certainty.response.extra import CriticalResponse
 from scex_sumo.certainty.response.usual import usual_of
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.settings import RunOptions

@@ -59,7 +59,7 @@ def test_a_run_writes_the_table_of_its_scene(run: scex.Run) -> None:
 
 
 def test_the_summary_says_what_it_takes(run: scex.Run) -> None:
-    lines = [line for extra in extras_results() for line in extra.lines(run)]
+    lines = [line for extra in extras_results(run.folder) for line in extra.lines(run)]
     assert any("response times: a collision about once in" in line for line in lines)
     assert any("1 brakes with" in line and "2 responds later than" in line for line in lines)
     answer = run_answer(run)
@@ -91,7 +91,7 @@ def test_a_ranking_says_what_is_usual(run: scex.Run, tmp_path: Path) -> None:
     assert (
         beside.decision is not None and "usual at this site: once in 100 000 000" in beside.decision.sentence
     )
-    lines = [line for extra in extras_results() for line in extra.lines(beside)]
+    lines = [line for extra in extras_results(beside.folder) for line in extra.lines(beside)]
     assert any("× the median at this site, 1st of 21" in line for line in lines)
 
 
@@ -101,7 +101,7 @@ def test_the_summary_names_what_is_left_out(tmp_path: Path) -> None:
     for keep in (False, True):
         out = tmp_path / str(keep)
         run = scex.extrapolate(scene, reference=None, out=out, keep_doubtful=keep, **options)
-        text = "\n".join(line for extra in extras_results() for line in extra.lines(run))
+        text = "\n".join(line for extra in extras_results(run.folder) for line in extra.lines(run))
         assert ("  left out as doubtful: 3 is recorded for less than a second" in text) == (not keep)
         assert (("2 pairs of a queue, " in text) == keep and "2 → 1" in text) or "1 brakes" in text
 
