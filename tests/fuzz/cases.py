@@ -331,6 +331,17 @@ def _exports(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
     return f"{name}: {how}", rng.choice((["run", *own, *RUN], ["inspect", *own], ["metrics", name]))
 
 
+def _trace(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A future as a trace of OSI, with other values or bytes."""
+    for file in sources.exports().iterdir():
+        if file.suffix in (".mcap", ".osi", ".xodr"):
+            shutil.copy(file, work)
+    file = work / rng.choice(("future.mcap", "trace.osi"))
+    how = drawn.trace(file, rng) if rng.random() < 0.7 else _twice(file, rng)
+    commands = (["run", file.name, *RUN], ["inspect", file.name], ["metrics", file.name])
+    return f"{file.name}: {how}", rng.choice(commands)
+
+
 def _options(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     map_path, _ = _copied(work, "urban_intersection")
     option = rng.choice(_OPTIONS)
@@ -365,6 +376,7 @@ KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]
     "py123d": _drawn(drawn.py123d),
     "opendd": _drawn(drawn.opendd),
     "exports": _exports,
+    "traces": _trace,
 }
 OFTEN: Final = (*2 * ("tracks", "maps", "commonroad", "weights", "folders", "options"), *KINDS)
 """Kinds in the order of a run: those whose cases are quick come more often."""

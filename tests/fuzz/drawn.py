@@ -6,8 +6,9 @@ import json
 import pickle
 import pickletools
 import sqlite3
+import warnings
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -239,3 +240,55 @@ def _cell_changed(file: Path, rng: Random) -> str:
             rows = rng.choice(("1", "rowid % 7 = 3", "rowid = 2"))
             base.execute(f"UPDATE {table} SET {column} = ? WHERE {rows}", (value,))
     return f"{what} {table}.{column}"
+
+
+_OSI_VALUES = (
+    0,
+    1,
+    -1,
+    2**31 - 1,
+    2**32 - 1,
+    str(2**63 - 1),
+    0.5,
+    -3.0,
+    1e300,
+    "NaN",
+    "Infinity",
+    "x" * 5000,
+    {},
+    [],
+)
+
+
+def trace(file: Path, rng: Random) -> str:
+    """Change values of some messages of a trace of OSI, in place."""
+    import betterosi
+    from mcap.reader import make_reader
+
+    packed = file.suffix == ".mcap"
+    with file.open("rb") as stream:
+        if packed:
+            read = [(s.name.rpartition(".")[2], m) for s, _, m in make_reader(stream).iter_messages() if s]
+            messages = [(getattr(betterosi, kind).from_binary(m.data), m.log_time) for kind, m in read]
+        else:
+            messages = []
+            while size := stream.read(4):
+                body = stream.read(int.from_bytes(size, "little"))
+                messages.append((betterosi.GroundTruth.from_binary(body), 0))
+    how = []
+    for _ in range(rng.choice((1, 3, 30))):
+        k = rng.randrange(len(messages))
+        content = json.loads(messages[k][0].to_json())
+        how.append(value_changed(content, rng, _OSI_VALUES))
+        with suppress(Exception):  # no value of that field
+            messages[k] = type(messages[k][0]).from_json(json.dumps(content)), messages[k][1]
+    if packed:
+        with warnings.catch_warnings(), betterosi.Writer(str(file)) as writer:
+            warnings.simplefilter("ignore")  # a version that is none
+            for message, time in messages:
+                is_map = isinstance(message, betterosi.MapAsamOpenDrive)
+                writer.add(message, topic="ground_truth_map" if is_map else None, log_time=time)
+    else:
+        bodies = [message.to_binary() for message, _ in messages]
+        file.write_bytes(b"".join(len(body).to_bytes(4, "little") + body for body in bodies))
+    return "; ".join(how)[:80]

@@ -30,6 +30,8 @@ EXPORTS: Final = {
     "fcd": "future.fcd.xml",
     "commonroad": "cr",
     "scenarionet": "sn",
+    "omega-prime": "future.mcap",
+    "osi": "trace.osi",
 }
 _INTERRUPTED = (
     "from scex_sumo.results.folder import OutputFolder as F\n"
