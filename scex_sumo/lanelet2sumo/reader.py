@@ -18,7 +18,8 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.reading import net_root, points_of
+from scex_sumo.converters.net.text import points_of
+from scex_sumo.converters.net.xml import net_root
 from scex_sumo.road import Georeference
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width

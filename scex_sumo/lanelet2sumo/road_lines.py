@@ -7,8 +7,8 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.reading import points_of
 from scex_sumo.converters.net.sumo_net import net_file
+from scex_sumo.converters.net.text import points_of
 from scex_sumo.lanelet2sumo.reader import read_net
 
 _BORDERS = {"curbstone", "road_border", "guard_rail", "fence", "wall"}

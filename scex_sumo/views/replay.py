@@ -21,7 +21,8 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
-from scex_sumo.converters.net.reading import net_root, points_of
+from scex_sumo.converters.net.text import points_of
+from scex_sumo.converters.net.xml import net_root
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.drawings import (
     WINDOW_SIZE,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import re
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,15 +11,12 @@ from typing import TypeAlias
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-import numpy as np
-
-from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, ScexError, listed
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.sumo_net import HEADER, LaneTable, SumoNet, net_file
-from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, KEY, LaneletPart
+from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, KEY, LaneletPart, points_of
+from scex_sumo.converters.net.xml import net_root, unpacked, xml_root
 from scex_sumo.geometry.polylines import length_of
 
 GAP_M = 0.1  # between road beyond the border and a lane
@@ -30,38 +26,6 @@ _ENCODING = re.compile(rb"""<\?xml[^>]*encoding\s*=\s*["']([^"']*)""")
 _SCHEMA = re.compile(rb"""schemaLocation\s*=\s*["'](?!https?://sumo[./-])""", re.IGNORECASE)
 
 Named: TypeAlias = Mapping[str, tuple[LaneletPart, ...]]
-
-
-def unpacked(path: Path) -> bytes:
-    """Read a net or another file of SUMO's, gzipped or not."""
-    try:
-        with open_binary(path) as file:
-            return file.read()
-    except FileNotFoundError:
-        raise MapError(f"{path}: no such net; convert the map first") from None
-    except (OSError, EOFError, zlib.error) as error:
-        raise MapError(f"{path}: cannot be read: {error}; check the path of the net") from None
-
-
-def xml_root(path: Path, content: bytes) -> Element:
-    """Parse the content of a net or another file of SUMO's."""
-    try:
-        return ElementTree.fromstring(content)
-    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter of its encoding
-        raise MapError(f"{path}: not XML ({error}); build the net again with netconvert") from None
-
-
-def net_root(path: Path) -> Element:
-    """Return the XML root element of a net."""
-    root = xml_root(path, unpacked(path))
-    if root.tag != "net":
-        raise MapError(f"{path}: no SUMO net, its root element is <{root.tag}>; give a SUMO .net.xml")
-    return root
-
-
-def points_of(shape: str) -> FloatArray:
-    """Return the points (P, 2) of a shape; SUMO may mix points with and without a height."""
-    return np.array([point.split(",")[:2] for point in shape.split()], dtype=np.float64).reshape(-1, 2)
 
 
 def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:

@@ -9,8 +9,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.reading import net_root, points_of
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet
+from scex_sumo.converters.net.text import points_of
+from scex_sumo.converters.net.xml import net_root
 from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.road import Passage, Road, Rules, Signal
 from scex_sumo.scene import STEP_S, SeedScene

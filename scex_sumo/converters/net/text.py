@@ -27,6 +27,11 @@ def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
     )
 
 
+def points_of(shape: str) -> FloatArray:
+    """Return the points (P, 2) of a shape; SUMO may mix points with and without a height."""
+    return np.array([point.split(",")[:2] for point in shape.split()], dtype=np.float64).reshape(-1, 2)
+
+
 @dataclass(frozen=True)
 class LaneletPart:
     """A stretch of a lanelet (or `BEYOND`) under a lane, in m along the lanelet; width and limit are the

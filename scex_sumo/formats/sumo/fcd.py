@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.naming import open_binary
-from scex_sumo.converters.net.reading import unpacked
+from scex_sumo.converters.net.xml import unpacked
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.build import track_table
 from scex_sumo.converters.tracks.check import MAX_VALUES

@@ -20,7 +20,7 @@ from scex_sumo.base.files import TemporaryFolder, cache_folder, sha256_of, write
 from scex_sumo.base.programs import environment, program
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.net.reading import unpacked
+from scex_sumo.converters.net.xml import unpacked
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats import recognition
 from scex_sumo.formats.recognition import is_open_street_map

@@ -18,8 +18,9 @@ from scex_sumo.base.errors import MapError, listed, reason_of
 from scex_sumo.base.programs import environment, program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import prune
-from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts, net_root
+from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts
 from scex_sumo.converters.net.text import BEYOND, LaneletPart
+from scex_sumo.converters.net.xml import net_root
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.overlaps import overlapping
 from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net

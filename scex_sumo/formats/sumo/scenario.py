@@ -24,7 +24,8 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.programs import checked_path, environment, program
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.naming import map_name, open_binary
-from scex_sumo.converters.net.reading import allowed_content, unpacked
+from scex_sumo.converters.net.reading import allowed_content
+from scex_sumo.converters.net.xml import unpacked
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.extrapolation.pool import in_other_process
