@@ -40,7 +40,7 @@ def export_command(
         Option(
             metavar="FORMAT",
             help="interaction, interpret, fcd, openscenario, commonroad, scenarionet, omega-prime, osi, "
-            "sumo, ssm, collisions, mp4, gif.",
+            "sumo, ssm, collisions, mp4, gif; esmini and carla get openscenario, video is mp4.",
             autocompletion=_complete_formats,
         ),
     ] = "interaction",

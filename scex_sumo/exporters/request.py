@@ -46,6 +46,10 @@ EXPORTERS: Final = Registry(
         "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
         "omega-prime": "scex_sumo.exporters.osi:write_omega_prime",
         "osi": "scex_sumo.exporters.osi:write_osi",
+        # Names of tools, for what they read.
+        "esmini": "scex_sumo.exporters.openscenario:write_openscenario",
+        "carla": "scex_sumo.exporters.openscenario:write_openscenario",
+        "video": "scex_sumo.exporters.video:write_mp4",
     },
 )
 

@@ -21,6 +21,13 @@ def test_the_most_critical_futures_come_worst_first(run: Run) -> None:
         critical_futures(run, "nonsense", 1)
 
 
+@pytest.mark.parametrize(
+    ("tool", "format_name"), [("esmini", "openscenario"), ("carla", "openscenario"), ("video", "mp4")]
+)
+def test_a_tool_gets_the_format_that_it_reads(tool: str, format_name: str) -> None:
+    assert EXPORTERS.load(tool) is EXPORTERS.load(format_name)
+
+
 def test_the_typical_future_of_an_encounter_is_that_of_view(run: Run) -> None:
     for row in run.encounters.to_pylist():
         assert closest_encounters(run, row["other_id"], row["track_id"], 1) == (row["future"],)
