@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Mapping, Sequence
 from functools import partial
+from numbers import Integral, Real
 from typing import Any
 
 from scex_sumo.base.errors import ScexError, UsageError, warn_notes
@@ -17,6 +19,8 @@ from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
+
+_PLAIN: dict[str, Any] = {"int": Integral, "float": Real, "str": str, "None": type(None), "Mapping": Mapping}
 
 
 def extrapolate(
@@ -68,6 +72,7 @@ def _run(
     if "children" in options:  # the former name
         options["futures"] = options.pop("children")
     values, others, *own = split_options(options, run_options())
+    _check_types(options, run_options())
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
     extras = [*extras_of(own), *map(extra_named, how.extra)]
@@ -94,3 +99,12 @@ def _arguments(name: str, one: Option, *, is_flag: bool) -> dict[str, str]:
         if is_flag:
             words |= {off or on.replace("--", "--no-", 1): f"{name}=False"}
     return words
+
+
+def _check_types(given: Mapping[str, Any], kinds: Sequence[type]) -> None:
+    """Raise a `UsageError` for a value of another type than its field; unions of classes are not checked."""
+    for one in (one for kind in kinds for one in dataclasses.fields(kind) if one.name in given):
+        value, wanted = given[one.name], str(one.type)
+        plain = [_PLAIN.get(kind) for kind in wanted.partition("[")[0].split(" | ")]
+        if None not in plain and not isinstance(value, tuple(plain)):
+            raise UsageError(f"{one.name}: got {value!r:.60}, needs {wanted}")

@@ -235,6 +235,8 @@ class Run:
 
     def models_of(self, future: int) -> list[str]:
         """Return the model (V,) of each vehicle of a future."""
+        if future not in range(self.futures):
+            raise UsageError(f"no future {future!r}; there are 0 to {self.futures - 1}")
         vehicles = len(self.info["seed_scene"]["track_ids"])
         return [str(m) for m in self.assignments["model"].slice(future * vehicles, vehicles).to_pylist()]
 

@@ -133,6 +133,8 @@ def test_a_run_counts_what_the_program_did_not_answer(tmp_path: Path) -> None:
     track = int(scene.track_ids[0])
     fine = extrapolate(scene, futures=2, assign={track: f"process:{PYTHON}"}, out=tmp_path / "a")
     assert fine.models_of(0)[0].startswith("process:") and not fine.info["run_notes"]
+    with pytest.raises(UsageError, match="no future 2; there are 0 to 1"):
+        fine.models_of(2)
     does = "sys.stdin.readline(); print('{}', flush=True)"  # the try before the run is answered with no plan
     with pytest.raises(ScexError, match="no usable plan for any of") as refused:
         extrapolate(

@@ -28,7 +28,7 @@ _AS_PUBLISHED = {
 """Datasets without a reader, by a file in them."""
 
 
-def find_recordings(roots: Sequence[str | Path]) -> tuple[Recording, ...]:
+def find_recordings(roots: str | Path | Sequence[str | Path]) -> tuple[Recording, ...]:
     """Find all recordings below folders, sorted by name; broken files are found too.
 
     A root may also be a track file, or a map, which stands for all of its tracks. Results of this program are
@@ -41,6 +41,7 @@ def find_recordings(roots: Sequence[str | Path]) -> tuple[Recording, ...]:
         >>> [recording.name for recording in scex.find_recordings([scex.example_path("roundabout")])]
         ['roundabout']
     """
+    roots = [roots] if isinstance(roots, str | Path) else roots
     files, results = _below(roots)
     warn_notes(_left_out(results))
     recordings = _recordings_of(files)

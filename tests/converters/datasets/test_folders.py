@@ -112,7 +112,7 @@ def test_results_of_this_program_are_left_out_with_a_note(folder: Path, info: st
     out = add_result(folder, info)
     note = f"results of this program are left out: {out}"
     with pytest.warns(ScexWarning, match="results of this program"):
-        assert [one.name for one in find_recordings([folder])] == ["a"]
+        assert [one.name for one in find_recordings(str(folder))] == ["a"]
     assert left_out([folder]) == [note]
     assert map_and_tracks(folder) == (folder / "a.osm", folder / "a.csv")
     with pytest.raises(TrackError, match="is a result of this program; give recordings"):
