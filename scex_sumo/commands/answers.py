@@ -31,6 +31,7 @@ def run_answer(run: Run) -> dict[str, Any]:
         "collision": {
             "recorded": None if recorded is None else len(recorded["overlaps"]),
             **_both(run, lambda one: one.collision.estimate if one.outcomes else None),
+            "words": {"stress_test": _in_words(run), "human_like": _in_words(run.reference)},
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
         "rows": extra_rows(run),
@@ -53,6 +54,10 @@ def meeting_rows(found: Sequence[Meeting]) -> list[dict[str, Any]]:
 def _both(run: Run, share: Any) -> dict[str, Any]:
     ones = {"stress_test": run, "human_like": run.reference}
     return {name: None if one is None else interval(share(one)) for name, one in ones.items()}
+
+
+def _in_words(run: Run | None) -> str | None:
+    return run.collision.words if run is not None and run.outcomes else None
 
 
 def _metric(run: Run, column: str) -> dict[str, Any]:

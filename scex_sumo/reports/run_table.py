@@ -189,7 +189,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     heads = ("recorded", "median", "critical if", *shares, "95 %", "defined")
     rows: list[Sequence[str] | None] = []
     if COLLISION in run.metrics.column_names:
-        human = () if likely is None else (f"{likely.collision.estimate.value:.1%}",)
+        human = () if likely is None else (_tight(likely.collision.share),)
         found = _collision_shares(run.collision)
         rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *found, "all"))
     if (injuries := expected_injuries(run)) is not None:
@@ -254,9 +254,8 @@ def _critical(run: Run, column: str, likely: Run | None) -> tuple[str, ...]:
     threshold = run.thresholds.get(column)
     if threshold is None:
         return ("–",) * (3 if likely is None else 4)
-    human = (
-        "–" if likely is None or not len(likely.samples(column)) else f"{likely.p_critical(column).value:.1%}"
-    )
+    known = likely is not None and len(likely.samples(column)) > 0
+    human = _tight(likely.p_critical(column).share) if likely is not None and known else "–"
     shares = _shares(run.p_critical(column)) if len(run.samples(column)) else ("–", "–")
     return f"{metric_of(column).sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
 
@@ -276,12 +275,15 @@ def _defined(run: Run, column: str, likely: Run | None) -> str:
 
 
 def _shares(share: Interval) -> tuple[str, str]:
-    exact = share.low == share.high
-    return f"{share.value:.1%}", "–" if exact else f"{100 * share.low:.1f}–{100 * share.high:.1f}"
+    return _tight(share.share), "–" if share.low == share.high else share.range
+
+
+def _tight(percent: str) -> str:
+    return percent.replace(" ", "")
 
 
 def _collision_shares(share: Probability) -> tuple[str, str]:
-    return _shares(share.sampled) if share.exact is None else (share.percent.replace(" ", ""), "exact")
+    return _shares(share.sampled) if share.exact is None else (_tight(share.percent), "exact")
 
 
 def _recorded_overlaps(run: Run) -> str:

@@ -75,6 +75,11 @@ class Probability:
         return self.sampled.percent if self.known is None else self.known.percent
 
     @property
+    def share(self) -> str:
+        """The estimate in words, without its interval."""
+        return self.sampled.share if self.known is None else self.known.percent
+
+    @property
     def words(self) -> str:
         """The estimate in words, with how an exact one was checked."""
         return self.percent if self.known is None else f"{self.percent}; {self.known.checked}"

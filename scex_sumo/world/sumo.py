@@ -170,9 +170,8 @@ class SumoWorld:
             front = np.fromiter(ends, np.float64, 2 * len(held)).reshape(-1, 2)[place]
             angle = np.fromiter(map(get.getAngle, held), np.float64, len(held))[place]
             speed = batch.held.copy()
-            for future in np.flatnonzero(batch.mixed):
-                mine = batch.ids[future * shape[1] : (future + 1) * shape[1]]
-                speed[future] = list(map(get.getSpeed, mine))
+            for k in np.flatnonzero(~batch.overridden):
+                speed.flat[k] = get.getSpeed(batch.ids[k])
         x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
         return from_sumo(x, y, angle, speed, self._length)
 

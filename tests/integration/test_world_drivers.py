@@ -339,3 +339,18 @@ def test_a_vehicle_that_is_moved_onto_a_crossing_is_on_no_walking_lane_of_sumo(
         drive(world, seed, [0], [driven(0, "EIDM", ("A0A1", "A1A2"))], 1)
         lanes.append(libsumo.vehicle.getLaneID("t0_2"))
     assert lanes[0] and "_c" not in lanes[0] and "_w" not in lanes[0]
+
+
+def test_a_vehicle_that_is_taken_over_has_the_speed_that_is_set(crossing: SimpleNamespace) -> None:
+    """As after a collision: it slides aside of its lane, and slows down."""
+    seed = scene(in_north(60.0, 8.0), (900.0, 1100.0, 0.0, 0.0))
+    with SumoWorld(crossing, seed, slots=[0]) as world:
+        read = drive(world, seed, [0], [driven(0, "EIDM", ("n_in", "s_out"))], 3)[:, :, -1]
+        heading = read.heading + 0.3
+        for step in range(1, 6):
+            speed = np.maximum(read.speed - 0.687 * step, 0.0)
+            way = read.speed * 0.1 * step - 6.87 * (0.1 * step) ** 2 / 2
+            x, y = read.x + way * np.cos(heading), read.y + way * np.sin(heading)
+            world.move(States(x=x, y=y, heading=heading, speed=speed), np.ones(speed.shape, dtype=bool))
+            world.step()
+            assert world.read().speed[0, 0] == speed[0, 0]

@@ -124,7 +124,7 @@ def test_what_no_future_defines_is_a_dash_and_each_set_has_its_own_denominator(t
     result(tmp_path, {"pet": [None] * 4, "drac": [1.0, np.inf, np.inf, np.inf], "collision": [0.0] * 4})
     result(tmp_path / "reference", {"pet": [0.5, None], "drac": [0.0, 0.0], "collision": [0.0, 0.0]})
     run = open_run(tmp_path)
-    assert cells(run, "PET") == ["–", "–", "≤ 1", "50.0%", "–", "–", "0/4\n1/2"]
+    assert cells(run, "PET") == ["–", "–", "≤ 1", "50%", "–", "–", "0/4\n1/2"]
     assert cells(run, "DRAC")[:2] == ["–", "∞"] and cells(run, "DRAC")[-1] == "all"
 
 

@@ -150,8 +150,12 @@ class Cases:
         )
 
 
-def pairs_of(expected: Expected) -> Pairs:
-    """Return the ordered pairs of vehicles whose lines come near within the time of `STEPS`."""
+def pairs_of(expected: Expected, responders: IntArray | None = None) -> Pairs:
+    """Return the ordered pairs of vehicles whose lines come near within the time of `STEPS`.
+
+    Args:
+        responders: indices of those that count; None for all.
+    """
     x, y = expected.lines.x[:, ::_COARSE], expected.lines.y[:, ::_COARSE]
     step = expected.lines.spacing_m * _COARSE
     ahead = expected.lines.start[0] + step * np.arange(x.shape[1])
@@ -160,6 +164,8 @@ def pairs_of(expected: Expected) -> Pairs:
     size = (np.hypot(expected.scene.length, expected.scene.width) / 2).max(initial=0.0)
     near = _boxes_meet(x, y, inside, _NEAR_M + size)
     near[:, expected.vehicles :] = False
+    if responders is not None:
+        near[:, np.setdiff1d(np.arange(len(x)), responders)] = False
     i, j = np.nonzero(near & ~np.eye(len(x), dtype=np.bool_))
     points = np.stack([x - x.mean(), y - y.mean()], axis=-1)
     square = np.where(inside, (points**2).sum(axis=-1), np.inf)
@@ -255,21 +261,23 @@ def _possible(pairs: Pairs) -> list[BoolArray]:
     goes_on = waits & ~follows[i] & ~ahead[:, 0] & ~behind
     aside = (np.abs(off) >= _ASIDE_M[0]) & (np.abs(off) <= _ASIDE_M[1]) & (speed[i] > _MOVING_MPS)
     aside &= ~np.isfinite(enter[:, soon]).any(axis=1) & (along > _BESIDE_M)
-    width = _lane_widths(expected.scene)
-    median = np.abs(off) - (width[i] + width[j]) / 2 > _MEDIAN_M
-    sides = [aside & (turn < _PARALLEL_RAD), aside & (turn > _OPPOSED_RAD) & ~median]
+    opposed = aside & (turn > _OPPOSED_RAD)
+    width = _lane_widths(expected.scene, np.union1d(i[opposed], j[opposed]))
+    opposed &= np.abs(off) - (width[i] + width[j]) / 2 <= _MEDIAN_M
+    sides = [aside & (turn < _PARALLEL_RAD), opposed]
     size = (expected.scene.width[j] + np.hypot(expected.scene.length[i], expected.scene.width[i])) / 2
     outside = (np.abs(off) > size + _OUTSIDE_M) & (np.abs(off) < _NEAR_M) & (along > 0)
     return [*(mask & ~walks for mask in (brakes, goes_on, *sides)), outside & walks]
 
 
-def _lane_widths(scene: SeedScene) -> FloatArray:
-    """Return (V,) width of the lane on which each vehicle is, m; inf off the lanes."""
+def _lane_widths(scene: SeedScene, who: IntArray) -> FloatArray:
+    """Return (V,) width of the lane on which vehicles of some indices are, m; inf off the lanes, and else."""
     width = np.full(scene.vehicles, np.inf)
-    if scene.road is not None:
-        found = match(scene.road, scene.now.x, scene.now.y, scene.now.heading)
-        best = found.best
-        width[found.vehicle[best]] = [scene.road.lanes[k].width_m for k in found.lane_id[best].tolist()]
+    if scene.road is not None and len(who):
+        now = scene.now[who]
+        found = match(scene.road, now.x, now.y, now.heading)
+        lanes = [scene.road.lanes[k].width_m for k in found.lane_id[found.best].tolist()]
+        width[who[found.vehicle[found.best]]] = lanes
     return width
 
 

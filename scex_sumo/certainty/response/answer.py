@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -84,9 +84,15 @@ def responses_and_maps(scene: SeedScene, file: Path | None) -> tuple[pa.Table, d
     return _of_cases(cases_of(pairs_of(expected_motion(scene))), people_of(file))
 
 
-def table_of(cases: Cases, people: People) -> pa.Table:
-    """Return the table of `critical_responses` for some cases."""
-    return _of_cases(cases, people)[0]
+def decisive_rows(cases: Cases, people: People) -> Sequence[Mapping[str, Any]]:
+    """Return the rows of `critical_responses` for some cases, without factor, room to react and doubts."""
+    if not len(cases):
+        return []
+    columns = _columns(cases, people, whole=False)[0]
+    names = [name for name in SCHEMA.names if name in columns]
+    return [
+        dict(zip(names, row, strict=True)) for row in zip(*(columns[name] for name in names), strict=True)
+    ]
 
 
 def _of_cases(cases: Cases, people: People) -> tuple[pa.Table, dict[str, Any]]:
@@ -126,8 +132,14 @@ SCHEMA: Final = pa.schema(
 )
 
 
-def _columns(cases: Cases, people: People) -> tuple[dict[str, Any], Cases, FloatArray, FloatArray]:
-    """Return the columns of `SCHEMA`, with the cases (ten a row), R* of them, and how often they happen."""
+def _columns(
+    cases: Cases, people: People, *, whole: bool = True
+) -> tuple[dict[str, Any], Cases, FloatArray, FloatArray]:
+    """Return the columns of `SCHEMA`, with the cases (ten a row), R* of them, and how often they happen.
+
+    Args:
+        whole: False for the columns of `decisive_rows` only.
+    """
     pairs, response = cases.pairs, critical_response(cases)
     kinds, often = cases.action[::LEVELS], _often(cases, people, response)
     later = later_than(people, cases, response)
@@ -142,8 +154,6 @@ def _columns(cases: Cases, people: People) -> tuple[dict[str, Any], Cases, Float
     worst, told = cases.take(row), response[row, TYPICAL]
     told = np.where(told < np.inf, told, response[row].min(axis=1))
     late = later_than(people, cases, critical_response(cases, hard_contact))
-    others = [later_than(people.slower(factor), cases, response) for factor in _either(people)]
-    spread = [probabilities(often, one, kinds) for one in others]
     counts = often >= np.minimum(frequency, SELDOM)[:, None] * (1 - 1e-9)  # sums of shares are rounded
     careful = by_action(response[:, -1]) >= CAREFUL_S
     scene = pairs.expected.scene
@@ -159,13 +169,16 @@ def _columns(cases: Cases, people: People) -> tuple[dict[str, Any], Cases, Float
         "response_s": told,
         "later": later[each, level],
         "probability": value,
-        "factor": _factor(people.factors[kinds, level], *spread),
         "probability_hard": hard,
         **impact,
-        **_room(worst),
         "preventable": np.asarray((careful | ~counts).all(axis=1)),
-        "doubt": doubts_of(pairs, worst.pair),
+        "doubt": [None] * len(value),
     }
+    if whole:
+        others = [later_than(people.slower(factor), cases, response) for factor in _either(people)]
+        spread = [probabilities(often, one, kinds) for one in others]
+        columns |= {"factor": _factor(people.factors[kinds, level], *spread), **_room(worst)}
+        columns |= {"doubt": doubts_of(pairs, worst.pair)}
     return columns, cases, response, often
 
 

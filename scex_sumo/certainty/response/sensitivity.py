@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.certainty.response.actions import cases_of, pairs_of
-from scex_sumo.certainty.response.answer import table_of
+from scex_sumo.certainty.response.answer import decisive_rows
 from scex_sumo.certainty.response.decision import PairResponse, pair_responses
 from scex_sumo.certainty.response.expected import Expected, expected_motion
 from scex_sumo.certainty.response.people import people_of
@@ -29,9 +29,9 @@ def varied(scene: SeedScene, pair: tuple[int, int], file: Path | None = None) ->
     index = np.flatnonzero(np.isin(expected.scene.track_ids, pair))
     found: list[PairResponse] = []
     for size, turn in ((-BOX_M, 0.0), (BOX_M, 0.0), (0.0, TURN_RAD), (0.0, -TURN_RAD)):
-        pairs = pairs_of(_changed(expected, index, size, turn))
+        pairs = pairs_of(_changed(expected, index, size, turn), index)
         own = np.isin(pairs.initiator, index) & np.isin(pairs.responder, index)
-        found += pair_responses(table_of(cases_of(pairs, own), people).to_pylist())
+        found += pair_responses(decisive_rows(cases_of(pairs, own), people))
     return found
 
 

@@ -49,7 +49,7 @@ function makeSelection(run, state) {
       const hit = share(row, bits.collision), { future, step, gap } = typicalOf(row);
       const shown = { range: range(hit), gap: gap < NEAR_M ? gap : null, after: future < 0 ? null : step / 10 };
       for (const [name, bit] of Object.entries(bits)) shown[name] = bit === bits.collision || encounters.known ? share(row, bit).value : null;
-      return { ...row, future, step, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
+      return { ...row, future, step, said: null, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
     });
   }
 

@@ -6,7 +6,7 @@ const FORMATS = {
 };
 
 // A table is {columns: [{title, as, none, hint, kind, down}], rows: [{cells, ...}]}: `as` is one of the
-// formats, `none` stands for what is missing, `down` begins with the largest, `kind` is words or names; `mark` may dress up a cell.
+// formats, `said` of a row has the words of some cells, `none` stands for what is missing, `down` begins with the largest, `kind` is words or names; `mark` may dress up a cell.
 function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mark = () => {}, onSort = () => {} } = {}) {
   let by = -1, isDown = false, lines = [];
   const cellsOf = (tag, fill) => columns.map((column, i) => fill(make(column.kind ? `${tag}.${column.kind}` : tag), column, i));
@@ -20,7 +20,7 @@ function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mar
     });
     lines = sorted.map((row) => {
       const line = make("tr", { row }, ...cellsOf("td", (cell, { as = "text", none = "–" }, i) => {
-        cell.textContent = isMissing(row.cells[i]) ? none : FORMATS[as](row.cells[i]);
+        cell.textContent = row.said?.[i] ?? (isMissing(row.cells[i]) ? none : FORMATS[as](row.cells[i]));
         mark(cell, row, i);
         return cell;
       }));

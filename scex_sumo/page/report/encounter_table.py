@@ -33,6 +33,7 @@ HEADS: Final[tuple[Head, ...]] = (
     ("driven by", "words", "Models in the typical future"),
 )
 """Columns of encounters in the terminal; the page has them too."""
+_ASKED = ("collision", *(event.name for event in MEASURED), "critical")
 
 
 def print_encounters(run: Run, console: Console, *, most: int, region: Region | None = None) -> None:
@@ -56,8 +57,12 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
         "gap (–: over 10 m), after, driven by: of the typical future, as view --encounter shows it\n"
         "doubtful: the recording, not the traffic, see --pair"
     )
-    rows = [encounter_cells(one) for one in found[:most]]
-    print_table(console_table(title, HEADS, rows, caption=caption), console)
+    heads = [(name, "text" if form == "percent" else form, hint) for name, form, hint in HEADS]
+    rows = [
+        [words or cell for words, cell in zip(encounter_shares(one), encounter_cells(one), strict=True)]
+        for one in found[:most]
+    ]
+    print_table(console_table(title, heads, rows, caption=caption), console)
 
 
 def encounter_cells(one: Meeting) -> list[Any]:
@@ -69,11 +74,17 @@ def encounter_cells(one: Meeting) -> list[Any]:
         one.futures,
         found.collision.estimate.value,
         _sure(found.collision),
-        *(found.probability(name).estimate.value for name in (*(e.name for e in MEASURED), "critical")),
+        *(found.probability(name).estimate.value for name in _ASKED[1:]),
         row["gap"],
         round(row["time_s"], 1),
         f"{row['model']}, {row['other_model']}",
     ]
+
+
+def encounter_shares(one: Meeting) -> list[str | None]:
+    """Return the probabilities of an encounter under `HEADS` in words, with the digits that are known."""
+    asked = iter(_ASKED)
+    return [one.encounter.probability(next(asked)).share if head[1] == "percent" else None for head in HEADS]
 
 
 def _sure(share: Probability) -> str:
@@ -94,10 +105,11 @@ def print_pair(one: Meeting, console: Console) -> None:
     found, rows = one.encounter, []
     for name in QUESTIONS:
         share, words = found.probability(name), EVENTS[name].question if name in EVENTS else "any of these"
-        rows.append((words, share.estimate.value, _sure(share)))
-    heads = [("question", "names", ""), ("share", "percent", ""), ("interval", "text", "")]
+        rows.append((words, share.share, _sure(share)))
+    heads = [("question", "names", ""), ("share", "text", ""), ("interval", "text", "")]
     title = f"share of {run.futures} {one.futures} futures, 95 % interval"
-    print_table(console_table(title, heads, rows), console)
+    caption = "a collision counts as TTC, PET and DRAC"
+    print_table(console_table(title, heads, rows, caption=caption), console)
     for line in (line for extra in extras_results(run.folder) for line in extra.pair_lines(run, row)):
         print_line(line, console)
     gaps = ["> 10" if row[f"gap_p{p}"] is None else f"{row[f'gap_p{p}']:.1f}" for p in ("05", "50", "95")]

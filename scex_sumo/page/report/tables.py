@@ -11,7 +11,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
-from scex_sumo.page.report.encounter_table import HEADS, encounter_cells
+from scex_sumo.page.report.encounter_table import HEADS, encounter_cells, encounter_shares
 from scex_sumo.page.study import table
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
@@ -161,6 +161,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
     places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
     cells = [[encounter_cells(one)[place] for place in places] for one in found]
+    shares = [[encounter_shares(one)[place] for place in places] for one in found]
     columns = table([HEADS[place] for place in places], cells)["columns"]
     for place, column in zip(places, columns, strict=True):
         column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
@@ -168,12 +169,13 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     rows = []
     kept = worst_of(found, doubtful=run.keeps_doubtful)
     groups = {id(group[0]): group for group in alike(kept)[:_WORST]}
-    for one, mine in zip(found, cells, strict=True):
+    for one, mine, said in zip(found, cells, shares, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE
         pair = where[row["track_id"]], where[row["other_id"]]
         rows.append(
             {
                 "cells": [_short(cell) if isinstance(cell, float) else cell for cell in mine],
+                "said": said,
                 "words": one.words(),
                 "share": row["collision"],
                 "critical": row["critical"] > 0,

@@ -112,9 +112,10 @@ def _print_top(ranking: Ranking, top: int) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.study import print_columns
     from scex_sumo.reports.run_table import print_line
+    from scex_sumo.studies.rank.encounters import leads
     from scex_sumo.studies.rank.table import printed_columns
 
-    console, rows = output_console(width=160), ranking.table.slice(0, top).to_pylist()
+    console, rows = output_console(width=160), leads(ranking.table).slice(0, top).to_pylist()
     rows = [row for row in rows if row["rank"] is not None]
     print_columns(printed_columns(), rows, console, "encounters worth testing")
     about = "people collide, severe injury (MAIS 3+, expected): human-like; braking: needed, m/s²"

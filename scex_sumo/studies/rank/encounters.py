@@ -21,6 +21,7 @@ from scex_sumo.studies.rank.triage import BOTH, DATA_ERROR, judged
 SEVERITY: Final = "severity"
 STRESS: Final = ("stress_p_collision", "stress_p_critical")
 TRIAGE: Final = ("verdict", "note")
+_LINE: Final = ("recording", "case", "track_id", "person", "action", "doubt", "first_s", "last_s", "out")
 _PLACE: Final = ("location", "recording", "case", "seed", "time_s")
 _NEAR: Final = ("time_to_react", "gap_m", "time_s", "first_s", "last_s", "usual_rank", "response_s")
 """Columns whose small values come first in an order; so do those of texts."""
@@ -40,6 +41,7 @@ ENCOUNTERS: Final = pa.schema(
         *USUAL.items(),
         ("times_usual", pa.float64()),  # P over the median
         *((name, pa.float64()) for name in STRESS),
+        ("more", pa.int64()),
         ("doubt", pa.string()),
         *((name, pa.string()) for name in TRIAGE),
     ]
@@ -120,6 +122,35 @@ def _with_usual(encounters: pa.Table) -> pa.Table:
     return _set(encounters, usual_columns(found) | {"times_usual": times})
 
 
+def _joined(table: pa.Table) -> pa.Table:
+    """Return sorted encounters with ``rank`` and ``more``.
+
+    What one vehicle does to several others at a time is one line: they have one rank and stand together, and
+    the first has their number besides it as ``more``, which is null for the others.
+    """
+    lines: list[list[int]] = []
+    known: dict[tuple[Any, ...], list[tuple[float, float, int]]] = {}
+    out = table["out"].to_pylist()
+    for k, row in enumerate(table.select(_LINE).to_pylist()):
+        acts = row["recording"], row["case"], row["person"] or row["track_id"], row["action"]
+        begun = known.setdefault((*acts, row["doubt"] is None, row["out"]), [])
+        first, last = row["first_s"], row["last_s"]
+        line = next((line for one, other, line in begun if one <= last and first <= other), len(lines))
+        if line == len(lines):
+            lines.append([])
+            begun.append((first, last, line))
+        lines[line].append(k)
+    rank = [None if out[k] else number for number, line in enumerate(lines, 1) for k in line]
+    more = [len(line) - 1 if k == line[0] else None for line in lines for k in line]
+    table = table.take(np.array([k for line in lines for k in line], dtype=np.int64))
+    return _set(table, {"rank": rank, "more": more})
+
+
+def leads(encounters: pa.Table) -> pa.Table:
+    """Return the first encounter of each line, see `ENCOUNTERS`."""
+    return encounters.filter(pc.is_valid(encounters["more"]))
+
+
 def _set(table: pa.Table, columns: Mapping[str, Sequence[Any]]) -> pa.Table:
     for name, values in columns.items():
         field = table.schema.field(name)
@@ -157,9 +188,8 @@ class Order:
         up = self.by in _NEAR or pa.types.is_string(column.type)
         table = encounters.append_column("out", self._is_out(encounters))
         order = [("out", "ascending"), (self.by, "ascending" if up else "descending"), *keys]
-        table = table.sort_by([*order, ("seed", "ascending"), ("track_id", "ascending")]).drop(["out"])
-        ranked = len(table) - int(np.count_nonzero(self._is_out(table)))
-        return _set(table, {"rank": [*range(1, ranked + 1), *[None] * (len(table) - ranked)]})
+        table = table.sort_by([*order, ("seed", "ascending"), ("track_id", "ascending")])
+        return _joined(table).drop(["out"])
 
     def _judged(self, encounters: pa.Table) -> pa.Table:
         rows = encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist()

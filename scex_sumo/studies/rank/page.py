@@ -29,7 +29,7 @@ from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.moments.run import MomentTask, unpack_road, written
-from scex_sumo.studies.rank.encounters import TRIAGE
+from scex_sumo.studies.rank.encounters import TRIAGE, leads
 from scex_sumo.studies.rank.futures import REPORTS
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.stage import stage_of
@@ -60,7 +60,8 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
         ranking: the encounters in their order.
         workers: processes of this machine that run the moments shown.
     """
-    top = ranking.filter(pc.is_valid(ranking["rank"])).slice(0, run.settings.top).to_pylist()
+    lines = leads(ranking)
+    top = lines.filter(pc.is_valid(lines["rank"])).slice(0, run.settings.top).to_pylist()
     names = list(dict.fromkeys(row["seed"] for row in top))
     refs = [ref for ref in run.refs if ref.moment in names]
     found: dict[int, tuple[Html, dict[str, Any]]] = {}
@@ -73,11 +74,11 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
             for row in (row for row in top if row["seed"] == task.ref.moment):
                 found[row["rank"]] = _card(row, scene, command, ran)
     shown = [found[row["rank"]] for row in top if row["rank"] in found]
-    rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
+    rows = lines.slice(0, max(_ROWS, len(top))).to_pylist()
     parts = [
         _bar(),
         element("div.moments", *(html for html, _ in shown)),
-        card("All encounters", _more(len(ranking)), table_place("all-encounters")),
+        card("All encounters", _more(len(lines)), table_place("all-encounters")),
         *failure_card("Failed", {name: one.reason for name, one in (run.unreadable | run.failures).items()}),
     ]
     info = {

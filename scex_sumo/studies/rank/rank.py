@@ -20,7 +20,7 @@ from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.workers import moment_workers
-from scex_sumo.studies.rank.encounters import SEVERITY, Order, with_stress
+from scex_sumo.studies.rank.encounters import SEVERITY, Order, leads, with_stress
 from scex_sumo.studies.rank.futures import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankingRun
@@ -129,6 +129,7 @@ def rank(
         ranking.run()
         moments = moments_table(ranking)
         table = order.ranked(with_stress(ranking.encounters, ranking.stress()))
+        lines = leads(table)
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
         shown = write_ranking_page(ranking, folder.path, table, workers=workers if cluster is None else 1)
@@ -140,7 +141,7 @@ def rank(
             "failed": len(moments) - len(ranking.refs),
             "encounters": len(table),
             "doubtful": len(table) - table["doubt"].null_count,
-            "to_test": pc.sum(table.filter(pc.is_valid(table["rank"]))["to_test"]).as_py() or 0,
+            "to_test": pc.sum(lines.filter(pc.is_valid(lines["rank"]))["to_test"]).as_py() or 0,
             "futures_run": sum(pc.sum(moments[name]).as_py() or 0 for name in ("futures", "extra")),
             "fallbacks": pc.sum(moments["fallbacks"]).as_py() or 0,
             "by": by,

@@ -17,7 +17,7 @@ from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.rank.encounters import BY_SEVERITY, Order, StressTest, encounters_of
+from scex_sumo.studies.rank.encounters import BY_SEVERITY, Order, StressTest, encounters_of, leads
 from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.futures import MAX_KEPT, PAIRS_ROUND, RankFolder, RankTask, is_pairs
 from scex_sumo.studies.rank.places import Tally, mean_score, rounds, undecided
@@ -171,7 +171,7 @@ class RankingRun:
     def _chosen(self, number: int) -> set[str]:
         top, seed = self.settings.top, self.settings.run.seed
         if not self.settings.first:
-            return set(self.encounters["seed"].slice(0, top).to_pylist())
+            return set(leads(self.encounters)["seed"].slice(0, top).to_pylist())
         return {ref.moment for ref in undecided(self.listed, self.tallies, number, top=top, seed=seed)}
 
     def _open(self, ref: MomentRef, span: range, chosen: set[str] | None) -> bool:

@@ -131,8 +131,9 @@ def printed_columns() -> list[Column]:
 
 
 def pair_words(row: Row) -> str:
-    """Return an encounter's vehicles: who responds, who acts."""
-    return f"{row['other_id']} → {row['person'] or row['track_id']}"
+    """Return an encounter's vehicles: who responds, who acts, and how many more respond."""
+    more = f" and {row['more']} more" if row["more"] else ""
+    return f"{row['other_id']} → {row['person'] or row['track_id']}{more}"
 
 
 def severity_words(row: Row) -> str:

@@ -120,7 +120,7 @@ def test_the_summary_shows_shares_and_dashes(run: Run) -> None:
     with console.capture() as capture:
         console.print(summary_table(run))
     rows = {line.split("│")[1].strip(): line for line in capture.get().splitlines() if line.startswith("│")}
-    assert "52.5%" in rows["distance [m]"]
+    assert " 52% " in rows["distance [m]"]
     assert "2.00" in rows["distance [m]"]  # recorded
     assert "0/40" in rows["gap time [s]"]
     assert "20/40" in rows["1/TTC [1/s]"]

@@ -15,9 +15,11 @@ from scex_sumo.studies.rank.encounters import (
     Order,
     StressTest,
     encounters_of,
+    leads,
     with_stress,
 )
 from scex_sumo.studies.rank.exact import ExactScore
+from scex_sumo.studies.rank.table import pair_words
 from tests.studies.rank.parts import pairs_table
 
 
@@ -68,16 +70,16 @@ def test_recordings_and_cases_are_apart_and_so_are_pairs() -> None:
 def test_the_order_is_by_severity_then_by_any_column() -> None:
     tables = [
         pairs_table((1, 2), probability=1e-4, severity=1e-5, time_to_react=0.5),
-        pairs_table((1, 3), probability=3e-4, severity=2e-6, time_to_react=None),
+        pairs_table((3, 1), probability=3e-4, severity=2e-6, time_to_react=None),
         pairs_table((2, 3), probability=2e-4, severity=3e-6, time_to_react=0.2),
     ]
 
     def pairs(order: Order) -> list[tuple[object, object]]:
         return [(row["track_id"], row["other_id"]) for row in found(moment(1.0, *tables), order=order)]
 
-    assert pairs(BY_SEVERITY) == [(1, 2), (2, 3), (1, 3)]
-    assert pairs(Order(by="probability")) == [(1, 3), (2, 3), (1, 2)]
-    assert pairs(Order(by="time_to_react")) == [(2, 3), (1, 2), (1, 3)]  # little time first, none last
+    assert pairs(BY_SEVERITY) == [(1, 2), (2, 3), (3, 1)]
+    assert pairs(Order(by="probability")) == [(3, 1), (2, 3), (1, 2)]
+    assert pairs(Order(by="time_to_react")) == [(2, 3), (1, 2), (3, 1)]  # little time first, none last
 
 
 def test_doubtful_encounters_are_last_and_without_rank_unless_they_are_kept() -> None:
@@ -89,6 +91,21 @@ def test_doubtful_encounters_are_last_and_without_rank_unless_they_are_kept() ->
     assert [(row["rank"], row["doubt"]) for row in found(both)] == [(1, None), (None, "boxes touch")]
     kept = found(both, order=Order(keep_doubtful=True))
     assert [(row["rank"], row["doubt"]) for row in kept] == [(1, "boxes touch"), (2, None)]
+
+
+def test_what_one_vehicle_does_to_several_at_a_time_is_one_line() -> None:
+    """1 goes on before 2, 3 and 4, before 3 a second later; 2 acts by itself; 1 again a minute later."""
+    rows = found(
+        moment(1.0, pairs_table((1, 2), probability=3e-4), pairs_table((1, 4), probability=1e-4)),
+        moment(2.0, pairs_table((1, 2), probability=1e-4), pairs_table((1, 3), probability=2e-4)),
+        moment(2.0, pairs_table((2, 3), probability=1.5e-4), recording="s"),
+        moment(60.0, pairs_table((1, 2), probability=1e-5)),
+    )
+    said = [(row["rank"], row["track_id"], row["other_id"], row["more"]) for row in rows]
+    assert said == [(1, 1, 2, 2), (1, 1, 3, None), (1, 1, 4, None), (2, 2, 3, 0), (3, 1, 2, 0)]
+    table = BY_SEVERITY.ranked(encounters_of([moment(1.0, pairs_table((1, 2), (1, 3)))], 1.0))
+    (lead,) = leads(table).to_pylist()
+    assert pair_words(lead) == "2 → 1 and 1 more"
 
 
 def test_a_moment_without_doubt_stands_for_its_encounter() -> None:
