@@ -108,15 +108,12 @@ def scene_of(
 
 def present(scene: SeedScene, futures: int = 1, draw: np.ndarray | None = None) -> SceneHistory:
     """The history of several futures at the moment of the seed scene."""
-    obstacles = scene.obstacles
     return SceneHistory(
         scene=scene,
         states=States.stack([scene.history] * futures, axis=0),
         futures=np.arange(futures),
         step=0,
         route_draw=np.zeros((futures, scene.vehicles)) if draw is None else draw,
-        obstacle_states=None if obstacles is None else obstacles.states[:, 10],
-        obstacle_present=None if obstacles is None else obstacles.present[:, 10],
     )
 
 
