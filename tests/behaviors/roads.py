@@ -131,10 +131,17 @@ def plan(model: Behavior, where: Road, history: SceneHistory, who: VehicleIndex 
 
 
 def closed_loop(
-    model: Behavior, where: Road, scene: SeedScene, *, steps: int, replan: int, futures: int = 1
+    model: Behavior,
+    where: Road,
+    scene: SeedScene,
+    *,
+    steps: int,
+    replan: int,
+    futures: int = 1,
+    draw: np.ndarray | None = None,
 ) -> States:
     """Drive all vehicles of a scene by one model, exactly as planned: (C, V, steps)."""
-    history = present(scene, futures)
+    history = present(scene, futures, draw)
     driven = []
     for step in range(steps):
         if step % replan == 0:
