@@ -61,7 +61,7 @@ def test_the_first_of_a_queue_starts_soon_at_green() -> None:
 
 def test_gives_way_in_a_short_gap_only() -> None:
     rules = Rules(passages=passages(yields=True, state="m"))
-    near, far = ((60.0, y, np.pi / 2, 10.0) for y in (-35.0, -105.0))
-    held, free = (driven(rules, (46.5, 0.0, 0.0, 0.0), other, steps=25).x[:, 0, -1] for other in (near, far))
+    near, far = ((60.0, y, np.pi / 2, 10.0) for y in (-20.0, -105.0))
+    held, free = (driven(rules, (46.5, 0.0, 0.0, 0.0), other, steps=20).x[:, 0, -1] for other in (near, far))
     assert (held < 48.0).all()
     assert (free > 47.0).mean() > 0.5
