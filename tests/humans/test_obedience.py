@@ -63,5 +63,5 @@ def test_gives_way_in_a_short_gap_only() -> None:
     rules = Rules(passages=passages(yields=True, state="m"))
     near, far = ((60.0, y, np.pi / 2, 10.0) for y in (-20.0, -105.0))
     held, free = (driven(rules, (46.5, 0.0, 0.0, 0.0), other, steps=20).x[:, 0, -1] for other in (near, far))
-    assert (held < 50.0).all()  # none is in the conflict, which begins at 57.4 m
+    assert (held + 2.25 < 57.4).all()  # where the conflict begins
     assert (free > 47.0).mean() > 0.5
