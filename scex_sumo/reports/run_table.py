@@ -195,8 +195,9 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
         human = () if likely is None else (_tight(likely.collision.share),)
         found = _collision_shares(run.collision)
         rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *found, "all"))
-    for seconds in HORIZONS_S if int(run.info["steps"]) > HORIZONS_STEPS and run.outcomes else ():
-        if seconds < STEP_S * int(run.info["steps"]):
+    steps = int(run.info.get("steps", 0))
+    for seconds in HORIZONS_S if steps > HORIZONS_STEPS and run.outcomes else ():
+        if seconds < STEP_S * steps:
             human = () if likely is None else (f"{likely.p_collision_by(seconds).value:.1%}",)
             found = _shares(run.p_collision_by(seconds))
             rows.append((f"collision by {seconds:g} s", *("–",) * 2, "any", *human, *found, "all"))
