@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.base import PLAN_STEPS, is_driven_by_sumo
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
 from scex_sumo.extrapolation.assignments import future_generator, listing, random_assignments, route_draws
 from scex_sumo.extrapolation.crashes import Crashes, slide
+from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.rollout import checked_plan, groups_of, history_at
 from scex_sumo.extrapolation.settings import MAX_FUTURES, MAX_STEPS, Models, RunSettings
@@ -106,7 +109,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         if not isinstance(seed_scene, SeedScene | str | Path):
             raise UsageError(f"seed_scene: got {type(seed_scene).__name__}, needs a seed scene or a file")
         scene = seed_scene if isinstance(seed_scene, SeedScene) else read_seed(seed_scene)
-        if scene.road is None:
+        if (road := scene.road) is None:
             raise UsageError("seed_scene: has no road; read it together with its map")
         tracks = scene.track_ids.tolist()
         self.agent = tracks[0] if agent is None else agent
@@ -116,7 +119,9 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         for name, model in zip(self._models.names, self._models.built, strict=True):
             if is_driven_by_sumo(model):
                 raise UsageError(f"models: SUMO drives the vehicles of {name}; an environment has no SUMO")
-        self.scene, self.road = scene, scene.road
+        with TemporaryFolder() as folder:
+            scene, _ = ruled(scene, converted(road, Path(folder) / "road.net.xml"), settings)
+        self.scene, self.road = scene, road
         self.num_envs, self.steps, self.replan, self.hold = num_envs, steps, replan, hold
         self._vehicle = tracks.index(self.agent)
         self._reward = reward
