@@ -2,14 +2,14 @@
 
     python benchmarks/calibrate_likely.py [--data FOLDER] [--without SET] [-o FILE]
 
-From the training part by time of TAF-BW and MONA, and from the NGSIM files that are not kept for tests
-(``benchmarks/driven.py`` and docs/validity.md name them). Every vehicle is put on the path that it took; what
-it did beyond what `LikelyDriver` asks of it (its leader as it really drove) is written as an acceleration of
-its own in each of three seconds, by least squares over the 30 steps. By class of speed these are regressed on
-what the seed scene shows (ridge), and what is left gives the scale of a Student distribution of four degrees:
-its quartiles' width by direction, so that a few mistracked vehicles do not set it. Headways, starts from
-standing, stops of creeping vehicles, offsets from the path, lane changes and the choice of path are counted
-from the same vehicles.
+From the training part by time of the sites of INTERACTION, of TAF-BW and MONA, and from the NGSIM files that
+are not kept for tests (``benchmarks/recorded_scenes.py`` names them). Every vehicle is put on the path that
+it took; what it did beyond what `LikelyDriver` asks of it (its leader as it really drove) is written as an
+acceleration of its own in each of three seconds, by least squares over the 30 steps. By class of speed these
+are regressed on what the seed scene shows (ridge), and what is left gives the scale of a Student distribution
+of four degrees: its quartiles' width by direction, so that a few mistracked vehicles do not set it. Headways,
+starts from standing, stops of creeping vehicles, offsets from the path, lane changes and the choice of path
+are counted from the same vehicles.
 """
 
 from __future__ import annotations
@@ -18,13 +18,23 @@ import argparse
 import dataclasses
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from likely_accelerations import BRAKING, HABIT_S, NODES, SPEED_EDGES, accelerations_of, headway_of, settled
-from likely_choices import changes_of, comes_to_rest, offsets_of, paths_of, starts_of, stops_of
-from likely_samples import HUMAN, Manner, joined, kept, weighted
+from likely_choices import (
+    Choice,
+    changes_of,
+    choices_of,
+    comes_to_rest,
+    offsets_of,
+    paths_of,
+    starts_of,
+    stops_of,
+)
+from likely_samples import HUMAN, Manner, Samples, joined, kept, samples_of, weighted
 from recorded_scenes import EVERY_S, recorded_parts, smoothed
 
 from scex_sumo.humans.parameters import SHIPPED
@@ -33,32 +43,48 @@ from scex_sumo.scene import SeedScene
 NOISY_MPS2 = 0.1  # a set whose accelerations scatter by more is noisy
 
 
-def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
+@dataclass(frozen=True, kw_only=True)
+class Collected:
+    """Vehicles and their choices of path of one data set.
+
+    Accelerations of noisy sets are fitted to their smoothed recordings, too: so does noise show, which the
+    same people made neither more nor less.
+    """
+
+    whole: Samples  # also those that left their path
+    calm: Samples  # of the smoothed recordings, if they are noisy
+    choices: Sequence[Choice]
+    moments: int
+
+    @classmethod
+    def of(cls, scenes: Sequence[SeedScene]) -> Collected:
+        found = [(samples_of(scene), list(choices_of(scene))) for scene in scenes]
+        whole = Samples.joined([samples for samples, _ in found if samples is not None])
+        near = kept(whole)
+        scatter = np.median(near.spread_features[near.speed >= HUMAN.standing_mps, 0])
+        return cls(
+            whole=whole,
+            calm=kept(joined(map(smoothed, scenes))) if scatter > NOISY_MPS2 else near,
+            choices=[choice for _, each in found for choice in each],
+            moments=len(scenes),
+        )
+
+
+def fit(sets: Sequence[Collected]) -> dict[str, object]:
     """The fitted parameters, as in `scex_sumo.humans.parameters.HumanParameters`.
 
-    A data set counts as the square root of its vehicles: the largest shall not decide alone. Accelerations of
-    noisy sets are fitted to their smoothed recordings, too: so does noise show, which the same people made
-    neither more nor less.
+    A data set counts as the square root of its vehicles: the largest shall not decide alone. For changes of
+    lane, which are rare, every vehicle counts the same.
     """
-    scenes = [scene for part in sets.values() for scene in part]
-    whole = [joined(part) for part in sets.values()]
-    every, even = weighted(whole)
-    drives = every.speed >= HUMAN.change_speed_mps
-    change, change_to, change_m = changes_of(every.part(drives), even[drives])
-    found = [kept(part) for part in whole]
+    every = Samples.joined([part.whole for part in sets])
+    change, change_to, change_m = changes_of(every.part(every.speed >= HUMAN.change_speed_mps))
+    found = [kept(part.whole) for part in sets]
     samples, weight = weighted(found)
-    print(f"{len(scenes)} moments, {len(samples.speed)} vehicles")
+    print(f"{sum(part.moments for part in sets)} moments, {len(samples.speed)} vehicles")
     log_headway = headway_of(samples)
     moving = samples.speed >= HUMAN.standing_mps
     keeps_side, side = offsets_of(samples.part(moving), weight[moving])
-    noisy = [
-        np.median(part.spread_features[part.speed >= HUMAN.standing_mps, 0]) > NOISY_MPS2 for part in found
-    ]
-    calm = [
-        kept(joined(map(smoothed, part))) if noise else same
-        for part, noise, same in zip(sets.values(), noisy, found, strict=True)
-    ]
-    both, share = weighted([*found, *calm])
+    both, share = weighted([*found, *(part.calm for part in sets)])
     moving = (both.speed >= HUMAN.standing_mps) & ~comes_to_rest(both)
     driving, share = both.part(moving), share[moving]
     begun = dataclasses.replace(
@@ -95,7 +121,7 @@ def fit(sets: Mapping[str, Sequence[SeedScene]]) -> dict[str, object]:
         "change_weights": change.round(4).tolist(),
         "change_target": change_to.round(4).tolist(),
         "change_scale_m": round(change_m, 4),
-        "path_costs": paths_of(scenes).round(4).tolist(),
+        "path_costs": paths_of([part.choices for part in sets]).round(4).tolist(),
     }
 
 
@@ -108,7 +134,7 @@ def main() -> None:
     parser.add_argument("--without", choices=list(EVERY_S), help="data set to leave out")
     arguments = parser.parse_args()
     names = [name for name in EVERY_S if name != arguments.without]
-    sets = {name: list(recorded_parts(arguments.data, name, "train")) for name in names}
+    sets = [Collected.of(list(recorded_parts(arguments.data, name, "train"))) for name in names]
     arguments.out.write_text(json.dumps(fit(sets), indent=1) + "\n", encoding="utf-8")
 
 

@@ -29,8 +29,8 @@ HABIT_S = 2.0  # for how long what is done beside what is asked lasts: set by CR
 BRAKING = (1.2, 0.4)  # mean and standard deviation of log deceleration towards a leader, m/s²
 RIDGE = 20.0  # vehicles' worth of evidence for no dependence on what is shown
 FOLLOWING = {"speed": 3.0, "opening": 1.0, "headway": 3.0}
-DRAWS = 40  # of the settling
-TURNS = 16
+DRAWS = 24  # of the settling
+TURNS = 12
 MIN_CLASS = 60  # vehicles of a class that sets a scale of its own
 SMOOTH = 0.3  # m of way that a difference of 1 m/s² between two seconds must explain
 
@@ -156,9 +156,9 @@ def accelerations_of(
 def settled(known: HumanParameters, samples: Samples, weight: FloatArray) -> HumanParameters:
     """Shift, spread and skew of each class, until the way after 3 s is where its draws say it is.
 
-    As often above as below their median, within their quartiles one time in two, and outside 5-95 % as often
-    above as below: what a driver adds acts through a leader, a limit and a standstill, which the regression
-    does not see. Quartiles, for the few who do something else shall not make all others uncertain.
+    As often above as below their median, between quartiles and 5-95 % nearly as often as these say, and
+    outside 5-95 % as often above as below: what a driver adds acts through a leader, a limit and a
+    standstill, which the regression does not see.
     """
     rng, y = np.random.default_rng(0), samples.way[:, -1]
     draws = [students(rng.random((len(y), NODES + 2))) for _ in range(DRAWS)]
@@ -180,7 +180,8 @@ def settled(known: HumanParameters, samples: Samples, weight: FloatArray) -> Hum
             lift = float(w @ (y > middle)[k == c]) - 0.5
             mean[c, :, 0] += gain * lift * np.sqrt(np.diag(root[c] @ root[c].T))
             inner = float(w @ ((y > left) & (y < right))[k == c])
-            root[c] *= np.exp(np.clip(gain * 1.5 * (0.5 - inner), -0.3, 0.3))
+            wider = 0.5 * (0.5 - inner) + 2.0 * (above + below - 0.1)
+            root[c] *= np.exp(np.clip(gain * wider, -0.3, 0.3))
             skew[c] = np.clip(skew[c] + gain * (above - below), -0.7, 0.7)
             if turn == TURNS - 1:
                 print(

@@ -11,7 +11,7 @@ from calibrate import AHEAD, OFF_PATH_M, path_taken, present
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, driven_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.humans.lanes import lanes_beside, lanes_occupied
 from scex_sumo.humans.observations import (
@@ -68,7 +68,8 @@ class Samples:
         leader_speed: (n, 31) m/s.
         headway: (n,) shown, s, as in `PathObservations`.
         lateral: (n, 3) likewise.
-        mean_features: (n, 9) shown, as in `PathObservations`.
+        bends: (n, 2) likewise.
+        mean_features: (n, 11) shown, as in `PathObservations`.
         spread_features: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
@@ -88,6 +89,7 @@ class Samples:
     leader_speed: FloatArray
     headway: FloatArray
     lateral: FloatArray
+    bends: FloatArray
     mean_features: FloatArray
     spread_features: FloatArray
     limit: FloatArray
@@ -119,7 +121,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     vehicle = np.flatnonzero(scene.future_valid[:, :STEPS].all(axis=1) & (scene.recorded_steps >= 5))
     if not len(vehicle):
         return None
-    paths = seed_paths(scene, scene.road)
+    paths = driven_paths(scene, scene.road)
     row, off = path_taken(scene, paths, vehicle)
     good = (off <= OFF_ROAD_M) & paths.on_road[vehicle]
     vehicle, row, off = vehicle[good], row[good], off[good]
@@ -152,6 +154,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
         leader_speed=leader_speed,
         headway=seen.headway[row],
         lateral=seen.lateral[row],
+        bends=seen.bends[row],
         mean_features=seen.mean_features[row],
         spread_features=seen.spread_features[row],
         limit=paths.speed_limit[row[:, None], at],

@@ -51,7 +51,10 @@ INTERACTION_SITES = tuple(
     f"DR_{site}" for site in ("DEU_Roundabout_OF", "USA_Roundabout_FT", "USA_Roundabout_SR",
                               "USA_Intersection_EP0", "USA_Intersection_GL")
 )  # fmt: skip
-EVERY_S = {"taf_bw": 2.0, "mona": 5.0, "ngsim": 1.5} | dict.fromkeys(INTERACTION_SITES, 12.0)
+# About 100 moments of each site of INTERACTION.
+EVERY_S = {"taf_bw": 2.0, "mona": 5.0, "ngsim": 1.5} | dict(
+    zip(INTERACTION_SITES, (2.0, 30.0, 15.0, 14.0, 28.0), strict=True)
+)
 MIN_MOVING = 2
 
 

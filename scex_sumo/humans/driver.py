@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtri
@@ -27,6 +26,7 @@ from scex_sumo.humans.lanes import change_offsets, change_shares, lanes_beside
 from scex_sumo.humans.observations import (
     View,
     behind_a_wave,
+    keep_features,
     leaders_of,
     path_edges,
     queue_leaders,
@@ -41,9 +41,6 @@ from scex_sumo.humans.seed_state import estimated_history, heading_scatter
 from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers, acceleration, demanded
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
-
-if TYPE_CHECKING:
-    from scex_sumo.behaviors.rules.holds import Obeyed
 
 MAX_SPREAD = 100
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
@@ -94,19 +91,17 @@ class LikelyDriver:
         draws = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, DRIVER)
         drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
         leaders = leaders_of(view, offsets[:, 0])
-        obeyed = self._obeyed(view, road)
-        expects = expectation(view, drivers, leaders, self._waits(view, leaders, obeyed))
+        expects = expectation(view, drivers, leaders, self._waits(view, leaders))
         attention = attention_of(view, leaders, self.profile.inattention, min(self.profile.spread, 1.0))
-        hold = np.inf if obeyed is None else obeyed.hold
-        accelerate = accelerations(view, drivers, expects, attention.aware, hold)
+        accelerate = accelerations(view, drivers, expects, attention.aware)
         aside = kept_clear(offsets, view, road)
         made = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
         return yielding(made, view, road, attention)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
-            return chosen_paths(history, road, who, self.profile.path)  # type: ignore[arg-type]
-        paths, _ = chosen_paths(history, road, who, 0)
+            return chosen_paths(history, road, who, self.profile.path, driven=True)  # type: ignore[arg-type]
+        paths, _ = chosen_paths(history, road, who, 0, driven=True)
         edges = path_edges(history.scene, paths, self.human)
         draw = uniforms(history.route_draw[who.future, who.vehicle], 1, PATH)[:, 0]
         row = paths.first[who.vehicle]
@@ -114,17 +109,6 @@ class LikelyDriver:
         for _ in range(int(paths.count.max(initial=1)) - 1):
             row = row + ((row < last) & (draw >= edges[row]))
         return paths, row
-
-    def _obeyed(self, view: View, road: Road) -> Obeyed | None:
-        """Return what rules ask of drivers; None without rules."""
-        history = view.history
-        if history.scene.rules is None or isinstance(self.profile.path, tuple):
-            return None
-        from scex_sumo.humans.obedience import obedience
-
-        future, vehicle = np.indices(history.now.shape).reshape(2, -1)
-        _, rows = self._paths(history, road, VehicleIndex(future=future, vehicle=vehicle))
-        return obedience(view, rows.reshape(history.now.shape), self.profile.spread)
 
     def _drivers(self, view: View, draws: FloatArray) -> Drivers:
         human, spread, observed, row = self.human, self.profile.spread, view.observed, view.row
@@ -174,7 +158,7 @@ class LikelyDriver:
         time_s = np.arange(step, step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
         return lateral_offsets(lateral, np.where(choice < left, changes[:, 0], keeps), time_s, human)
 
-    def _waits(self, view: View, leaders: Leaders, obeyed: Obeyed | None) -> FloatArray:
+    def _waits(self, view: View, leaders: Leaders) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""
         human, history, who = self.human, view.history, view.who
         speed = history.states.speed[who.future, who.vehicle]
@@ -190,12 +174,7 @@ class LikelyDriver:
         # The fitted rate says how many start soon; those that do follow the wave.
         # Waiting has no memory: draws of successive plans give one exponential time in all.
         soon = starts < 1 - np.exp(-rate * human.start_within_s)
-        waits_s = np.where(stands, np.where(soon, -human.start_wave_s * np.log(draw), np.inf), 0.0)
-        if obeyed is None:
-            return waits_s
-        from scex_sumo.humans.obedience import waits_for
-
-        return waits_for(obeyed, view, waits_s, leaders.gap < human.queue_m)
+        return np.where(stands, np.where(soon, -human.start_wave_s * np.log(draw), np.inf), 0.0)
 
 
 def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
@@ -207,10 +186,13 @@ def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
     human, scene, vehicle = view.human, view.scene, view.who.vehicle
     lateral = view.observed.lateral[view.row]
     offset = lateral[:, 0]
-    spread = spread_factor(side_features(scene, human), human.keep_noise, human.keep_growth)[vehicle, 0]
+    bends = view.observed.bends[view.row]
+    features = keep_features(side_features(scene, human)[vehicle], bends, human)
+    spread = spread_factor(features, human.keep_noise, human.keep_growth)[:, 0]
     right, left = (human.room_share * room_beside(scene, human)[vehicle]).T
     most = np.maximum(human.max_offset_m, np.abs(offset))
-    keeps = np.clip(lateral @ human.keep_weights + human.keep_scale_m * spread * deviation, -most, most)
+    keeps = np.column_stack([lateral, bends]) @ human.keep_weights
+    keeps = np.clip(keeps + human.keep_scale_m * spread * deviation, -most, most)
     # Vehicles beside each other share the space between them.
     keeps = offset + np.clip(keeps - offset, -right, left)
     # Off the mapped lanes there is no lane to return to: the turn goes on.
@@ -292,15 +274,8 @@ def effective_headway(
     return np.minimum(headway, np.where(same, np.inf, limit))
 
 
-def accelerations(
-    view: View, drivers: Drivers, expects: Expectation, aware: BoolArray, hold: FloatArray | float = np.inf
-) -> Accelerate:
-    """Return the acceleration of drawn drivers for `drive`.
-
-    Args:
-        aware: (n, H) of their leaders.
-        hold: (n,) ways to places where rules make them stop, m.
-    """
+def accelerations(view: View, drivers: Drivers, expects: Expectation, aware: BoolArray) -> Accelerate:
+    """Return the acceleration of drawn drivers for `drive`; `aware` (n, H) of their leaders."""
     human, paths, step_now = view.human, view.paths, view.history.step
     limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)
     curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
@@ -320,7 +295,6 @@ def accelerations(
             curve_speed=curves[at(s + v * CURVE_TIME_S)],
             gap=gap,
             leader_speed=leader_speed,
-            hold=hold - travelled,
             aware=aware[:, step],
             travelled=travelled,
             plan_step=step_now,

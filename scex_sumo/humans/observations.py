@@ -208,6 +208,11 @@ def side_features(scene: SeedScene, human: HumanParameters) -> FloatArray:
     return np.column_stack([scatter, speed, room])
 
 
+def keep_features(side: FloatArray, bends: FloatArray, human: HumanParameters) -> FloatArray:
+    """Return (n, 4): ``side_features`` (n, 3), and the sharper of bends (n, 2) over the largest one."""
+    return np.column_stack([side, np.abs(bends).max(axis=1) / human.max_bend])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathObservations:
     """Observations along each path, (P,)."""
@@ -220,8 +225,10 @@ class PathObservations:
     curve: FloatArray  # speed that the curves ahead allow a moment later, m/s
     headway: FloatArray  # beyond the minimum gap, s
     lateral: FloatArray  # (P, 3) motion of the rear axle across the path: m, left positive; m/s; m/s²
-    # (P, 9) 1, shown acceleration, that of the model, speed difference to the leader, line error, leader's
-    # acceleration, limit minus speed, speed difference to the leader's leader, acceleration around
+    bends: FloatArray  # (P, 2) curvatures here and 3 s ahead, left positive, 1/m
+    # (P, 11) 1, shown acceleration, that of the model, speed difference to the leader, line error, leader's
+    # acceleration, limit minus speed, speed difference to the leader's leader, acceleration around, braking
+    # that curves need, comfortable speed in the curve ahead minus speed
     mean_features: FloatArray
     spread_features: FloatArray  # (P, 3) scatter, size of the acceleration, leader near or not
 
@@ -253,6 +260,7 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
         curve=curves[_sample(paths, row, s + speed * CURVE_TIME_S)],
         headway=(gap - idm.minimum_gap) / np.maximum(speed, 1.0),
         lateral=lateral,
+        bends=_bends(view),
         mean_features=_mean_features(view, leaders, gap, near),
         spread_features=np.column_stack([scatter, size, near.astype(np.float64)]),
     )
@@ -264,8 +272,11 @@ def _sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> IntArray:
 
 
 def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArray) -> FloatArray:
-    """Return (P, 9); see `PathObservations`."""
+    """Return (P, 11); see `PathObservations`."""
     human, shown, vehicle = view.human, view.shown, view.who.vehicle
+    there = view.paths.curve_curvature.ravel()[
+        _sample(view.paths, view.row, view.s + human.curve_ahead_s * shown.speed[vehicle])
+    ]
     speed, ahead = shown.speed[vehicle], int((BEHIND_M + human.limit_ahead_m) / DS_M)
     features = (
         shown.acceleration[vehicle],
@@ -276,9 +287,30 @@ def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArra
         view.paths.speed_limit[view.row, ahead] - speed,
         _second_opening(view, leaders, near),
         acceleration_around(view.scene, human)[vehicle],
+        braking_for_turns(view.paths, view.s, speed, human.easy_mps2, human),
+        np.sqrt(human.easy_mps2 / np.maximum(there, 1e-6)) - speed,
     )
     limited = (np.clip(v, *most) for v, most in zip(features, human.mean_ranges, strict=True))
     return np.column_stack([np.ones_like(speed), *limited])
+
+
+def _bends(view: View) -> FloatArray:
+    """Return (P, 2); see `PathObservations`."""
+    way = view.human.lateral_s * view.shown.speed[view.who.vehicle]
+    there = np.stack([bend_at(view.paths, view.row, s) for s in (view.s, view.s + way)], axis=1)
+    return np.clip(there, -view.human.max_bend, view.human.max_bend)
+
+
+def braking_for_turns(
+    paths: SeedPaths, s: FloatArray, speed: FloatArray, lateral: float, human: HumanParameters
+) -> FloatArray:
+    """Return (P,) braking, m/s², that the curves ahead of each path need for a lateral acceleration, m/s²."""
+    ahead = DS_M * np.arange(paths.samples) - s[:, None]
+    excess = speed[:, None] ** 2 - lateral / np.maximum(paths.curve_curvature, 1e-6)
+    near, far = human.turn_range_m
+    counts = np.abs(ahead - far / 2) < far / 2
+    needed = np.where(counts, excess, 0.0) / (2 * np.maximum(ahead, near))
+    return np.maximum(needed.max(axis=1), 0.0)
 
 
 def _overlaps(view: View, leaders: Leaders) -> BoolArray:
@@ -317,21 +349,18 @@ def _second_opening(view: View, leaders: Leaders, near: BoolArray) -> FloatArray
 
 
 def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
-    """Return (P, 4) features: missing braking, m/s², excessive speed, m/s, offset, m, heading error, rad.
+    """Return (P, 5) features of each path.
 
-    A vehicle that is about to turn slows down: braking is missing as far as the curves ahead need more than
-    it shows. A speed is excessive if even hard braking and sharp curves do not bring it down.
+    Missing braking, m/s²; excessive speed, m/s; heading error, rad; offset, m, and heading error, rad, after
+    the shown turn has gone on for a moment. A vehicle that is about to turn slows down: braking is missing as
+    far as the curves ahead need more than it shows. A speed is excessive if even hard braking and sharp
+    curves do not bring it down.
     """
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown = np.arange(len(vehicle)), last_second(scene, human)
     now, speed = scene.now[vehicle], shown.speed[vehicle]
-    s, offset, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
-    ahead = DS_M * np.arange(paths.samples) - s[:, None]
-    excess = speed[:, None] ** 2 - human.turn_mps2 / np.maximum(paths.curve_curvature, 1e-6)
-    near, far = human.turn_range_m
-    counts = np.abs(ahead - far / 2) < far / 2
-    needed = np.where(counts, excess, 0.0) / (2 * np.maximum(ahead, near))
-    needed = np.maximum(needed.max(axis=1), 0.0)
+    s, _, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    needed = braking_for_turns(paths, s, speed, human.turn_mps2, human)
     shown_braking = np.clip(shown.acceleration[vehicle], *human.missing_range_mps2)
     missing = np.where(needed > 0, needed + shown_braking, 0.0)
     allowed = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
@@ -339,10 +368,25 @@ def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) ->
         [
             np.clip(missing, 0.0, human.max_missing_mps2),
             np.maximum(now.speed - allowed[_sample(paths, row, s)], 0.0),
-            np.abs(offset),
             np.abs(wrap(now.heading - heading)),
+            *_after_turn(scene, paths, human),
         ]
     )
+
+
+def _after_turn(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> tuple[FloatArray, FloatArray]:
+    """Return (P,) offsets, m, and heading errors, rad, after the turn of the last steps has gone on."""
+    vehicle, now, time_s = np.repeat(np.arange(scene.vehicles), paths.count), scene.now, human.turn_goes_on_s
+    before = scene.history[:, -1 - HABIT_STEPS].heading
+    rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
+    turn = np.clip(rate, -human.max_turn_rad_s, human.max_turn_rad_s) * time_s
+    x, y = rear_axle(now, scene.length)
+    way = last_second(scene, human).speed * time_s
+    chord, course = way * np.sinc(turn / (2 * np.pi)), now.heading + turn / 2
+    x, y = x + chord * np.cos(course), y + chord * np.sin(course)
+    row = np.arange(len(vehicle))
+    _, offset, heading = foot_points(paths, row, x[vehicle], y[vehicle], BEHIND_M + way[vehicle])
+    return np.abs(offset), np.abs(wrap((now.heading + turn)[vehicle] - heading))
 
 
 @owner_cache

@@ -1,7 +1,7 @@
 """Parameters of the human-like driver: value, unit, meaning and source of each, in one frozen set.
 
 *fitted* parameters have their values in ``parameters.json``, which ``benchmarks/calibrate_likely.py`` writes
-from the training parts of TAF-BW, MONA and NGSIM. The file may set any other number, too.
+from the training parts of INTERACTION, TAF-BW, MONA and NGSIM. The file may set any other number, too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ CONFLICT = GuardProfile(
     contact_time=2.4,
     braking_margin=0.3,
 )
-MEAN_RANGES = ((-4, 4), (-4, 1.6), (-8, 8), (-2, 2), (-3, 3), (-5, 10), (-8, 8), (-3, 3))
+MEAN_RANGES = (
+    (-4, 4), (-4, 1.6), (-8, 8), (-2, 2), (-3, 3), (-5, 10), (-8, 8), (-3, 3), (0, 4), (-6, 6)
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,7 +42,7 @@ class HumanParameters:
 
     # Variation: a drawn acceleration beyond the demanded one, by class of speed (K) and time (3)
     speed_edges: FloatArray  # m/s | (K - 1,) between the K classes | chosen
-    variation_mean: FloatArray  # m/s² | (K, 3, 9) weights of ``mean_features`` | fitted
+    variation_mean: FloatArray  # m/s² | (K, 3, 11) weights of ``mean_features`` | fitted
     variation_root: FloatArray  # m/s² | (K, 3, 3) lower triangular root of the scale matrix | fitted
     variation_skew: FloatArray  # 1 | (K,) log factor on accelerating draws, minus for braking | fitted
     variation_noise: FloatArray  # 1/(m/s²) | (3,) growth with the scatter, see `spread_factor` | fitted
@@ -75,6 +77,8 @@ class HumanParameters:
     around_doubt: float = 0.5  # 1 | weight of no acceleration among theirs | chosen
     same_way_cos: float = 0.8  # 1 | cosine above which a vehicle around moves the same way | chosen
     limit_ahead_m: float = 10.0  # m | place ahead of the speed limit in ``mean_features`` | chosen
+    easy_mps2: float = 2.0  # m/s² | comfortable lateral acceleration in ``mean_features`` | chosen
+    curve_ahead_s: float = 2.0  # s | place ahead of the curve in ``mean_features`` | chosen
     # Leaders
     clearance_m: float = 1.2  # m | of another vehicle's centre from the line that a driver keeps | chosen
     corridor_margin_m: float = -0.2  # m | measured boxes of vehicles side by side may touch | chosen
@@ -103,13 +107,13 @@ class HumanParameters:
     stop_weights: FloatArray  # log odds | (5,) of `stop_features` | fitted
     stop_s: float = 2.2  # s | median time in which creeping vehicles come to rest | chosen
     stop_spread: float = 0.4  # 1 | standard deviation of its logarithm | chosen
-    line_gap_m: float = 0.5  # m | to a place where rules make it stop | chosen
     # Place in the lane
     lateral_s: float = 3.0  # s | time after which the wanted offset is reached | chosen
-    keep_weights: FloatArray  # 1, s, s² | (3,) of ``lateral`` for the offset then | fitted
+    keep_weights: FloatArray  # 1, s, s², m², m² | (5,) of ``lateral``, ``bends`` for the offset then | fitted
     keep_scale_m: float  # m | scale of its deviation | fitted
     keep_noise: FloatArray  # 1/(m/s²) | (1,) growth with ``side_features``, see `spread_factor` | fitted
-    keep_growth: FloatArray  # 1 | (2,) growth with the other ``side_features`` | fitted
+    keep_growth: FloatArray  # 1 | (3,) growth with the other ``side_features``, the sharper bend | fitted
+    max_bend: float = 0.15  # 1/m | sharper bends make no difference | chosen
     max_offset_m: float = 1.75  # m | from the path, for a vehicle that keeps its lane | chosen
     max_turning_m: float = 6.0  # m | the same off the mapped lanes | chosen
     max_lateral: float = 1.5  # m/s, m/s² | across a path; larger values are errors of measurement | chosen
@@ -133,7 +137,9 @@ class HumanParameters:
     occupied_min_share: float = 0.2  # 1 | least probability of a change to an occupied lane | chosen
     lateral_doubt: float = 8.0  # 1/(m/s²) | lateral motion counts by 0.7 at a scatter of 1 / this | chosen
     # Path
-    path_costs: FloatArray  # 1 | (4,) of `path_features` | fitted
+    path_costs: FloatArray  # 1 | (5,) of `path_features` | fitted
+    turn_goes_on_s: float = 1.5  # s | for which the shown turn goes on in them | chosen by likelihood
+    max_turn_rad_s: float = 1.0  # rad/s | limit of that turn | chosen
     turn_mps2: float = 3.0  # m/s² | lateral acceleration in turns | chosen
     turn_range_m: tuple[float, float] = (2.0, 50.0)  # m | way to them: least that counts, most | chosen
     missing_range_mps2: tuple[float, float] = (-3.0, 2.0)  # m/s² | of the shown acceleration there | chosen

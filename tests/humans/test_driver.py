@@ -16,6 +16,7 @@ from scex_sumo.humans.driver import LikelyDriver, LikelyProfile, effective_headw
 from scex_sumo.humans.observations import (
     acceleration_around,
     behind_a_wave,
+    keep_features,
     last_second,
     observations_of,
     path_edges,
@@ -80,7 +81,7 @@ def test_a_standing_vehicle_behind_a_standing_leader_stays() -> None:
 
 
 def test_a_vehicle_that_crawls_goes_on_crawling() -> None:
-    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 0.3), (120.0, 0.0, 0.0, 0.0))
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.0, 0.3), (112.0, 0.0, 0.0, 0.0))
     made = roads.plan(DRIVER, where, roads.present(scene, 50, np.column_stack([DRAW, DRAW[::-1]])))
     way = made.x[::2, 29] - 100.0
     assert 0.5 < np.median(way) < 1.3  # 0.9 m at 0.3 m/s
@@ -97,7 +98,8 @@ def slowing(scene: SeedScene, change: float) -> SeedScene:
 def test_creeping_vehicles_come_to_rest_if_they_slow_down(change: float, least: float, most: float) -> None:
     where = roads.straight()
     scene = slowing(roads.scene_of((100.0, 0.0, 0.0, 1.0), (111.0, 0.0, 0.0, 0.6)), change)
-    made = roads.plan(DRIVER, where, roads.present(scene, 50, np.column_stack([DRAW, DRAW[::-1]])))[::2]
+    draw = np.linspace(0.01, 0.99, 200)
+    made = roads.plan(DRIVER, where, roads.present(scene, 200, np.column_stack([draw, draw[::-1]])))[::2]
     rests = made.speed[:, -1] < 0.05
     assert least <= rests.mean() <= most
     # They stop within a few metres, and not all at the same place.
@@ -118,7 +120,7 @@ def test_a_leader_that_passes_does_not_begin_a_start() -> None:
 def test_vehicles_around_show_what_a_driver_will_do() -> None:
     # The leader's leader is faster, or speeds up; the vehicle and its leader do not show it.
     where, ways = roads.straight(), []
-    for second, gain in ((10.0, 0.0), (14.0, 0.0), (10.0, 1.5)):
+    for second, gain in ((10.0, 0.0), (14.0, 0.0), (10.0, 2.0)):
         scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (125.0, 0.0, 0.0, 10.0), (150.0, 0.0, 0.0, second))
         speed = scene.history.speed.copy()
         speed[2] += gain * np.linspace(-1.0, 0.0, 11)
@@ -231,8 +233,8 @@ def test_forecasts_from_noisy_boxes_are_wider() -> None:
     ends = [
         roads.plan(DRIVER, where, roads.present(each, 50, DRAW[:, None]))[:, 29] for each in (scene, noisy)
     ]
-    for calm, rough in ((ends[0].x, ends[1].x), (ends[0].y, ends[1].y)):
-        assert np.ptp(rough) > 1.5 * np.ptp(calm)
+    assert np.ptp(ends[1].x) > 1.5 * np.ptp(ends[0].x)
+    assert np.ptp(ends[1].y) > 1.3 * np.ptp(ends[0].y)  # the fitted offsets grow less with noise
 
 
 def test_who_has_others_beside_keeps_more_to_its_side() -> None:
@@ -240,7 +242,11 @@ def test_who_has_others_beside_keeps_more_to_its_side() -> None:
     beside = roads.scene_of((100.0, 0.0, 0.0, 10.0), (100.0, 2.8, 0.0, 10.0))
     assert side_features(beside, HUMAN)[0, 2] == pytest.approx(1.0, abs=0.1)
     factor = [
-        spread_factor(side_features(scene, HUMAN)[:1], HUMAN.keep_noise, HUMAN.keep_growth)
+        spread_factor(
+            keep_features(side_features(scene, HUMAN)[:1], np.zeros((1, 2)), HUMAN),
+            HUMAN.keep_noise,
+            HUMAN.keep_growth,
+        )
         for scene in (alone, beside)
     ]
     assert factor[1] < factor[0]
@@ -270,6 +276,14 @@ def test_paths_are_drawn_and_a_fast_vehicle_takes_no_sharp_turn() -> None:
         share[name] = edges[1] - edges[0]  # of straight on
     assert share["fast"] > 0.9
     assert 0.2 < share["slow"] < share["fast"]
+
+
+def test_who_begins_to_turn_left_takes_the_path_on_the_left() -> None:
+    where, steady = roads.fork(), roads.scene_of((46.0, 0.0, 0.0, 6.0))
+    heading = steady.history.heading + 0.3 * np.linspace(-1.0, 0.0, 11)
+    turns = replace(steady, history=replace(steady.history, heading=heading))
+    left = [path_edges(scene, seed_paths(scene, where), HUMAN)[0] for scene in (steady, turns)]
+    assert left[1] > 2 * left[0]
 
 
 def test_spread_is_not_negative_and_the_path_a_known_one() -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.driving.driven_line import driven_lines, room_of
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
 from scex_sumo.geometry.polylines import arc_lengths, length_of, nearest
 from scex_sumo.geometry.rectangles import seen_from
@@ -97,18 +98,24 @@ class SeedPaths:
 
 
 def chosen_paths(
-    history: SceneHistory, road: Road, who: VehicleIndex, path: PathChoice, *, beside: bool = False
+    history: SceneHistory,
+    road: Road,
+    who: VehicleIndex,
+    path: PathChoice,
+    *,
+    beside: bool = False,
+    driven: bool = False,
 ) -> tuple[SeedPaths, IntArray]:
     """Return paths long enough for the present step, and the (n,) rows that vehicles follow.
 
     Args:
-        beside: as in `seed_paths`.
+        beside: as in `seed_paths`, so ``driven``.
     """
     # The length depends on the step alone, not on the batch. It doubles, so that all tables of a future
     # together need memory in proportion to its steps.
     further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
     horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
-    paths = seed_paths(history.scene, road, given_path(path), horizon, beside)
+    paths = seed_paths(history.scene, road, given_path(path), horizon, beside, driven)
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.future, who.vehicle])
 
 
@@ -119,6 +126,7 @@ def seed_paths(
     given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
     horizon_s: float = FIRST_HORIZON_S,
     beside: bool = False,
+    driven: bool = False,
 ) -> SeedPaths:
     """Tabulate the candidate paths of a seed scene.
 
@@ -126,6 +134,7 @@ def seed_paths(
         given: lane ids or points of one path for all vehicles.
         horizon_s: time for which the fastest vehicle stays on its table, s.
         beside: the path of a vehicle off the mapped lanes is parallel to that of a vehicle near it on them.
+        driven: paths are the lines that people drive (`driven_line`) instead of smoothed centrelines.
     """
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
@@ -154,12 +163,17 @@ def seed_paths(
         ]
     count = np.array([len(some) for some in lines], dtype=np.int64)
     every, samples = list(chain.from_iterable(lines)), int((BEHIND_M + ahead) / DS_M) + 1
-    paths = _tabulate(road, every, np.repeat(now.speed, count), samples, count)
+    paths = _tabulate(road, every, np.repeat(now.speed, count), samples, count, driven)
     if not scene.intentions:
         return paths
     factor = [1.0 if known is None else known.speed_factor for known in scene.intentions]
     driven = [factor[v] if line.on_road else 1.0 for v, some in enumerate(lines) for line in some]
     return replace(paths, speed_limit=paths.speed_limit * np.array(driven)[:, None])
+
+
+def driven_paths(scene: SeedScene, road: Road) -> SeedPaths:
+    """Tabulate the lines that people drive, as `chosen_paths` does first."""
+    return seed_paths(scene, road, None, FIRST_HORIZON_S, False, True)
 
 
 @dataclass(frozen=True)
@@ -225,7 +239,7 @@ def _given(
 
 
 def _tabulate(
-    road: Road, lines: list[_Line], own_speed: FloatArray, samples: int, count: IntArray
+    road: Road, lines: list[_Line], own_speed: FloatArray, samples: int, count: IntArray, driven: bool
 ) -> SeedPaths:
     raw = np.stack([resample(line.points, samples, DS_M) for line in lines])
     width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], samples, axis=1)
@@ -233,6 +247,8 @@ def _tabulate(
         if line.owner is not None:
             width[k], limit[k] = _of_lanes(road, line.points, line.owner, samples)
     smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
+    if driven:
+        smooth = _driven(road, lines, smooth, raw)
     even = np.stack([resample(line, samples, DS_M) for line in smooth])
     centre = even.reshape(-1, 2).mean(axis=0)
     some = even[:, ::COARSE] - centre
@@ -253,6 +269,15 @@ def _tabulate(
         centre=centre,
         slow_in_curves=road.sumo_lanes,
     )
+
+
+def _driven(road: Road, lines: list[_Line], smooth: FloatArray, raw: FloatArray) -> FloatArray:
+    """Return the driven lines of the paths that lie on lanes, and the others as they are."""
+    known, at = [k for k, line in enumerate(lines) if line.owner is not None], DS_M * np.arange(raw.shape[1])
+    if known:
+        room = np.stack([room_of(road, lines[k].points, lines[k].owner, at) for k in known])  # type: ignore[arg-type]
+        smooth[known] = driven_lines(smooth[known], raw[known], room, DS_M)
+    return smooth
 
 
 def _shares(lines: list[_Line]) -> FloatArray:

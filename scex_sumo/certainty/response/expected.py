@@ -15,7 +15,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, driven_paths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.certainty.response.blocked import Lines
@@ -67,7 +67,7 @@ def expected_motion(scene: SeedScene) -> Expected:
     """Return the expected motion of a seed scene that has a road."""
     assert scene.road is not None
     plan = _middle_plan(scene)
-    paths = seed_paths(scene, scene.road)
+    paths = driven_paths(scene, scene.road)
     x = np.column_stack([scene.now.x, plan.x[:, :PLAN_STEPS]])
     y = np.column_stack([scene.now.y, plan.y[:, :PLAN_STEPS]])
     speed = np.column_stack([scene.now.speed, plan.speed[:, :PLAN_STEPS]])
@@ -129,10 +129,17 @@ def with_people(driven: Expected) -> Expected:
 def _middle_plan(scene: SeedScene) -> Plan:
     """Return the plan (V,) in the middle of those on several drawn paths."""
     (spec,) = parse_models(DRIVER)
-    count, vehicles = _DRAWS, scene.vehicles
+    once, count, vehicles = SceneHistory.of_scene(scene), _DRAWS, scene.vehicles
     draws = np.repeat((np.arange(count)[:, None] + 0.5) / count, vehicles, axis=1)
-    states = scene.history.repeat(count)
-    history = SceneHistory(scene=scene, states=states, futures=np.arange(count), step=0, route_draw=draws)
+    history = SceneHistory(
+        scene=scene,
+        states=scene.history.repeat(count),
+        futures=np.arange(count),
+        step=0,
+        route_draw=draws,
+        obstacle_states=once.obstacle_states,
+        obstacle_present=once.obstacle_present,
+    )
     future, vehicle = (index.ravel() for index in np.indices((count, vehicles)))
     who = VehicleIndex(future=future, vehicle=vehicle)
     assert scene.road is not None

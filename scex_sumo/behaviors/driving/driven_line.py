@@ -1,0 +1,108 @@
+"""Driven line: the line along a route that people take within wide lanes, near the shortest one.
+
+Lanelets of roundabouts and junctions are up to 14 m wide, and their centrelines are not what is driven. The
+line is an elastic band in the room that the lanes leave: tension shortens it, stiffness rounds it, and a
+spring draws it to the centreline.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.smoothing import gaussian
+from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.road import Road
+
+EVERY = 4  # samples of a path per knot of the band
+STIFF_M = 6.0  # length over which the band rounds a kink
+SPRING = 1.2  # with room, the band moves inwards by (this times half the width)² / radius
+CLEAR_M = 1.4  # of the line from the bounds of its lanes
+SWEEPS, STEP = 40, 2.0  # of the alternating direction method of multipliers, and its step
+ROUND_M = 1.0  # of a Gaussian filter of the knots' shifts
+
+
+@owner_cache
+def _bounds(road: Road) -> dict[int, tuple[shapely.LineString, shapely.LineString]]:
+    return {
+        number: (shapely.LineString(lane.left_bound), shapely.LineString(lane.right_bound))
+        for number, lane in road.vehicle_lanes.items()
+    }
+
+
+def room_of(road: Road, points: FloatArray, owner: IntArray, at: FloatArray) -> FloatArray:
+    """Return (N, 2) distances to the left and right bound of the lanes along a centreline, m.
+
+    Args:
+        points: (M, 2) of the centreline.
+        owner: (M,) lane under each.
+        at: (N,) arc lengths of the samples, m.
+    """
+    room = np.empty((len(points), 2))
+    lanes = _bounds(road)
+    for lane in np.unique(owner).tolist():
+        mine = owner == lane
+        where = shapely.points(points[mine])
+        room[mine] = np.stack([shapely.distance(where, line) for line in lanes[lane]], axis=1)
+    arc = arc_lengths(points)
+    return np.stack([np.interp(at, arc, side) for side in room.T], axis=1)
+
+
+def driven_lines(points: FloatArray, centre: FloatArray, room: FloatArray, ds: float) -> FloatArray:
+    """Return (K, N, 2) lines within the room beside centrelines.
+
+    Args:
+        points: (K, N, 2) smoothed paths, on which the band begins, m.
+        centre: (K, N, 2) centrelines, m.
+        room: (K, N, 2) distances to the left and right bound, m.
+    """
+    step = np.gradient(points, axis=1)
+    normal = np.stack([-step[..., 1], step[..., 0]], axis=2) / np.hypot(step[..., 0], step[..., 1])[..., None]
+    moved = ((points - centre) * normal).sum(axis=2)
+    most = np.maximum(room[..., 0] - CLEAR_M, 0.0) - moved
+    least = -np.maximum(room[..., 1] - CLEAR_M, 0.0) - moved
+    knots = slice(None, None, EVERY)
+    half = np.maximum(room.sum(axis=2) / 2, 1.0)
+    reach = SPRING * half
+    shift = _band(
+        points[:, knots],
+        normal[:, knots],
+        least[:, knots],
+        most[:, knots],
+        moved[:, knots],
+        reach[:, knots],
+        EVERY * ds,
+    )
+    place = np.arange(points.shape[1]) / EVERY
+    low = np.minimum(place.astype(np.int64), shift.shape[1] - 2)
+    part = np.minimum(place - low, 1.0)
+    fine = shift[:, low] * (1 - part) + shift[:, low + 1] * part
+    fine = gaussian(fine[..., None], ROUND_M / ds)
+    return np.asarray(points + fine * normal)
+
+
+def _band(
+    points: FloatArray,
+    normal: FloatArray,
+    least: FloatArray,
+    most: FloatArray,
+    moved: FloatArray,
+    reach: FloatArray,
+    h: float,
+) -> FloatArray:
+    """Return (K, M) shifts of knots along their normals with the least energy, m."""
+    count = points.shape[1]
+    first, second = (np.diff(np.eye(count), n=n, axis=0) for n in (1, 2))
+    stiff = first.T @ first / h + STIFF_M**2 * second.T @ second / h**3
+    spring = h / reach**2
+    hessian = stiff * (normal @ normal.swapaxes(1, 2)) + (spring + STEP)[..., None] * np.eye(count)
+    force = ((stiff @ points) * normal).sum(axis=2) + spring * moved
+    inverse = np.linalg.inv(hessian)
+    held, push = np.clip(np.zeros_like(force), least, most), np.zeros_like(force)
+    for _ in range(SWEEPS):
+        free = (inverse @ (STEP * (held - push) - force)[..., None])[..., 0]
+        held = np.clip(free + push, least, most)
+        push += free - held
+    return held
