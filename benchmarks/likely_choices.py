@@ -32,6 +32,7 @@ HALF_WAY_M = 1.0
 STRAIGHT_BEND = 0.02  # 1/m
 WEAK = 1e-4  # a prior for weights of 0
 QUARTILE = 0.741  # of the Student distribution of four degrees
+NINE_IN_TEN = 2.132  # of its draws are within plus and minus this
 AT_REST_MPS = 0.3
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
 
@@ -40,7 +41,7 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     """``keep_weights`` (5,) and scale, noise and growth (5,) of who stays near its path.
 
     Least squares, with less weight for who is far from it; then the Student distribution of greatest
-    likelihood of what is left.
+    likelihood of what is left, as wide as its 5-95 % must be for nine in ten.
     """
     near = (np.abs(samples.side) < HUMAN.max_offset_m) & ~changed(samples).any(axis=1)
     across, share = samples.lateral[near], weight[near] / weight[near].mean()
@@ -64,7 +65,11 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
 
     limits = [(-4.0, 1.0), (0.0, 20.0), (-3.0, 3.0), (-3.0, 3.0), (-3.0, 3.0)]
     grows = minimize(cost, np.array([-1.2, 1.0, 0.0, 0.0, 0.0]), method="L-BFGS-B", bounds=limits).x
-    grows[0] = np.exp(grows[0])
+    scale = np.exp(grows[0]) * spread_factor(features, grows[1:2], grows[2:])[:, 0]
+    far = np.abs(rest) / scale
+    order = np.argsort(far)
+    ninth = np.searchsorted(np.cumsum(share[order]), 0.9 * share.sum())
+    grows[0] = np.exp(grows[0]) * far[order[ninth]] / NINE_IN_TEN
     print(f"offsets: keeps {keeps.round(2)}, rest {grows[0]:.3f} m, grows {grows[1:].round(2)}")
     return keeps, grows
 
