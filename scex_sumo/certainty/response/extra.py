@@ -52,11 +52,13 @@ class ResponseExtra(CriticalResponse):
             (work.job.folder / name).unlink(missing_ok=True)
         from scex_sumo.certainty.response.answer import any_collision, responses_and_maps
 
-        table, maps = responses_and_maps(work.job.scene, self._file)
-        keep = work.options.keep_doubtful
         if not work.is_reference:
-            self._write(work, table, maps)
-        value = any_collision(table.to_pylist(), doubtful=keep) if work.is_reference else None
+            self._write(work, *responses_and_maps(work.job.scene, self._file))
+            return (Row(name="critical response", value=None),)
+        import pyarrow.parquet as pq
+
+        rows = pq.read_table(work.job.folder.parent / RESPONSE).to_pylist()  # of the run itself
+        value = any_collision(rows, doubtful=work.options.keep_doubtful)
         return (Row(name="critical response", value=value),)
 
     def _write(self, work: Work, table: Any, maps: Mapping[str, Any]) -> None:

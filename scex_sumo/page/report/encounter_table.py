@@ -59,32 +59,28 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
     )
     heads = [(name, "text" if form == "percent" else form, hint) for name, form, hint in HEADS]
     rows = [
-        [words or cell for words, cell in zip(encounter_shares(one), encounter_cells(one), strict=True)]
-        for one in found[:most]
+        [words or cell for cell, words in zip(*encounter_cells(one), strict=True)] for one in found[:most]
     ]
     print_table(console_table(title, heads, rows, caption=caption), console)
 
 
-def encounter_cells(one: Meeting) -> list[Any]:
-    """Return the cells of an encounter under `HEADS`; probabilities are exact where there is a table."""
-    row, found = one.row, one.encounter
-    return [
+def encounter_cells(one: Meeting) -> tuple[list[Any], list[str | None]]:
+    """Return the cells of an encounter under `HEADS`, and the words of probabilities, with known digits."""
+    row, (collision, *others) = one.row, [one.encounter.probability(name) for name in _ASKED]
+    words = iter(share.share for share in (collision, *others))
+    said = [next(words) if form == "percent" else None for _, form, _ in HEADS]
+    cells = [
         f"{row['track_id']} → {row['other_id']}",
         ", ".join(filter(None, (row["place"], "doubtful" if one.doubt else None))) or None,
         one.futures,
-        found.collision.estimate.value,
-        _sure(found.collision),
-        *(found.probability(name).estimate.value for name in _ASKED[1:]),
+        collision.estimate.value,
+        _sure(collision),
+        *(share.estimate.value for share in others),
         row["gap"],
         round(row["time_s"], 1),
         f"{row['model']}, {row['other_model']}",
     ]
-
-
-def encounter_shares(one: Meeting) -> list[str | None]:
-    """Return the probabilities of an encounter under `HEADS` in words, with the digits that are known."""
-    asked = iter(_ASKED)
-    return [one.encounter.probability(next(asked)).share if head[1] == "percent" else None for head in HEADS]
+    return cells, said
 
 
 def _sure(share: Probability) -> str:

@@ -11,7 +11,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
-from scex_sumo.page.report.encounter_table import HEADS, encounter_cells, encounter_shares
+from scex_sumo.page.report.encounter_table import HEADS, encounter_cells
 from scex_sumo.page.study import table
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
@@ -160,8 +160,8 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     sets = [run] if run.reference is None else [run, run.reference]
     wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
     places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
-    cells = [[encounter_cells(one)[place] for place in places] for one in found]
-    shares = [[encounter_shares(one)[place] for place in places] for one in found]
+    both_of = [[[part[place] for place in places] for part in encounter_cells(one)] for one in found]
+    cells = [cells for cells, _ in both_of]
     columns = table([HEADS[place] for place in places], cells)["columns"]
     for place, column in zip(places, columns, strict=True):
         column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
@@ -169,7 +169,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     rows = []
     kept = worst_of(found, doubtful=run.keeps_doubtful)
     groups = {id(group[0]): group for group in alike(kept)[:_WORST]}
-    for one, mine, said in zip(found, cells, shares, strict=True):
+    for one, (mine, said) in zip(found, both_of, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE
         pair = where[row["track_id"]], where[row["other_id"]]
         rows.append(
