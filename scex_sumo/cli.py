@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import os
 import signal
@@ -66,8 +67,24 @@ def _add(app: typer.Typer, name: str) -> None:
     app.command(name, cls=Command, epilog=f"Example: scex-sumo {example}")(with_shared(command))
 
 
+INTERRUPTED = 130
+
+
 def main() -> None:
     """Run the command line; errors become one line and an exit status."""
+    try:
+        _run()
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            # Arrow, interrupted while it imports pandas, aborts at the interpreter's end.
+            atexit._run_exitfuncs()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(INTERRUPTED)
+        raise
+
+
+def _run() -> None:
     # NumPy's products are small: threads cost more than they save.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # SIGTERM does the same as Ctrl-C: finished futures stay, workers end.
@@ -91,9 +108,9 @@ def main() -> None:
             traceback.print_exc()
         _fail(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except typer.Abort:
-        _fail("interrupted", 130)
+        _fail("interrupted", INTERRUPTED)
     except KeyboardInterrupt:
-        _fail("interrupted", 130)
+        _fail("interrupted", INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()
         raise SystemExit(1) from None
@@ -102,7 +119,7 @@ def main() -> None:
         _fail(f"error: {where}: {error.strerror or error}; correct it and try again", 1)
     except Exception as error:
         if _stopped:  # a library that was being imported raised its own error
-            _fail("interrupted", 130)
+            _fail("interrupted", INTERRUPTED)
         if _is_out_of_memory(error):
             _fail(
                 "error: out of memory; ask for fewer --futures, --steps or --workers, or a smaller --batch",

@@ -310,7 +310,11 @@ def test_tracks_far_from_the_map_name_the_origin_as_likely_cause(tmp_path: Path)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, number: int) -> None:
     code = (
-        "import os, sys, time, scex_sumo.scenarios.seeds, scex_sumo.cli\n"
+        "import atexit, os, sys, time, scex_sumo.scenarios.seeds, scex_sumo.cli\n"
+        "class Library:  # as Arrow, interrupted while it imports pandas\n"
+        "    __del__ = lambda self: os.abort()\n"
+        "library = Library()\n"
+        "atexit.register(print, 'cleaned')\n"
         "def reading(*given, **named):\n"
         f"    os.kill(os.getpid(), {int(number)})\n"
         "    time.sleep(30)  # the signal may take a moment\n"
@@ -321,7 +325,7 @@ def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, numb
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
     )
-    assert (done.returncode, done.stderr.strip()) == (130, "interrupted")
+    assert (done.returncode, done.stderr.strip(), done.stdout) == (130, "interrupted", "cleaned\n")
     assert not (tmp_path / "out").exists()
 
 
