@@ -113,6 +113,11 @@ class Obstacles:
     states: States
     present: BoolArray
 
+    def at(self, step: int) -> tuple[States, BoolArray]:
+        """Return states (O,) and presence ``step`` steps after the seed scene; the last ones stay."""
+        column = min(HISTORY_STEPS + step, self.states.shape[1] - 1)
+        return self.states[:, column], self.present[:, column]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeedScene:
@@ -212,7 +217,6 @@ class SceneHistory:
         futures: (C,) numbers.
         step: steps since the seed scene.
         route_draw: (C, V) in [0, 1), fixed per vehicle of a future, for models with random routes.
-        obstacle_states: (O,) now; None without obstacles.
 
     Example:
         >>> scex.SceneHistory.__dataclass_fields__["states"].type
@@ -224,22 +228,27 @@ class SceneHistory:
     futures: IntArray
     step: int
     route_draw: FloatArray
-    obstacle_states: States | None = None
-    obstacle_present: BoolArray | None = None
 
     @classmethod
     def of_scene(cls, scene: SeedScene) -> SceneHistory:
         """Make a batch of one future from a seed scene; its ``route_draw`` is zero."""
-        others = scene.obstacles
         return cls(
             scene=scene,
             states=scene.history.repeat(1),
             futures=np.zeros(1, dtype=np.int64),
             step=0,
             route_draw=np.zeros((1, scene.vehicles)),
-            obstacle_states=None if others is None else others.states[:, HISTORY_STEPS],
-            obstacle_present=None if others is None else others.present[:, HISTORY_STEPS],
         )
+
+    @property
+    def obstacle_states(self) -> States | None:
+        """(O,) now; None without obstacles."""
+        return None if self.scene.obstacles is None else self.scene.obstacles.at(self.step)[0]
+
+    @property
+    def obstacle_present(self) -> BoolArray | None:
+        """(O,) now; None without obstacles."""
+        return None if self.scene.obstacles is None else self.scene.obstacles.at(self.step)[1]
 
     @property
     def now(self) -> States:

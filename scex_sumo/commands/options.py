@@ -41,14 +41,8 @@ Origin = Annotated[
 Tracks = Annotated[
     Path | None, typer.Option(metavar="CSV", help="Recorded tracks; default: those beside the map.")
 ]
-State = Annotated[
-    Path | None, typer.Option(metavar="STATE", help="Saved state of a SUMO simulation (.xml, .xml.gz).")
-]
 Case = Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")]
 Time = Annotated[float | None, typer.Option(metavar="S", help="Moment in seconds; default: the busiest.")]
-Synthetic = Annotated[
-    int | None, typer.Option(metavar="N", help="Populate the map with N vehicles by SUMO instead.")
-]
 Speed = Annotated[
     float | None,
     typer.Option(

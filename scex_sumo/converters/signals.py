@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.importing import Registry
 from scex_sumo.converters.registries import recognised
+from scex_sumo.scene import SeedScene
 
 SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
 
@@ -34,3 +35,19 @@ def signal_format(path: Path) -> SignalFormat:
     if (entry := next(recognised(SignalFormat, path), None)) is not None:
         return entry
     raise MapError(f"{path}: not a recording of signal phases; known formats: {', '.join(SIGNALS.paths)}")
+
+
+def signals_of(scene: SeedScene) -> Path | None:
+    """Return the recording of signal phases that belongs to a scene's own recording; None if there is none.
+
+    It is the recording itself, or ``signal_phases_NAME.csv`` beside ``vehicle_tracks_NAME.csv``.
+    """
+    if tracks := scene.source.get("tracks"):
+        name = Path(tracks).name.removesuffix(".gz").replace("vehicle_tracks", "signal_phases")
+        beside = Path(tracks).with_name(name)
+        if name.startswith("signal_phases") and beside.is_file():
+            return beside
+    own = scene.road.file if scene.road is not None else None
+    if own is None or own.suffix == ".csv" or next(recognised(SignalFormat, own), None) is None:
+        return None
+    return own

@@ -16,6 +16,7 @@ from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.convert import converted
+from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.extras import Extra, Work, working
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.measure import Recorded, measure_recorded
@@ -69,7 +70,7 @@ def run_scene(
         if not extra.is_on(settings):
             folder.remove(extra.files)
     active = working(extras, settings)
-    scene, net = ruled(scene, _net(scene, folder, options), settings)
+    scene, net = ruled(scene, _net(scene, folder, options, settings), settings)
     job = Job(
         scene,
         net,
@@ -138,11 +139,12 @@ def _assignment(scene: SeedScene, settings: RunSettings, models: ModelSet, *, ke
     return drawn
 
 
-def _net(scene: SeedScene, folder: ResultFolder, options: RunOptions) -> Any:
+def _net(scene: SeedScene, folder: ResultFolder, options: RunOptions, settings: RunSettings) -> Any:
     assert scene.road is not None
     path = folder.path / "sumo" / f"{scene.road.name}.net.xml"
+    signals = signals_of(scene) if settings.obeys else None
     with writing(path):
-        return converted(scene.road, path, keep=options.cache)
+        return converted(scene.road, path, keep=options.cache, signals=signals, time_s=scene.time_s)
 
 
 def _recorded(job: Job) -> Recorded | None:

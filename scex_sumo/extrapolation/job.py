@@ -16,6 +16,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, worst_of
 from scex_sumo.extrapolation.models import ModelSet
@@ -97,7 +98,7 @@ class Job:
 def ruled(scene: SeedScene, net: SumoNet, settings: RunSettings) -> tuple[SeedScene, SumoNet]:
     """Return the scene of a job with the rules of its road, and the net with notes on them."""
     road = scene.road
-    if not settings.obeys or road is None or not (road.regulations or road.net):
+    if not settings.obeys or road is None or not (road.regulations or road.net or signals_of(scene)):
         return replace(scene, rules=None), net
     from scex_sumo.converters.net.rules import with_rules
 

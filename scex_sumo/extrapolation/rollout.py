@@ -17,7 +17,7 @@ from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
 from scex_sumo.extrapolation.crashes import Crashes, slide
 from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from scex_sumo.world.base import World
 
 
@@ -126,8 +126,7 @@ def roll_out(
         before, column = window[:, :, -1], step % replan
         world.move(plan[:, :, column], override | crashed)
         if scene.obstacles is not None:
-            obstacles, present = obstacles_at(scene, step + 1)
-            world.move_obstacles(obstacles, present)
+            world.move_obstacles(*scene.obstacles.at(step + 1))
         world.step()
         read = world.read()
         simulated.assign((slice(None), step), read)
@@ -148,27 +147,12 @@ def roll_out(
     )
 
 
-def obstacles_at(scene: SeedScene, step: int) -> tuple[States, BoolArray]:
-    """Return states (O,) and presence of the replayed participants ``step`` steps after the seed scene."""
-    assert scene.obstacles is not None
-    column = min(HISTORY_STEPS + step, scene.obstacles.states.shape[1] - 1)
-    return scene.obstacles.states[:, column], scene.obstacles.present[:, column]
-
-
 def history_at(
     scene: SeedScene, window: States, futures: IntArray, route_draw: FloatArray, *, step: int
 ) -> SceneHistory:
     """Return the models' input ``step`` steps after the seed scene; ``window`` (C, V, 11) are states."""
-    obstacles, present = obstacles_at(scene, step) if scene.obstacles is not None else (None, None)
-    return SceneHistory(
-        scene=scene,
-        states=window.map(_read_only),
-        futures=futures,
-        step=step,
-        route_draw=route_draw,
-        obstacle_states=obstacles,
-        obstacle_present=present,
-    )
+    states = window.map(_read_only)
+    return SceneHistory(scene=scene, states=states, futures=futures, step=step, route_draw=route_draw)
 
 
 def _read_only(values: FloatArray) -> FloatArray:

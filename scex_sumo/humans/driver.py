@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtri
@@ -41,6 +42,9 @@ from scex_sumo.humans.seed_state import estimated_history, heading_scatter
 from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers, acceleration, demanded
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+
+if TYPE_CHECKING:
+    from scex_sumo.behaviors.rules.holds import Obeyed
 
 MAX_SPREAD = 100
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
@@ -91,9 +95,11 @@ class LikelyDriver:
         draws = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, DRIVER)
         drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
         leaders = leaders_of(view, offsets[:, 0])
-        expects = expectation(view, drivers, leaders, self._waits(view, leaders))
+        obeyed = self._obeyed(view, road)
+        expects = expectation(view, drivers, leaders, self._waits(view, leaders, obeyed))
         attention = attention_of(view, leaders, self.profile.inattention, min(self.profile.spread, 1.0))
-        accelerate = accelerations(view, drivers, expects, attention.aware)
+        hold = np.inf if obeyed is None else obeyed.hold
+        accelerate = accelerations(view, drivers, expects, attention.aware, hold)
         aside = kept_clear(offsets, view, road)
         made = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
         return yielding(made, view, road, attention)
@@ -109,6 +115,17 @@ class LikelyDriver:
         for _ in range(int(paths.count.max(initial=1)) - 1):
             row = row + ((row < last) & (draw >= edges[row]))
         return paths, row
+
+    def _obeyed(self, view: View, road: Road) -> Obeyed | None:
+        """Return what rules ask of drivers; None without rules."""
+        history = view.history
+        if history.scene.rules is None or isinstance(self.profile.path, tuple):
+            return None
+        from scex_sumo.humans.obedience import obedience
+
+        future, vehicle = np.indices(history.now.shape).reshape(2, -1)
+        _, rows = self._paths(history, road, VehicleIndex(future=future, vehicle=vehicle))
+        return obedience(view, rows.reshape(history.now.shape), self.profile.spread)
 
     def _drivers(self, view: View, draws: FloatArray) -> Drivers:
         human, spread, observed, row = self.human, self.profile.spread, view.observed, view.row
@@ -158,7 +175,7 @@ class LikelyDriver:
         time_s = np.arange(step, step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
         return lateral_offsets(lateral, np.where(choice < left, changes[:, 0], keeps), time_s, human)
 
-    def _waits(self, view: View, leaders: Leaders) -> FloatArray:
+    def _waits(self, view: View, leaders: Leaders, obeyed: Obeyed | None) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""
         human, history, who = self.human, view.history, view.who
         speed = history.states.speed[who.future, who.vehicle]
@@ -174,7 +191,12 @@ class LikelyDriver:
         # The fitted rate says how many start soon; those that do follow the wave.
         # Waiting has no memory: draws of successive plans give one exponential time in all.
         soon = starts < 1 - np.exp(-rate * human.start_within_s)
-        return np.where(stands, np.where(soon, -human.start_wave_s * np.log(draw), np.inf), 0.0)
+        waits_s = np.where(stands, np.where(soon, -human.start_wave_s * np.log(draw), np.inf), 0.0)
+        if obeyed is None:
+            return waits_s
+        from scex_sumo.humans.obedience import waits_for
+
+        return waits_for(obeyed, view, waits_s, leaders.gap < human.queue_m)
 
 
 def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
@@ -274,8 +296,15 @@ def effective_headway(
     return np.minimum(headway, np.where(same, np.inf, limit))
 
 
-def accelerations(view: View, drivers: Drivers, expects: Expectation, aware: BoolArray) -> Accelerate:
-    """Return the acceleration of drawn drivers for `drive`; `aware` (n, H) of their leaders."""
+def accelerations(
+    view: View, drivers: Drivers, expects: Expectation, aware: BoolArray, hold: FloatArray | float = np.inf
+) -> Accelerate:
+    """Return the acceleration of drawn drivers for `drive`.
+
+    Args:
+        aware: (n, H) of their leaders.
+        hold: (n,) ways to places where rules make them stop, m.
+    """
     human, paths, step_now = view.human, view.paths, view.history.step
     limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)
     curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
@@ -295,6 +324,7 @@ def accelerations(view: View, drivers: Drivers, expects: Expectation, aware: Boo
             curve_speed=curves[at(s + v * CURVE_TIME_S)],
             gap=gap,
             leader_speed=leader_speed,
+            hold=hold - travelled,
             aware=aware[:, step],
             travelled=travelled,
             plan_step=step_now,

@@ -107,6 +107,7 @@ class HumanParameters:
     stop_weights: FloatArray  # log odds | (5,) of `stop_features` | fitted
     stop_s: float = 2.2  # s | median time in which creeping vehicles come to rest | chosen
     stop_spread: float = 0.4  # 1 | standard deviation of its logarithm | chosen
+    line_gap_m: float = 0.5  # m | to a place where rules make it stop | chosen
     # Place in the lane
     lateral_s: float = 3.0  # s | time after which the wanted offset is reached | chosen
     keep_weights: FloatArray  # 1, s, s², m², m² | (5,) of ``lateral``, ``bends`` for the offset then | fitted

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TypeAlias
 
@@ -79,6 +79,7 @@ class Situation:
     curve_speed: Values = np.inf  # that the curves allow a moment later, m/s
     gap: Values = np.inf  # expected to the leader, m
     leader_speed: Values = 0.0  # expected, m/s
+    hold: Values = np.inf  # way to the place where rules make it stop, m
     aware: BoolArray | bool = True  # whether the driver acts on its leader
     travelled: Values = 0.0  # since the plan began, m
     plan_step: int = 0  # of the plan, since the seed scene
@@ -99,7 +100,12 @@ def acceleration(now: Situation, human: HumanParameters) -> FloatArray:
     """Return (n,) accelerations of drivers, m/s²."""
     asked = demanded(now, human)
     own = asked + habit(now, human) + sudden(now, human) + relieved(variation(now, human), asked, human)
-    moving = lowest(np.maximum(own, -human.max_braking_mps2), looking_away(now, human), stopping(now, human))
+    moving = lowest(
+        np.maximum(own, -human.max_braking_mps2),
+        looking_away(now, human),
+        stopping(now, human),
+        holding(now, human),
+    )
     return np.where(now.waits, standing(now, human), towed(moving, now))
 
 
@@ -147,6 +153,15 @@ def following(now: Situation, human: HumanParameters) -> FloatArray:
     excess = np.maximum(needed - formula, 0.0)
     formula += excess - human.extra_braking_mps2 * np.tanh(excess / human.extra_braking_mps2)
     return np.where(now.aware, np.maximum(formula, -human.idm.max_deceleration), np.inf)
+
+
+def holding(now: Situation, human: HumanParameters) -> FloatArray:
+    """Return the acceleration that ends at a place to stop, m/s²: a_max·(1 - (s*/s)²) without a headway."""
+    profile = IdmParameters.of(human.idm, time_headway=np.zeros(1), comfort_deceleration=now.driver.braking)
+    line = replace(profile, minimum_gap=human.line_gap_m)
+    gap = np.broadcast_to(np.asarray(now.hold, dtype=np.float64), now.speed.shape)
+    slowing = human.idm.max_acceleration * (1 - leader_share(line, now.speed, gap, np.zeros_like(gap)))
+    return np.where(np.isfinite(gap), np.maximum(slowing, -human.idm.max_deceleration), np.inf)
 
 
 def curve(now: Situation, human: HumanParameters) -> FloatArray:

@@ -165,6 +165,12 @@ class Run:
         share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
         return probability_of(self, share, COLLISION)
 
+    def p_collision_by(self, seconds: float) -> Interval:
+        """Return the share of futures with a collision by a time after the seed moment, with its interval."""
+        hits = self.collisions
+        early = np.asarray(hits["future"])[np.asarray(hits["time_s"]) <= seconds]
+        return self.intervals.share(np.isin(np.arange(self.futures), early))
+
     @cached_property
     def decision(self) -> Decision | None:
         """What to test in this moment; None without the critical responses."""

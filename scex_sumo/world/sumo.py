@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
+from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.world.base import BatchStart, SumoDriven, World, WorldRequest
 from scex_sumo.world.batch import (
     MATCH_M,
@@ -115,7 +115,7 @@ class SumoWorld:
             self._add_vehicles(batch.split(poses), driven)
             self._place(poses, batch.everybody, start.speed, np.zeros(start.shape))
         if others := self._scene.obstacles:
-            self.move_obstacles(others.states[:, HISTORY_STEPS], others.present[:, HISTORY_STEPS])
+            self.move_obstacles(*others.at(0))
         self._advance(batch)
         if driven:
             from scex_sumo.world.driven import SumoDrivers

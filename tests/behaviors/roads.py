@@ -108,15 +108,12 @@ def scene_of(
 
 def present(scene: SeedScene, futures: int = 1, draw: np.ndarray | None = None) -> SceneHistory:
     """The history of several futures at the moment of the seed scene."""
-    obstacles = scene.obstacles
     return SceneHistory(
         scene=scene,
         states=States.stack([scene.history] * futures, axis=0),
         futures=np.arange(futures),
         step=0,
         route_draw=np.zeros((futures, scene.vehicles)) if draw is None else draw,
-        obstacle_states=None if obstacles is None else obstacles.states[:, 10],
-        obstacle_present=None if obstacles is None else obstacles.present[:, 10],
     )
 
 
@@ -134,10 +131,17 @@ def plan(model: Behavior, where: Road, history: SceneHistory, who: VehicleIndex 
 
 
 def closed_loop(
-    model: Behavior, where: Road, scene: SeedScene, *, steps: int, replan: int, futures: int = 1
+    model: Behavior,
+    where: Road,
+    scene: SeedScene,
+    *,
+    steps: int,
+    replan: int,
+    futures: int = 1,
+    draw: np.ndarray | None = None,
 ) -> States:
     """Drive all vehicles of a scene by one model, exactly as planned: (C, V, steps)."""
-    history = present(scene, futures)
+    history = present(scene, futures, draw)
     driven = []
     for step in range(steps):
         if step % replan == 0:

@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
+import scex_sumo
 from scex_sumo.metrics.registry import METRICS
 from scex_sumo.page.report.tables import encounter_table
 from scex_sumo.reports.encounter_rows import alike, first_look, meetings, told, worst_of
@@ -27,6 +28,7 @@ from scex_sumo.reports.run_table import (
 )
 from scex_sumo.results.encounters import QUESTIONS, SCHEMA
 from scex_sumo.results.run import Run, open_run
+from tests.runs import extrapolate
 
 
 def table(*, fold: bool = False) -> Table:
@@ -274,3 +276,13 @@ def test_the_pair_to_be_tested_is_looked_at_first_and_a_doubtful_one_never(tmp_p
         run = open_run(tmp_path)
         look = first_look(run, meetings(run))
         assert look is not None and set(look.pair) == set(pair)
+
+
+def test_longer_runs_tell_the_probability_of_a_collision_by_horizon(tmp_path: Path) -> None:
+    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
+    run = extrapolate(scene, futures=24, steps=35, metrics=["gap"], world="plain", out=tmp_path / "out")
+    shares = [run.p_collision_by(seconds).value for seconds in (1.0, 3.0, 3.5)]
+    assert shares == sorted(shares)
+    assert shares[-1] == run.collision.sampled.value > 0
+    rows = list(summary_table(run).columns[0].cells)
+    assert [str(row) for row in rows if "by" in str(row)] == [f"collision by {s} s" for s in (1, 2, 3)]

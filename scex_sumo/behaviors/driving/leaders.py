@@ -205,11 +205,12 @@ def everyone(history: SceneHistory) -> Everyone:
     present = np.ones(now.shape, dtype=np.bool_)
     length, width = scene.length, scene.width
     obstacles = scene.obstacles
-    if obstacles is not None and history.obstacle_states is not None and history.obstacle_present is not None:
+    if obstacles is not None:
         shape = (now.shape[0], len(obstacles.ids))
-        spread = history.obstacle_states.map(lambda values: np.broadcast_to(values, shape))
+        states, there = obstacles.at(history.step)
+        spread = states.map(lambda values: np.broadcast_to(values, shape))
         now = States.concatenate([now, spread], axis=1)
-        present = np.concatenate([present, np.broadcast_to(history.obstacle_present, shape)], axis=1)
+        present = np.concatenate([present, np.broadcast_to(there, shape)], axis=1)
         length = np.concatenate([length, obstacles.length])
         width = np.concatenate([width, obstacles.width])
     longest = float(np.sqrt(length**2 + width**2).max(initial=0.0))

@@ -8,6 +8,7 @@ Critical headways: Highway Capacity Manual, 7th edition (TRB 2022): 4.5 s for a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,8 @@ PASSED_M = 0.5  # a front that is so far beyond a line has passed it
 BEFORE_ZONE_M = 1.0  # of a conflict, for a vehicle that waits within the junction
 AT_LINE_M = 4.0  # a vehicle that stands so near before a line waits at it
 STANDS_MPS = 0.5
-BRAKES_STEPS, BRAKES_MPS = 3, 0.3  # a vehicle that lost so much speed in so many steps brakes
+GAIN_STEPS, GAIN_MPS = 3, 0.3  # a vehicle that gained or lost so much speed in so many steps goes or brakes
+SLOW_MPS, GOES_MPS2 = 6.0, 1.0  # a slower vehicle that gains speed with so little room to stop goes on
 START_MPS2 = 1.5  # acceleration of a vehicle that goes
 COMING_MPS2 = 3.0  # a vehicle that would brake harder than this does not stop at its red light
 GOING_MPS = 5.0  # least speed of a vehicle that goes, after it has started
@@ -32,7 +34,7 @@ CLEAR_S = 1.0  # between a vehicle that leaves a conflict and the next one
 PERMITTED_S, CROSSING_S, MERGING_S = 4.5, 6.5, 5.0  # critical headways
 WALKER_M, WALKER_S = 1.0, (0.0, 1.0, 2.0)  # around a crosswalk; times ahead at which walkers count
 
-GREEN, YELLOW, RED = "GgOoMmswZ=", "yY", "rRu"
+GREEN, YELLOW, RED = "Gg", "yY", "rRu"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,44 +43,55 @@ class Manner:
 
     Attributes:
         lights: whether lights count; so ``priority``.
-        yellow_mps2: a driver stops at yellow if that needs no harder braking.
+        yellow_mps2: a driver stops at yellow if that needs no harder braking, and
+        yellow_s: if it was no nearer to the line, in time, when the light turned yellow.
         red_mps2: the same at red.
         red_delay_s: time for which red counts as yellow.
         gaps: factor on critical headways.
         priority_mps2: a driver gives way if that needs no harder braking.
+        stands_mps: speed below which a driver has stopped at a stop sign.
     """
 
     lights: FloatArray | bool = True
     priority: FloatArray | bool = True
     yellow_mps2: FloatArray | float = 3.0
+    yellow_s: FloatArray | float = 0.0
     red_mps2: FloatArray | float = 9.0
     red_delay_s: FloatArray | float = 0.0
     gaps: FloatArray | float = 1.0
     priority_mps2: FloatArray | float = 4.0
+    stands_mps: FloatArray | float = STANDS_MPS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lit:
-    """Lights of all passages now: (G,) whether red, yellow, green with priority, and for how long, s."""
+    """Lights now: (1 or C, G + 1), of all futures or of each; the last one is that of passages without."""
 
     red: BoolArray
     yellow: BoolArray
-    free: BoolArray
+    green: BoolArray
+    free: BoolArray  # green with priority
     stop: BoolArray
-    since_s: FloatArray
+    since_s: FloatArray  # how long it has been shown, s
 
     @classmethod
     def at(cls, rules: Rules, time_s: float) -> Lit:
-        """Return the lights at a time since the seed moment; the last one is that of passages without."""
+        """Return the lights at a time since the seed moment."""
         shown = [*(signal.at(time_s) for signal in rules.signals), ("", 0.0)]
         letters = [letter for letter, _ in shown]
         return cls(
-            red=np.array([x != "" and x in RED for x in letters]),
-            yellow=np.array([x != "" and x in YELLOW for x in letters]),
-            free=np.array([x == "G" for x in letters]),
-            stop=np.array([x == "s" for x in letters]),
-            since_s=np.array([since for _, since in shown]),
+            red=np.array([[x != "" and x in RED for x in letters]]),
+            yellow=np.array([[x != "" and x in YELLOW for x in letters]]),
+            green=np.array([[x != "" and x in GREEN for x in letters]]),
+            free=np.array([[x == "G" for x in letters]]),
+            stop=np.array([[x == "s" for x in letters]]),
+            since_s=np.array([[since for _, since in shown]]),
         )
+
+    def of(self, name: str, future: IntArray, signal: IntArray) -> Any:
+        """Return what signals (m,) show in futures (m,)."""
+        values = getattr(self, name)
+        return values[future % len(values), signal]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,8 +102,8 @@ class Traffic:
     front: FloatArray
     rear: FloatArray
     speed: FloatArray
-    stood: BoolArray  # within the last second
-    brakes: BoolArray
+    slowest: FloatArray  # (C, V) speed in the last second, m/s
+    gained: FloatArray  # (C, V) speed in the last three steps, m/s
 
 
 def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffic:
@@ -104,8 +117,8 @@ def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffi
         front=s + half,
         rear=s - half,
         speed=np.maximum(now.speed, 0.0),
-        stood=np.any(history.states.speed < STANDS_MPS, axis=2),
-        brakes=history.states.speed[:, :, -1 - BRAKES_STEPS] - now.speed > BRAKES_MPS,
+        slowest=history.states.speed.min(axis=2),
+        gained=now.speed - history.states.speed[:, :, -1 - GAIN_STEPS],
     )
 
 
@@ -116,7 +129,21 @@ def straight_traffic(history: SceneHistory, paths: SeedPaths) -> Traffic:
     return traffic_on(history, paths, row)
 
 
-def holds(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Obeyed:
+    """What rules ask of n drivers.
+
+    Attributes:
+        hold: way of the front to the next place where a driver has to stop, m; inf if there is none.
+        released: whether a driver may enter the passage that it is at: a light shows green, or all others
+            leave it time.
+    """
+
+    hold: FloatArray
+    released: BoolArray
+
+
+def obeyed(
     history: SceneHistory,
     who: VehicleIndex,
     paths: SeedPaths,
@@ -124,8 +151,8 @@ def holds(
     traffic: Traffic,
     manner: Manner,
     lit: Lit | None = None,
-) -> FloatArray:
-    """Return (n,) ways of the front to the next place where a driver has to stop, m; inf if there is none.
+) -> Obeyed:
+    """Return what the rules of the scene ask of drivers.
 
     Args:
         row: (n,) path of each driver.
@@ -133,14 +160,14 @@ def holds(
         lit: the lights now; None: those of the scene.
     """
     rules = history.scene.rules
-    free = np.full(len(who), np.inf)
-    if rules is None or not len(who):
-        return free
+    assert rules is not None
     ways = ruled_ways(paths, rules)
     lit = Lit.at(rules, history.step * STEP_S) if lit is None else lit
     me = _Drivers(who, row, traffic, manner)
-    gap = np.minimum(_at_lights(me, ways, lit), _giving_way(me, ways, traffic, lit))
-    return np.minimum(gap, _at_crosswalks(me, ways, history))
+    gap, green = _at_lights(me, ways, lit)
+    gap = np.minimum(gap, _giving_way(me, ways, traffic, lit))
+    gap = np.minimum(gap, _at_crosswalks(me, ways, history))
+    return Obeyed(hold=gap, released=green & np.isinf(gap))
 
 
 class _Drivers:
@@ -149,8 +176,14 @@ class _Drivers:
     def __init__(self, who: VehicleIndex, row: IntArray, traffic: Traffic, manner: Manner) -> None:
         at = who.future, who.vehicle
         self.who, self.row, self.manner = who, row, manner
-        self.front, self.speed, self.stood = traffic.front[at], traffic.speed[at], traffic.stood[at]
-        self.brakes = traffic.brakes[at]
+        self.front, self.speed = traffic.front[at], traffic.speed[at]
+        self.stood = traffic.slowest[at] < manner.stands_mps
+        self.brakes = traffic.gained[at] < -GAIN_MPS
+        self.goes = (traffic.gained[at] > GAIN_MPS) & (self.speed < SLOW_MPS)
+
+    def goes_on(self, driver: IntArray, gap: FloatArray) -> BoolArray:
+        """Return (m,) whether drivers have decided to go: they gain speed where others would brake."""
+        return np.asarray(self.goes[driver] & (self.needed(driver, gap) > GOES_MPS2))
 
     def of(self, name: str, driver: IntArray) -> FloatArray:
         """Return a manner of drivers, (m,)."""
@@ -174,21 +207,30 @@ def _spread(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
 
 
-def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> FloatArray:
+def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, BoolArray]:
+    """Return the ways (n,) to stop for lights and stop signs, and whether drivers are at an open passage."""
     driver, entry = _spread(ways.first[me.row], ways.first[me.row + 1] - ways.first[me.row])
-    gap, signal = ways.stop[entry] - me.front[driver], ways.signal[entry]
+    gap, light = ways.stop[entry] - me.front[driver], (me.who.future[driver], ways.signal[entry])
     ahead = (gap > -PASSED_M) & (gap < REACH_M)
-    needed, since = me.needed(driver, gap), lit.since_s[signal]
-    early = lit.red[signal] & (since < me.of("red_delay_s", driver))
-    stops = (lit.yellow[signal] | early) & (needed <= me.of("yellow_mps2", driver))
-    stops |= lit.red[signal] & ~early & (needed <= me.of("red_mps2", driver))
+    needed, since = me.needed(driver, gap), lit.of("since_s", *light)
+    red, yellow = lit.of("red", *light), lit.of("yellow", *light)
+    early = red & (since < me.of("red_delay_s", driver))
+    away_s = gap / np.maximum(me.speed[driver], STANDS_MPS) + since * ~early
+    stops = (
+        (yellow | early) & (needed <= me.of("yellow_mps2", driver)) & (away_s >= me.of("yellow_s", driver))
+    )
+    stops |= red & ~early & (needed <= me.of("red_mps2", driver))
     stops &= me.of("lights", driver) != 0
     # A stop sign holds everyone once.
-    sign = lit.stop[signal] | ((signal < 0) & np.isin(np.array(ways.state, dtype="U1"), ["s", "w"])[entry])
-    waited = me.stood[driver] & (gap < AT_LINE_M)
+    state = np.array(ways.state, dtype="U1")[entry]
+    sign = lit.of("stop", *light) | ((light[1] < 0) & np.isin(state, ["s", "w"]))
+    waited = (me.stood[driver] & (gap < AT_LINE_M)) | me.goes_on(driver, gap)
     sign &= ~waited & (needed <= me.of("priority_mps2", driver))
     stops |= sign & (me.of("priority", driver) != 0)
-    return me.least(driver, gap, stops & ahead)
+    opened = lit.of("green", *light) | ((light[1] < 0) & np.isin(state, list("smw=")))
+    green = np.zeros(len(me.row), dtype=np.bool_)
+    green[driver[opened & ahead & (gap < AT_LINE_M)]] = True
+    return me.least(driver, gap, stops & ahead), green
 
 
 def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> FloatArray:
@@ -199,7 +241,8 @@ def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> Fl
     front, speed = traffic.front[future, vehicle], traffic.speed[future, vehicle]
     rear, line = traffic.rear[future, vehicle], ways.stop[other] - front
     coming = speed**2 / (2 * np.maximum(line, 0.1)) > COMING_MPS2
-    held = (line > -PASSED_M) & (lit.red | lit.yellow)[ways.signal[other]] & ~coming
+    light = future, ways.signal[other]
+    held = (line > -PASSED_M) & (lit.of("red", *light) | lit.of("yellow", *light)) & ~coming
     arrives = _time(ways.other_span[pair, 0] - front, speed, speed)
     leaves = _time(ways.other_span[pair, 1] - rear, speed, speed)
     going = np.maximum(v, GOING_MPS)
@@ -210,9 +253,10 @@ def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> Fl
     left_before = leaves + CLEAR_S * np.minimum(me.of("gaps", driver), 1.0) < own_arrives
     gone = ways.other_span[pair, 1] < rear
     gives = ~(held | gone | left_before) & (arrives - at_line < critical)
-    stood = traffic.stood[future, vehicle] & (line < AT_LINE_M)
+    stood = (traffic.slowest[future, vehicle] < STANDS_MPS) & (line < AT_LINE_M)
     gives &= ~(ways.mutual[pair] & _goes_first(me, driver, gap, line, stood, vehicle))
     gives &= me.needed(driver, gap) <= me.of("priority_mps2", driver)
+    gives &= ~me.goes_on(driver, gap)
     return me.least(driver, gap, gives)
 
 
@@ -224,7 +268,8 @@ def _meetings(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> tupl
     vehicle, gap = ways.vehicle[row], _way_to_stop(me, ways, driver, pair)
     counts = (gap > -PASSED_M) & (gap < REACH_M) & (vehicle != me.who.vehicle[driver])
     counts &= traffic.row[me.who.future[driver], vehicle] == row
-    counts &= ~lit.free[ways.signal[ways.own[pair]]] & (me.of("priority", driver) != 0)
+    counts &= ~lit.of("free", me.who.future[driver], ways.signal[ways.own[pair]])
+    counts &= me.of("priority", driver) != 0
     return driver[counts], pair[counts]
 
 

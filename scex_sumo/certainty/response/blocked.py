@@ -15,6 +15,7 @@ from scex_sumo.geometry.rectangles import Rectangles
 from scex_sumo.scene import States
 
 COARSE_M = 4.0  # between the points that are compared first
+JUMP_M = 10.0  # in a step: the line comes back to the same place, and another part of it is blocked now
 ITERATIONS = 4  # of each end, where the line bends; on a straight line the first one is exact
 
 
@@ -85,7 +86,8 @@ class Blocked:
     def touches(self, s: FloatArray) -> BoolArray:
         """Return (m, ..., T) whether vehicles at arc lengths (m, ..., T) touch the other one at each time.
 
-        It includes a vehicle that passes through the whole stretch in the step before. A stretch that is
+        It includes a vehicle that passes through the whole stretch in the step before, unless another stretch
+        of its line is blocked then. A stretch that is
         blocked at one end of a step only is taken to be so in half of it.
         """
         middle = (slice(None),) + (None,) * (s.ndim - self.enter.ndim)
@@ -93,6 +95,8 @@ class Blocked:
         hit = np.asarray((s > enter) & (s < leave))
         before, after = enter[..., :-1] < np.inf, enter[..., 1:] < np.inf
         through = before & after & (s[..., :-1] <= enter[..., :-1]) & (s[..., 1:] >= leave[..., 1:])
+        with np.errstate(invalid="ignore"):
+            through &= np.abs(np.diff(enter, axis=-1)) < JUMP_M
         half = (s[..., :-1] + s[..., 1:]) / 2
         begins = ~before & (half > enter[..., 1:]) & (half < leave[..., 1:])
         ends = ~after & (half > enter[..., :-1]) & (half < leave[..., :-1])

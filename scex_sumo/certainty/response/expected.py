@@ -129,17 +129,10 @@ def with_people(driven: Expected) -> Expected:
 def _middle_plan(scene: SeedScene) -> Plan:
     """Return the plan (V,) in the middle of those on several drawn paths."""
     (spec,) = parse_models(DRIVER)
-    once, count, vehicles = SceneHistory.of_scene(scene), _DRAWS, scene.vehicles
+    count, vehicles = _DRAWS, scene.vehicles
     draws = np.repeat((np.arange(count)[:, None] + 0.5) / count, vehicles, axis=1)
-    history = SceneHistory(
-        scene=scene,
-        states=scene.history.repeat(count),
-        futures=np.arange(count),
-        step=0,
-        route_draw=draws,
-        obstacle_states=once.obstacle_states,
-        obstacle_present=once.obstacle_present,
-    )
+    states = scene.history.repeat(count)
+    history = SceneHistory(scene=scene, states=states, futures=np.arange(count), step=0, route_draw=draws)
     future, vehicle = (index.ravel() for index in np.indices((count, vehicles)))
     who = VehicleIndex(future=future, vehicle=vehicle)
     assert scene.road is not None

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from scex_sumo.base.cache import cached_object
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, WrittenNet, net_file
 from scex_sumo.road import MapLoss, Road
+from scex_sumo.scene import STEP_S
 
 NETS = Registry(
     group="scex_sumo.nets", kind="net writer", builtin={"copy": "scex_sumo.converters.net.copy:copy_net"}
@@ -39,15 +41,26 @@ def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = No
     return _with_files(_written(road, None if signals is None else Path(signals)), Path(net_path))
 
 
-def converted(road: Road, net_path: Path, *, keep: bool = True) -> SumoNet:
+def converted(
+    road: Road, net_path: Path, *, keep: bool = True, signals: Path | None = None, time_s: float = 0.0
+) -> SumoNet:
     """Convert a road as `convert` does, or take the net from the cache.
 
-    ``keep=False`` neither reads nor writes the cache.
+    Args:
+        keep: False neither reads nor writes the cache.
+        signals: recorded phases, which begin at ``time_s`` of their recording.
     """
     if not keep or road.net is not None:
-        return convert(road, net_path)
-    key = hashlib.sha256(pickle.dumps((__version__, version_of("shapely"), road))).digest()
-    return _with_files(cached_object("nets", key, partial(_written, road), (WrittenNet, MapLoss)), net_path)
+        net = _written(road, signals)
+    else:
+        made_of = (__version__, version_of("shapely"), road, None if signals is None else sha256_of(signals))
+        key = hashlib.sha256(pickle.dumps(made_of if signals else made_of[:3])).digest()
+        net = cached_object("nets", key, partial(_written, road, signals), (WrittenNet, MapLoss))
+    if signals is not None:
+        # A future begins at 0.1 s of its simulation.
+        begun = f'programID="recorded" offset="{STEP_S - time_s:.3f}"'
+        net = replace(net, content=net.content.replace('programID="recorded" offset="0"', begun))
+    return _with_files(net, net_path)
 
 
 def _written(road: Road, signals: Path | None = None) -> WrittenNet:

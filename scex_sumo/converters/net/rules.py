@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import MapError
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.signals import signals_of
 from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.road import Passage, Road, Rules, Signal
 from scex_sumo.scene import STEP_S, SeedScene
@@ -20,12 +26,25 @@ RECORDED = "recorded"  # programID of a light that replays a recording
 BOTH_WAYS = "wZ="  # link states of which two may give way to each other
 
 
-def with_rules(scene: SeedScene, net: SumoNet) -> tuple[SeedScene, tuple[str, ...]]:
-    """Return a scene with the rules of its road, and notes; without rules if the road has none."""
+def with_rules(scene: SeedScene, net: SumoNet, *, keep: bool = True) -> tuple[SeedScene, tuple[str, ...]]:
+    """Return a scene with the rules of its road, and notes; without rules if the road has none.
+
+    Args:
+        net: of the road, with or without the recorded lights of the scene.
+        keep: use the cache of nets.
+    """
     road = scene.road
     assert road is not None
-    rules, notes = read_rules(net_root(net.path), net.lanes, road)
-    return replace(scene, rules=rules if rules.passages else None), notes
+    root, notes = net_root(net.path), list[str]()
+    lit = any(logic.get("programID") == RECORDED for logic in root.iter("tlLogic"))
+    if not lit and (signals := signals_of(scene)) is not None:
+        with TemporaryFolder() as folder, suppress(MapError):
+            path = Path(folder) / "lit.net.xml"
+            net = converted(road, path, keep=keep, signals=signals, time_s=scene.time_s)
+            root = net_root(path)
+            notes += [f"lights as recorded in {signals.name}"]
+    rules, contradictions = read_rules(root, net.lanes, road)
+    return replace(scene, rules=rules if rules.passages else None), (*notes, *contradictions)
 
 
 def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tuple[str, ...]]:
@@ -41,7 +60,9 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
         mine = [link for link in links if link.junction == junction.get("id")]
         if any(link.light is not None and link.light not in signals for link in mine):
             continue
-        if any(link.yields or link.light for link in mine):
+        lit = any(link.light is not None for link in mine)
+        # Without regulations the net's right of way is guessed.
+        if lit or ((road.regulations or road.net) and any(link.yields for link in mine)):
             twice = _contradiction(mine)
             if twice:
                 notes.append(f"junction {junction.get('id')}: {twice} give way to each other; no rules there")

@@ -18,7 +18,7 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.certainty.response.answer import either, once_in
 from scex_sumo.certainty.response.usual import AT_SITE, usual_of
-from scex_sumo.metrics.registry import metric_of, side_of
+from scex_sumo.metrics.registry import side_of
 from scex_sumo.page.study import Column, Row
 from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
@@ -147,17 +147,6 @@ def _times_usual(row: Row) -> str | None:
         return None
     words = usual.words(row["probability"]).replace(f" the median {usual.what}", "")
     return words if usual.what == AT_SITE else f"{words} (all)"
-
-
-def ranks(row: Row) -> str:
-    """Return the interval of the rank of a row."""
-    return f"{row['rank_low']} – {row['rank_high']}"
-
-
-def critical_words(column: str, limit: float) -> str:
-    """Return when a metric column is critical, in words."""
-    metric, mean = metric_of(column), ", mean" if column.endswith("_mean") else ""
-    return f"{metric.words}{mean} {metric.sign} {limit:.3g} {metric.column_unit}".rstrip()
 
 
 def moment_row(

@@ -24,6 +24,7 @@ from scex_sumo.certainty.response.actions import (
     contexts,
     pairs_of,
 )
+from scex_sumo.certainty.response.blocked import Blocked
 from scex_sumo.certainty.response.critical import DECELERATIONS, critical_response, hard_contact
 from scex_sumo.certainty.response.expected import with_people
 from scex_sumo.certainty.response.people import people_of, probabilities
@@ -210,3 +211,12 @@ def test_no_response_is_certain_and_never_too_late() -> None:
     given = np.array([-np.inf, 0.0, 1.0, 3.0, np.inf])
     late = people.later(given, np.zeros(5, dtype=int), np.full(5, 1.0), np.ones(5))
     assert late[0] == 1 and late[-1] == 0 and (np.diff(late) <= 0).all()
+
+
+def test_a_line_that_comes_back_to_the_same_place_is_not_blocked_all_the_way() -> None:
+    """In a roundabout: 78 m ahead first, then 22 m behind, which the vehicle at 1 m has passed long ago."""
+    s = np.array([[0.7, 0.83]])
+    jumps = Blocked(enter=np.array([[78.0, -22.0]]), leave=np.array([[88.0, -6.5]]))
+    assert not jumps.touches(s).any()
+    fast = Blocked(enter=np.array([[0.75, -0.5]]), leave=np.array([[2.0, 0.8]]))  # through it in one step
+    assert fast.touches(s).any()

@@ -226,7 +226,6 @@ def test_a_pedestrian_on_the_way_is_stopped_for() -> None:
     nearest = []
     for step in range(100):
         now = walk[:, min(10 + step, 119)]
-        history = replace(history, obstacle_states=now)
         if step % 5 == 0:
             made = roads.plan(GUARDED, roads.straight(), history)
         state = States(**{k: getattr(made, k)[:, step % 5][None] for k in ("x", "y", "heading", "speed")})

@@ -1,0 +1,88 @@
+"""Obedience of human-like drivers: lights, priority and crosswalks, with rare violations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logit, ndtri
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.rules.holds import Manner, Obeyed, obeyed, traffic_on
+from scex_sumo.humans.observations import View
+from scex_sumo.humans.population import uniforms
+
+OBEYS, RELEASE = 80_000, 81_000  # salts of draws; each plan has its own release
+
+
+@dataclass(frozen=True, kw_only=True)
+class RuleParameters:
+    """Parameters of obedience. Comments: unit | meaning | source."""
+
+    yellow_s: float = 4.0  # s | time to the line at which half of the drivers stop at yellow | 10 % stop at
+    yellow_scale_s: float = 0.68  # s | scale of that logistic | 2.5 s, 90 % at 5.5 s: Zegeer and Deen 1978
+    red_mps2: float = 4.5  # m/s² | hardest braking for red of a driver that does not brake yet | chosen
+    runs_red: float = 0.004  # 1 | share that enters in early red | Bonneson and Zimmerman 2004
+    early_red_s: float = 1.5  # s | the same: time of early red | chosen
+    ignores: float = 0.001  # 1 | share that does not give way | chosen
+    gap_factor: float = 0.5  # 1 | median factor on critical headways | chosen by error on INTERACTION
+    gap_spread: float = 0.2  # 1 | standard deviation of its logarithm | chosen
+    priority_mps2: float = 3.0  # m/s² | hardest braking to give way | chosen
+    rolls_mps: float = 2.5  # m/s | speed at which drivers roll over the line of a stop sign | chosen
+    start_s: float = 1.0  # s | mean time from green, or a gap, to the start | HCM 7: start-up lost time 2 s
+    held_m: float = 5.0  # m | a vehicle that stands nearer before its place to stop waits for it | chosen
+
+
+RULE_PARAMETERS = RuleParameters()
+
+
+def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARAMETERS) -> Manner:
+    """Draw how drivers obey; all plans of a future have the same.
+
+    Args:
+        draw: (n,) in [0, 1), one per driver.
+        spread: 1 as people differ; 0 the median driver, which violates nothing.
+    """
+    yellow, red, priority, gap = uniforms(draw, 4, OBEYS).T
+    runs = (red < given.runs_red) & (spread > 0)
+    waits_s = given.yellow_s + min(spread, 1.0) * given.yellow_scale_s * logit(
+        np.clip(yellow, 1e-6, 1 - 1e-6)
+    )
+    return Manner(
+        priority=(priority >= given.ignores) | (spread == 0),
+        yellow_mps2=np.inf,
+        yellow_s=np.where(runs, np.inf, waits_s),
+        red_mps2=given.red_mps2,
+        red_delay_s=np.where(runs, given.early_red_s, 0.0),
+        gaps=given.gap_factor * np.exp(min(spread, 1.0) * given.gap_spread * ndtri(gap)),
+        priority_mps2=given.priority_mps2,
+        stands_mps=given.rolls_mps,
+    )
+
+
+def obedience(view: View, rows: IntArray, spread: float) -> Obeyed | None:
+    """Return where drivers have to stop, and where lights are green; None in a scene without rules.
+
+    Args:
+        rows: (C, V) paths of all vehicles: turn indicators show them.
+    """
+    history, who = view.history, view.who
+    if history.scene.rules is None:
+        return None
+    manner = manner_of(history.route_draw[who.future, who.vehicle], spread)
+    traffic = traffic_on(history, view.paths, rows)
+    return obeyed(history, who, view.paths, view.row, traffic, manner)
+
+
+def waits_for(rules: Obeyed, view: View, waits_s: FloatArray, near_leader: BoolArray) -> FloatArray:
+    """Return (n,) times for which vehicles stand, s: at a place to stop until it is free, then not for long.
+
+    Args:
+        waits_s: (n,) without rules.
+        near_leader: (n,) whether a leader holds the vehicle.
+    """
+    draw = view.history.route_draw[view.who.future, view.who.vehicle]
+    soon = uniforms(draw, 1, RELEASE + view.history.step)[:, 0]
+    free = (waits_s > 0) & rules.released & ~near_leader
+    waits_s = np.where(free, -RULE_PARAMETERS.start_s * np.log(soon), waits_s)
+    return np.where((waits_s > 0) & (rules.hold < RULE_PARAMETERS.held_m), np.inf, waits_s)
