@@ -28,6 +28,7 @@ DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake
 SUMO: Final = "sumo"
 _MIXES: Final[Mapping[str, str]] = {
     "rules": DEFAULT_MODELS,
+    "violations": f"{DEFAULT_MODELS},runs_red,ignores_priority,cuts_in,drifts",
     # Without learned models, so that new weights do not change default results.
     "paper": f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor",
 }

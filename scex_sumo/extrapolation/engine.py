@@ -194,6 +194,10 @@ def _info(
         "fallbacks": _fallbacks(job, part),
         "versions": versions(),
     }
+    if scene.rules is not None:
+        from scex_sumo.behaviors.rules.precedence import precedence
+
+        info["precedence"] = precedence(scene, job.road)
     vehicles = settings.vehicles_that_count(scene)
     if settings.within is not None and vehicles is not None:
         words, inside = settings.within.words(), [int(scene.track_ids[v]) for v in vehicles]

@@ -8,11 +8,12 @@ import numpy as np
 from scipy.special import logit, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.rules.holds import Manner, Obeyed, obeyed, traffic_on
+from scex_sumo.behaviors.rules.holds import Lit, Manner, Obeyed, lights, obeyed, traffic_on
 from scex_sumo.humans.observations import View
 from scex_sumo.humans.population import uniforms
+from scex_sumo.road import Rules
 
-OBEYS, RELEASE = 80_000, 81_000  # salts of draws; each plan has its own release
+OBEYS, LIGHTS, CHANGES, RELEASE = 80_000, 80_001, 80_002, 81_000  # salts; each plan has its own release
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +22,9 @@ class RuleParameters:
 
     yellow_s: float = 4.0  # s | time to the line at which half of the drivers stop at yellow | 10 % stop at
     yellow_scale_s: float = 0.68  # s | scale of that logistic | 2.5 s, 90 % at 5.5 s: Zegeer and Deen 1978
+    latest_s: float = (
+        3.2  # s | nobody else hopes to enter later after yellow begins, which lasts 3 s | chosen
+    )
     red_mps2: float = 4.5  # m/s² | hardest braking for red of a driver that does not brake yet | chosen
     runs_red: float = 0.004  # 1 | share that enters in early red | Bonneson and Zimmerman 2004
     early_red_s: float = 1.5  # s | the same: time of early red | chosen
@@ -30,6 +34,9 @@ class RuleParameters:
     priority_mps2: float = 3.0  # m/s² | hardest braking to give way | chosen
     rolls_mps: float = 2.5  # m/s | speed at which drivers roll over the line of a stop sign | chosen
     start_s: float = 1.0  # s | mean time from green, or a gap, to the start | HCM 7: start-up lost time 2 s
+    change_s: float = (
+        20.0  # s | mean time to the next green, if lights are unknown | chosen: half a red of 40 s
+    )
     held_m: float = 5.0  # m | a vehicle that stands nearer before its place to stop waits for it | chosen
 
 
@@ -51,7 +58,7 @@ def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARA
     return Manner(
         priority=(priority >= given.ignores) | (spread == 0),
         yellow_mps2=np.inf,
-        yellow_s=np.where(runs, np.inf, waits_s),
+        yellow_s=np.where(runs, np.inf, np.minimum(waits_s, given.latest_s)),
         red_mps2=given.red_mps2,
         red_delay_s=np.where(runs, given.early_red_s, 0.0),
         gaps=given.gap_factor * np.exp(min(spread, 1.0) * given.gap_spread * ndtri(gap)),
@@ -71,7 +78,22 @@ def obedience(view: View, rows: IntArray, spread: float) -> Obeyed | None:
         return None
     manner = manner_of(history.route_draw[who.future, who.vehicle], spread)
     traffic = traffic_on(history, view.paths, rows)
-    return obeyed(history, who, view.paths, view.row, traffic, manner)
+    return obeyed(
+        history, who, view.paths, view.row, traffic, manner, _lights(view, history.scene.rules, spread)
+    )
+
+
+def _lights(view: View, rules: Rules, spread: float) -> Lit:
+    """Return the lights now; unknown ones are drawn, the same for all vehicles of a future."""
+    history, given = view.history, RULE_PARAMETERS
+    if not spread or all(signal.letters for signal in rules.signals):
+        return lights(history, view.paths)
+    from scex_sumo.behaviors.rules.inferred import drawn_lights
+
+    draw, count = history.route_draw[:, 0], len(rules.signals)
+    noise = logit(np.clip(uniforms(draw, count, LIGHTS), 1e-6, 1 - 1e-6))
+    change_s = -given.change_s * np.log(uniforms(draw, count, CHANGES))
+    return drawn_lights(history, view.paths, rules, noise, change_s)
 
 
 def waits_for(rules: Obeyed, view: View, waits_s: FloatArray, near_leader: BoolArray) -> FloatArray:

@@ -54,7 +54,7 @@ class RuledDriver(IdmDriver):
         paths, row = chosen_paths(history, road, who, profile.path)
         hold: FloatArray | None = None
         if history.scene.rules is not None and not isinstance(profile.path, tuple):
-            from scex_sumo.behaviors.rules.holds import Manner, obeyed, straight_traffic
+            from scex_sumo.behaviors.rules.holds import Manner, lights, obeyed, straight_traffic
 
             manner = Manner(
                 lights=profile.lights,
@@ -65,7 +65,8 @@ class RuledDriver(IdmDriver):
                 gaps=profile.gap_factor,
                 priority_mps2=profile.comfort_deceleration,
             )
-            hold = obeyed(history, who, paths, row, straight_traffic(history, paths), manner).hold
+            lit = lights(history, paths)
+            hold = obeyed(history, who, paths, row, straight_traffic(history, paths), manner, lit).hold
         made = self.follow(history, who, paths, row, hold)
         if not profile.sideways:
             return made

@@ -129,6 +129,17 @@ def straight_traffic(history: SceneHistory, paths: SeedPaths) -> Traffic:
     return traffic_on(history, paths, row)
 
 
+def lights(history: SceneHistory, paths: SeedPaths) -> Lit:
+    """Return the lights now, the most probable ones where they are unknown."""
+    rules = history.scene.rules
+    assert rules is not None
+    if all(signal.letters for signal in rules.signals):
+        return Lit.at(rules, history.step * STEP_S)
+    from scex_sumo.behaviors.rules.inferred import expected_lights
+
+    return expected_lights(history, paths, rules)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Obeyed:
     """What rules ask of n drivers.
@@ -150,19 +161,18 @@ def obeyed(
     row: IntArray,
     traffic: Traffic,
     manner: Manner,
-    lit: Lit | None = None,
+    lit: Lit,
 ) -> Obeyed:
     """Return what the rules of the scene ask of drivers.
 
     Args:
         row: (n,) path of each driver.
         traffic: of all vehicles.
-        lit: the lights now; None: those of the scene.
+        lit: the lights now.
     """
     rules = history.scene.rules
     assert rules is not None
     ways = ruled_ways(paths, rules)
-    lit = Lit.at(rules, history.step * STEP_S) if lit is None else lit
     me = _Drivers(who, row, traffic, manner)
     gap, green = _at_lights(me, ways, lit)
     gap = np.minimum(gap, _giving_way(me, ways, traffic, lit))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.behaviors.rules.precedence import precedence
 from scex_sumo.road import Passage, Road, Rules, Signal
 from scex_sumo.scene import Obstacles, SeedScene, States
 from tests.behaviors.roads import Vehicle, closed_loop, lane, road, scene_of
@@ -168,3 +169,12 @@ def test_signal_repeats_and_knows_how_long_it_has_been_shown() -> None:
     assert signal.at(21.0) == ("G", pytest.approx(4.0, abs=1e-4))
     assert signal.at(-4.0)[0] == "r"
     assert Signal().at(3.0) == ("", 0.0)
+
+
+def test_precedence_names_who_must_yield_and_who_has_red() -> None:
+    scene = scene_of((25.0, 0.0, 0.0, 8.0), (60.0, -35.0, np.pi / 2, 10.0))
+    yields = Rules(passages=passages(yields=True))
+    assert precedence(replace(scene, rules=yields), CROSSROADS) == [(1, 2, "must yield")]
+    red = Rules(passages=passages(yields=True, north=0, east=1), signals=(shows("r"), shows("G")))
+    assert precedence(replace(scene, rules=red), CROSSROADS) == [(2, 1, "has red")]
+    assert precedence(scene, CROSSROADS) == []
