@@ -105,6 +105,6 @@ def _check_types(given: Mapping[str, Any], kinds: Sequence[type]) -> None:
     """Raise a `UsageError` for a value of another type than its field; unions of classes are not checked."""
     for one in (one for kind in kinds for one in dataclasses.fields(kind) if one.name in given):
         value, wanted = given[one.name], str(one.type)
-        plain = [_PLAIN.get(kind) for kind in wanted.partition("[")[0].split(" | ")]
-        if None not in plain and not isinstance(value, tuple(plain)):
+        names = wanted.partition("[")[0].split(" | ")
+        if _PLAIN.keys() >= set(names) and not isinstance(value, tuple(_PLAIN[name] for name in names)):
             raise UsageError(f"{one.name}: got {value!r:.60}, needs {wanted}")
