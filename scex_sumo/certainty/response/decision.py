@@ -119,7 +119,8 @@ def decide(
     found = pair_responses(rows)
     worst = deciding(found, keep_doubtful=keep_doubtful)
     if worst is None:
-        return Decision(kind=NOTHING, sentence="Nothing to test: no two vehicles come near each other.")
+        never = "no pair collides as often as once in a billion such moments"
+        return Decision(kind=NOTHING, sentence=f"Nothing to test: {never}.")
     kind = NOTHING
     if worst.is_to_be_tested:
         kind = TEST if keep_doubtful or worst.doubt is None else DOUBTFUL

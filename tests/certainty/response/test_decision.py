@@ -85,7 +85,7 @@ def test_both_orders_and_all_actions_of_a_pair_count_together() -> None:
 def test_without_encounters_there_is_nothing_to_test() -> None:
     found = decide([])
     assert found.kind == "nothing" and found.pair is None
-    assert found.sentence == "Nothing to test: no two vehicles come near each other."
+    assert found.sentence == "Nothing to test: no pair collides as often as once in a billion such moments."
 
 
 def test_an_error_of_the_data_is_told_where_it_changes_the_decision() -> None:
