@@ -1,9 +1,9 @@
 """Human-like futures against recordings and constant velocity, by site.
 
     python benchmarks/attentive.py [--data FOLDER] [--part test] [--most 5] [--futures 32] [--models likely]
-                                   [--kept FILE] [--raw]
+                                   [--kept FILE] [--raw] [--sites NAMES] [--steps 30]
 
-Seed scenes of the part of the time split are driven for 3 s in a world without SUMO. Columns:
+Seed scenes of the part of the time split are driven for 3 s (--steps) in a world without SUMO. Columns:
 
 - brier, cv, base: mean Brier score of the paper's four events, of constant velocity, and of the base rate;
 - cover, least: share of recorded values within 5-95 % of the futures, mean and smallest of the 24 values;
@@ -51,6 +51,7 @@ from scex_sumo.studies.validate.scoring import COLLISION, EVENTS, MIN_DEFINED
 from scex_sumo.world.plain import PlainWorld
 
 STEPS, REPLAN = 30, 5
+NOISY_STEPS = 30  # no longer noise of boxes is known
 HARD_MPS2, OVER_STEPS = 3.0, 5
 STANDING_MPS, STARTED_M = 0.5, 1.0
 SETTINGS = RunSettings(futures=1, preset="both")
@@ -174,7 +175,7 @@ def measured(scene: SeedScene, rollout: Rollout) -> FloatArray:
 def figures(case: Case, model: str, futures: int) -> Figures:
     rollout = simulated(case.scene, model, range(futures))
     rng = np.random.default_rng(zlib.crc32(case.scene.name.encode()))
-    seen = as_recorded(case.scene, rollout, case.noise, rng)
+    seen = as_recorded(case.scene, rollout, case.noise, rng) if STEPS <= NOISY_STEPS else rollout
     return Figures(
         case=case,
         driven=measured(case.scene, rollout),
@@ -317,7 +318,9 @@ def main() -> None:
     parser.add_argument("--kept", type=Path)
     parser.add_argument("--raw", action="store_true", help="drivers plan from recorded headings and speeds")
     parser.add_argument("--sites", default=",".join(SITES))
+    parser.add_argument("--steps", type=int, default=STEPS, help="of 0.1 s; files of --kept have their own")
     arguments = parser.parse_args()
+    globals()["STEPS"] = arguments.steps
     if arguments.raw:
         driver.estimated_history = lambda history, road: history  # type: ignore[assignment]
     if arguments.kept is not None and arguments.kept.is_file():

@@ -310,7 +310,7 @@ def braking_for_turns(
     near, far = human.turn_range_m
     counts = np.abs(ahead - far / 2) < far / 2
     needed = np.where(counts, excess, 0.0) / (2 * np.maximum(ahead, near))
-    return np.maximum(needed.max(axis=1), 0.0)
+    return np.asarray(np.maximum(needed.max(axis=1), 0.0))
 
 
 def _overlaps(view: View, leaders: Leaders) -> BoolArray:

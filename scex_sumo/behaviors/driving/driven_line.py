@@ -105,4 +105,4 @@ def _band(
         free = (inverse @ (STEP * (held - push) - force)[..., None])[..., 0]
         held = np.clip(free + push, least, most)
         push += free - held
-    return held
+    return np.asarray(held)

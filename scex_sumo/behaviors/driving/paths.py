@@ -167,8 +167,8 @@ def seed_paths(
     if not scene.intentions:
         return paths
     factor = [1.0 if known is None else known.speed_factor for known in scene.intentions]
-    driven = [factor[v] if line.on_road else 1.0 for v, some in enumerate(lines) for line in some]
-    return replace(paths, speed_limit=paths.speed_limit * np.array(driven)[:, None])
+    factors = [factor[v] if line.on_road else 1.0 for v, some in enumerate(lines) for line in some]
+    return replace(paths, speed_limit=paths.speed_limit * np.array(factors)[:, None])
 
 
 def driven_paths(scene: SeedScene, road: Road) -> SeedPaths:
