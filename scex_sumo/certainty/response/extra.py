@@ -57,7 +57,7 @@ class ResponseExtra(CriticalResponse):
             return (Row(name="critical response", value=None),)
         import pyarrow.parquet as pq
 
-        rows = pq.read_table(work.job.folder.parent / RESPONSE).to_pylist()  # of the run itself
+        rows = pq.read_table((work.job.folder.parent / RESPONSE).absolute()).to_pylist()  # of the run itself
         value = any_collision(rows, doubtful=work.options.keep_doubtful)
         return (Row(name="critical response", value=value),)
 
