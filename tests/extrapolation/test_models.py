@@ -71,8 +71,8 @@ def test_a_model_of_ones_own_that_is_assigned_is_under_test() -> None:
     assign = {17: "parked", 23: "standard_driver"}
     compared = RunSettings(assign=assign)
     assert (compared.assign, compared.under_test) == ({23: "standard_driver"}, {17: "parked"})
-    assert (Baseline().repeats(compared), Baseline(baseline=False).repeats(compared)) == (1, 0)
-    assert Baseline().repeats(RunSettings(under_test={42: None})) == 0
+    assert (Baseline().is_on(compared), Baseline(baseline=False).is_on(compared)) == (True, False)
+    assert not Baseline().is_on(RunSettings(under_test={42: None}))
 
 
 def test_vehicles_that_are_named_twice_or_are_not_there_are_refused() -> None:

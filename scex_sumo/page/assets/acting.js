@@ -13,7 +13,8 @@ function between(values, share) {
 
 // Way of the responder at each step, m: as expected until it brakes, as `responded` of critical.py.
 function respondedWay({ way }, begin, { step_s: step, last_s: last, jerk_mps3: jerk, decelerations: [, hardest] }) {
-  const expected = (time) => between(way, time / last), speedOf = (time) => (expected(Math.max(time, step / 2) + step / 2) - expected(Math.max(time, step / 2) - step / 2)) / step, fine = step / FINER, found = [];
+  const expected = (time) => between(way, time / last), fine = step / FINER, found = [];
+  const speedOf = (time) => (expected(Math.max(time, step / 2) + step / 2) - expected(Math.max(time, step / 2) - step / 2)) / step;
   let s, v, slowing;
   for (let k = 0; k <= Math.round(last / fine); k++) {
     const time = k * fine, usual = expected(time);
