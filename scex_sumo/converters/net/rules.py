@@ -35,16 +35,20 @@ def with_rules(scene: SeedScene, net: SumoNet, *, keep: bool = True) -> tuple[Se
     """
     road = scene.road
     assert road is not None
-    root, notes = net_root(net.path), list[str]()
-    lit = any(logic.get("programID") == RECORDED for logic in root.iter("tlLogic"))
-    if not lit and (signals := signals_of(scene)) is not None:
+    root, signals = net_root(net.path), signals_of(scene)
+    if signals is not None and not _is_recorded(root):
         with TemporaryFolder() as folder, suppress(MapError):
             path = Path(folder) / "lit.net.xml"
             net = converted(road, path, keep=keep, signals=signals, time_s=scene.time_s)
             root = net_root(path)
-            notes += [f"lights as recorded in {signals.name}"]
-    rules, contradictions = read_rules(root, net.lanes, road)
-    return replace(scene, rules=rules if rules.passages else None), (*notes, *contradictions)
+    rules, notes = read_rules(root, net.lanes, road)
+    if signals is not None and _is_recorded(root):
+        notes = (f"lights as recorded in {signals.name}", *notes)
+    return replace(scene, rules=rules if rules.passages else None), notes
+
+
+def _is_recorded(root: Element) -> bool:
+    return any(logic.get("programID") == RECORDED for logic in root.iter("tlLogic"))
 
 
 def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tuple[str, ...]]:
@@ -71,9 +75,10 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
     crosswalks = tuple(area.outline for area in road.areas if area.kind == "crosswalk")
     lines = tuple(line for rule in road.regulations for line in rule.stop_lines)
     states = tuple(signals.values())
-    return Rules(passages=tuple(passages), signals=states, stop_lines=lines, crosswalks=crosswalks), tuple(
-        notes
-    )
+    if unknown := sum(p.signal >= 0 and not states[p.signal].letters for p in passages):
+        notes.append(f"lights of {unknown} passages are unknown: inferred from vehicles that stand or drive")
+    rules = Rules(passages=tuple(passages), signals=states, stop_lines=lines, crosswalks=crosswalks)
+    return rules, tuple(notes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -54,8 +54,10 @@ def test_lights_begin_at_the_seed_moment() -> None:
 
 @pytest.mark.parametrize(("programme", "known"), [("0", False), ("recorded", True)])
 def test_invented_phases_of_a_map_without_a_net_are_unknown(programme: str, known: bool) -> None:
-    rules, _ = rules_of(net=False, LIGHT='tl="t" linkIndex="0"', PROGRAMME=programme)
+    rules, notes = rules_of(net=False, LIGHT='tl="t" linkIndex="0"', PROGRAMME=programme)
     assert (rules.signals[0].at(0.0)[0] != "") == known
+    told = "lights of 1 passages are unknown: inferred from vehicles that stand or drive"
+    assert notes == (() if known else (told,))
 
 
 def test_phases_that_do_not_fit_are_not_obeyed() -> None:
