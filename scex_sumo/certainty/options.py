@@ -28,6 +28,7 @@ class ExactProbabilities(Extra):
 
     order: ClassVar[int] = 10
     files: ClassVar[tuple[str, ...]] = (EXACT, "exact", FITTED)
+    methods: ClassVar[str] = "scex_sumo.certainty.extra:ExactExtra"
 
     exact: bool = option("Run some more futures for exact probabilities.", True)
     fit_weights: bool = option("Fit the models' weights to the recording.", False)
@@ -36,12 +37,6 @@ class ExactProbabilities(Extra):
         """See `Extra`."""
         return self.exact or self.fit_weights
 
-    def loaded(self) -> ExactProbabilities:
-        """See `Extra`."""
-        from scex_sumo.certainty.extra import ExactExtra
-
-        return ExactExtra(**vars(self))
-
 
 @dataclass(frozen=True, kw_only=True)
 class CriticalResponse(Extra):
@@ -49,6 +44,7 @@ class CriticalResponse(Extra):
 
     order: ClassVar[int] = 15
     files: ClassVar[tuple[str, ...]] = (RESPONSE, DECISION, MAPS)
+    methods: ClassVar[str] = "scex_sumo.certainty.response.extra:ResponseExtra"
 
     response: str | None = option(
         "How people act and respond, or a file.", PEOPLE, metavar="people|FILE|none", takes=str
@@ -60,12 +56,6 @@ class CriticalResponse(Extra):
     def is_on(self, settings: RunSettings) -> bool:
         """See `Extra`."""
         return self.response not in (None, "none")
-
-    def loaded(self) -> CriticalResponse:
-        """See `Extra`."""
-        from scex_sumo.certainty.response.extra import ResponseExtra
-
-        return ResponseExtra(**vars(self))
 
     def answer(self, run: Any) -> Mapping[str, Any]:
         """Return null for the keys of a run without critical responses."""

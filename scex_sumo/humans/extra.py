@@ -17,6 +17,7 @@ class HumanReference(Extra):
 
     order: ClassVar[int] = 20
     files: ClassVar[tuple[str, ...]] = (REFERENCE,)
+    methods: ClassVar[str] = "scex_sumo.humans.reference:ReferenceExtra"
 
     reference: str | None = option(
         "Human-like reference, run after the stress test.", "likely", metavar="MIX|none", takes=str
@@ -25,9 +26,3 @@ class HumanReference(Extra):
     def is_on(self, settings: RunSettings) -> bool:
         """See `Extra`."""
         return self.reference not in (None, "none")
-
-    def loaded(self) -> HumanReference:
-        """See `Extra`."""
-        from scex_sumo.humans.reference import ReferenceExtra
-
-        return ReferenceExtra(**vars(self))

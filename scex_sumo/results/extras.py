@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.importing import Registry
+from scex_sumo.base.importing import Registry, import_object
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -137,9 +137,13 @@ class ExtraResults:
     files: ClassVar[tuple[str, ...]] = ()
     """Patterns of the files and folders that it writes into a result folder; removed if it is off."""
 
+    methods: ClassVar[str] = ""
+    """Import path of a class derived from it that has all methods, ``package.module:Class``; or none."""
+
     def loaded(self: E) -> E:
-        """Return the extra with all methods; one whose methods are in another module imports them here."""
-        return self
+        """Return the extra with all methods."""
+        loaded: E = import_object(self.methods)(**vars(self)) if self.methods else self
+        return loaded
 
     def exact_probability(
         self, run: Any, event: str, pair: tuple[int, int] | None

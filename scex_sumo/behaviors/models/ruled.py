@@ -54,7 +54,8 @@ class RuledDriver(IdmDriver):
         paths, row = chosen_paths(history, road, who, profile.path)
         hold: FloatArray | None = None
         if history.scene.rules is not None and not isinstance(profile.path, tuple):
-            from scex_sumo.behaviors.rules.holds import Manner, lights, obeyed, straight_traffic
+            from scex_sumo.behaviors.rules.holds import Manner, lights, obeyed
+            from scex_sumo.behaviors.rules.states import straight_traffic
 
             manner = Manner(
                 lights=profile.lights,

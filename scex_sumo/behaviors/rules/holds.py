@@ -8,24 +8,20 @@ Critical headways: Highway Capacity Manual, 7th edition (TRB 2022): 4.5 s for a 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.rules.states import STANDS_MPS, Lit, Traffic
 from scex_sumo.behaviors.rules.ways import RuledWays, ruled_ways
-from scex_sumo.road import Rules
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 REACH_M = 100.0  # holds further ahead count later
 PASSED_M = 0.5  # a front that is so far beyond a line has passed it
 BEFORE_ZONE_M = 1.0  # of a conflict, for a vehicle that waits within the junction
 AT_LINE_M = 4.0  # a vehicle that stands so near before a line waits at it
-STANDS_MPS = 0.5
-GAIN_STEPS, GAIN_MPS = 3, 0.3  # a vehicle that gained or lost so much speed in so many steps goes or brakes
+GAIN_MPS = 0.3  # a vehicle that gained or lost so much speed in three steps goes or brakes
 SLOW_MPS, GOES_MPS2 = 6.0, 1.0  # a slower vehicle that gains speed with so little room to stop goes on
 START_MPS2 = 1.5  # acceleration of a vehicle that goes
 COMING_MPS2 = 3.0  # a vehicle that would brake harder than this does not stop at its red light
@@ -33,8 +29,6 @@ GOING_MPS = 5.0  # least speed of a vehicle that goes, after it has started
 CLEAR_S = 1.0  # between a vehicle that leaves a conflict and the next one
 PERMITTED_S, CROSSING_S, MERGING_S = 4.5, 6.5, 5.0  # critical headways
 WALKER_M, WALKER_S = 1.0, (0.0, 1.0, 2.0)  # around a crosswalk; times ahead at which walkers count
-
-GREEN, YELLOW, RED = "Gg", "yY", "rRu"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,72 +55,6 @@ class Manner:
     gaps: FloatArray | float = 1.0
     priority_mps2: FloatArray | float = 4.0
     stands_mps: FloatArray | float = STANDS_MPS
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Lit:
-    """Lights now: (1 or C, G + 1), of all futures or of each; the last one is that of passages without."""
-
-    red: BoolArray
-    yellow: BoolArray
-    green: BoolArray
-    free: BoolArray  # green with priority
-    stop: BoolArray
-    since_s: FloatArray  # how long it has been shown, s
-
-    @classmethod
-    def at(cls, rules: Rules, time_s: float) -> Lit:
-        """Return the lights at a time since the seed moment."""
-        shown = [*(signal.at(time_s) for signal in rules.signals), ("", 0.0)]
-        letters = [letter for letter, _ in shown]
-        return cls(
-            red=np.array([[x != "" and x in RED for x in letters]]),
-            yellow=np.array([[x != "" and x in YELLOW for x in letters]]),
-            green=np.array([[x != "" and x in GREEN for x in letters]]),
-            free=np.array([[x == "G" for x in letters]]),
-            stop=np.array([[x == "s" for x in letters]]),
-            since_s=np.array([[since for _, since in shown]]),
-        )
-
-    def of(self, name: str, future: IntArray, signal: IntArray) -> Any:
-        """Return what signals (m,) show in futures (m,)."""
-        values = getattr(self, name)
-        return values[future % len(values), signal]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Traffic:
-    """Places of all vehicles on their paths: (C, V) path, front and rear, m, and speed, m/s."""
-
-    row: IntArray
-    front: FloatArray
-    rear: FloatArray
-    speed: FloatArray
-    slowest: FloatArray  # (C, V) speed in the last second, m/s
-    gained: FloatArray  # (C, V) speed in the last three steps, m/s
-
-
-def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffic:
-    """Return the places of all vehicles on paths (C, V)."""
-    future, vehicle = np.indices(row.shape).reshape(2, -1)
-    who, now = VehicleIndex(future=future, vehicle=vehicle), history.now
-    s, _, _ = foot_points(paths, row.ravel(), now.x.ravel(), now.y.ravel(), expected_way(history, who))
-    s, half = s.reshape(row.shape), history.scene.length / 2
-    return Traffic(
-        row=row,
-        front=s + half,
-        rear=s - half,
-        speed=np.maximum(now.speed, 0.0),
-        slowest=history.states.speed.min(axis=2),
-        gained=now.speed - history.states.speed[:, :, -1 - GAIN_STEPS],
-    )
-
-
-@owner_cache
-def straight_traffic(history: SceneHistory, paths: SeedPaths) -> Traffic:
-    """Return the places of all vehicles on their straightest paths."""
-    row = np.broadcast_to(paths.first + paths.straight, history.now.shape)
-    return traffic_on(history, paths, row)
 
 
 def lights(history: SceneHistory, paths: SeedPaths) -> Lit:

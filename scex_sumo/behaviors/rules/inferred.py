@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.rules.holds import STANDS_MPS, Lit, straight_traffic
+from scex_sumo.behaviors.rules.states import STANDS_MPS, Lit, straight_traffic
 from scex_sumo.behaviors.rules.ways import ruled_ways
 from scex_sumo.geometry.polylines import heading, turn
 from scex_sumo.road import Rules

@@ -17,15 +17,10 @@ class Baseline(Extra):
 
     order: ClassVar[int] = 5
     files: ClassVar[tuple[str, ...]] = (BASELINE,)
+    methods: ClassVar[str] = "scex_sumo.studies.under_test.baseline:BaselineExtra"
 
     baseline: bool = option("Run the futures without the models under test, too.", True)
 
     def is_on(self, settings: RunSettings) -> bool:
         """See `Extra`."""
         return self.baseline and any(model is not None for model in settings.under_test.values())
-
-    def loaded(self) -> Baseline:
-        """See `Extra`."""
-        from scex_sumo.studies.under_test.baseline import BaselineExtra
-
-        return BaselineExtra(**vars(self))

@@ -1,0 +1,86 @@
+"""What rules see of a moment: lights, and places of vehicles on their paths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.road import Rules
+from scex_sumo.scene import SceneHistory, VehicleIndex
+
+STANDS_MPS = 0.5
+GAIN_STEPS = 3
+
+GREEN, YELLOW, RED = "Gg", "yY", "rRu"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lit:
+    """Lights now: (1 or C, G + 1), of all futures or of each; the last one is that of passages without."""
+
+    red: BoolArray
+    yellow: BoolArray
+    green: BoolArray
+    free: BoolArray  # green with priority
+    stop: BoolArray
+    since_s: FloatArray  # how long it has been shown, s
+
+    @classmethod
+    def at(cls, rules: Rules, time_s: float) -> Lit:
+        """Return the lights at a time since the seed moment."""
+        shown = [*(signal.at(time_s) for signal in rules.signals), ("", 0.0)]
+        letters = [letter for letter, _ in shown]
+        return cls(
+            red=np.array([[x != "" and x in RED for x in letters]]),
+            yellow=np.array([[x != "" and x in YELLOW for x in letters]]),
+            green=np.array([[x != "" and x in GREEN for x in letters]]),
+            free=np.array([[x == "G" for x in letters]]),
+            stop=np.array([[x == "s" for x in letters]]),
+            since_s=np.array([[since for _, since in shown]]),
+        )
+
+    def of(self, name: str, future: IntArray, signal: IntArray) -> Any:
+        """Return what signals (m,) show in futures (m,)."""
+        values = getattr(self, name)
+        return values[future % len(values), signal]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Traffic:
+    """Places of all vehicles on their paths: (C, V) path, front and rear, m, and speed, m/s."""
+
+    row: IntArray
+    front: FloatArray
+    rear: FloatArray
+    speed: FloatArray
+    slowest: FloatArray  # (C, V) speed in the last second, m/s
+    gained: FloatArray  # (C, V) speed in the last three steps, m/s
+
+
+def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffic:
+    """Return the places of all vehicles on paths (C, V)."""
+    future, vehicle = np.indices(row.shape).reshape(2, -1)
+    who, now = VehicleIndex(future=future, vehicle=vehicle), history.now
+    s, _, _ = foot_points(paths, row.ravel(), now.x.ravel(), now.y.ravel(), expected_way(history, who))
+    s, half = s.reshape(row.shape), history.scene.length / 2
+    return Traffic(
+        row=row,
+        front=s + half,
+        rear=s - half,
+        speed=np.maximum(now.speed, 0.0),
+        slowest=history.states.speed.min(axis=2),
+        gained=now.speed - history.states.speed[:, :, -1 - GAIN_STEPS],
+    )
+
+
+@owner_cache
+def straight_traffic(history: SceneHistory, paths: SeedPaths) -> Traffic:
+    """Return the places of all vehicles on their straightest paths."""
+    row = np.broadcast_to(paths.first + paths.straight, history.now.shape)
+    return traffic_on(history, paths, row)
