@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from scex_sumo.base.cache import cached_object
+from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.version import __version__, version_of
@@ -48,19 +49,29 @@ def converted(
 
     Args:
         keep: False neither reads nor writes the cache.
-        signals: recorded phases, which begin at ``time_s`` of their recording.
+        signals: recorded phases, which begin at ``time_s`` of their recording; a note says why they are left
+            out if they cannot be used.
     """
+    if signals is None:
+        return _with_files(_kept(road, keep), net_path)
+    try:
+        net = _kept(road, keep, signals)
+    except MapError as error:
+        net = _kept(road, keep)
+        net = replace(net, notes=(*net.notes, f"recorded lights are left out: {error}"))
+    # A future begins at 0.1 s of its simulation.
+    begun = f'programID="recorded" offset="{STEP_S - time_s:.3f}"'
+    return _with_files(
+        replace(net, content=net.content.replace('programID="recorded" offset="0"', begun)), net_path
+    )
+
+
+def _kept(road: Road, keep: bool, signals: Path | None = None) -> WrittenNet:
     if not keep or road.net is not None:
-        net = _written(road, signals)
-    else:
-        made_of = (__version__, version_of("shapely"), road, None if signals is None else sha256_of(signals))
-        key = hashlib.sha256(pickle.dumps(made_of if signals else made_of[:3])).digest()
-        net = cached_object("nets", key, partial(_written, road, signals), (WrittenNet, MapLoss))
-    if signals is not None:
-        # A future begins at 0.1 s of its simulation.
-        begun = f'programID="recorded" offset="{STEP_S - time_s:.3f}"'
-        net = replace(net, content=net.content.replace('programID="recorded" offset="0"', begun))
-    return _with_files(net, net_path)
+        return _written(road, signals)
+    made_of = (__version__, version_of("shapely"), road, *([] if signals is None else [sha256_of(signals)]))
+    key = hashlib.sha256(pickle.dumps(made_of)).digest()
+    return cached_object("nets", key, partial(_written, road, signals), (WrittenNet, MapLoss))
 
 
 def _written(road: Road, signals: Path | None = None) -> WrittenNet:

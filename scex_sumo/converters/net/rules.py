@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,7 +10,6 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet
@@ -37,7 +35,7 @@ def with_rules(scene: SeedScene, net: SumoNet, *, keep: bool = True) -> tuple[Se
     assert road is not None
     root, signals = net_root(net.path), signals_of(scene)
     if signals is not None and not _is_recorded(root):
-        with TemporaryFolder() as folder, suppress(MapError):
+        with TemporaryFolder() as folder:
             path = Path(folder) / "lit.net.xml"
             net = converted(road, path, keep=keep, signals=signals, time_s=scene.time_s)
             root = net_root(path)

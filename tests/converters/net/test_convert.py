@@ -81,3 +81,14 @@ def test_a_cache_that_cannot_be_written_stops_nobody(
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     assert converted(road_of(), tmp_path / "a.net.xml").path.is_file()
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_recorded_lights_that_cannot_be_used_are_left_out_with_a_note(tmp_path: Path, keep: bool) -> None:
+    signals = tmp_path / "signal_phases_000.csv"
+    signals.write_text("rubbish,x\n")
+    net = converted(road_of(), tmp_path / "lit.net.xml", keep=keep, signals=signals)
+    (note,) = net.notes
+    assert note.startswith("recorded lights are left out: ") and "signal_phases_000.csv" in note
+    plain = converted(road_of(), tmp_path / "net.net.xml", keep=keep)
+    assert net.path.read_bytes() == plain.path.read_bytes() and net.lanes.rows == plain.lanes.rows
