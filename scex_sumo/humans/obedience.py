@@ -68,20 +68,17 @@ def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARA
     )
 
 
-def obedience(view: View, rows: IntArray, spread: float) -> Obeyed | None:
-    """Return where drivers have to stop, and where lights are green; None in a scene without rules.
+def obedience(view: View, rows: IntArray, spread: float) -> Obeyed:
+    """Return where drivers have to stop, and where lights are green, in a scene with rules.
 
     Args:
         rows: (C, V) paths of all vehicles: turn indicators show them.
     """
-    history, who = view.history, view.who
-    if history.scene.rules is None:
-        return None
+    history, who, rules = view.history, view.who, view.history.scene.rules
+    assert rules is not None
     manner = manner_of(history.route_draw[who.future, who.vehicle], spread)
     traffic = traffic_on(history, view.paths, rows)
-    return obeyed(
-        history, who, view.paths, view.row, traffic, manner, _lights(view, history.scene.rules, spread)
-    )
+    return obeyed(history, who, view.paths, view.row, traffic, manner, _lights(view, rules, spread))
 
 
 def _lights(view: View, rules: Rules, spread: float) -> Lit:

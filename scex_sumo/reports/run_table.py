@@ -198,7 +198,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     steps = int(run.info.get("steps", 0))
     for seconds in HORIZONS_S if steps > HORIZONS_STEPS and run.outcomes else ():
         if seconds < STEP_S * steps:
-            human = () if likely is None else (f"{likely.p_collision_by(seconds).value:.1%}",)
+            human = () if likely is None else (_tight(likely.p_collision_by(seconds).share),)
             found = _shares(run.p_collision_by(seconds))
             rows.append((f"collision by {seconds:g} s", *("–",) * 2, "any", *human, *found, "all"))
     if (injuries := expected_injuries(run)) is not None:

@@ -14,7 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.rules.states import STANDS_MPS, Lit, Traffic
-from scex_sumo.behaviors.rules.ways import RuledWays, ruled_ways
+from scex_sumo.behaviors.rules.ways import RuledWays, crosswalk_areas, ruled_ways
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 REACH_M = 100.0  # holds further ahead count later
@@ -255,7 +255,7 @@ def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> Floa
     now = history.obstacle_states
     used = np.zeros(len(rules.crosswalks), dtype=np.bool_)
     for k in np.unique(ways.walks[:, 3].astype(int)):
-        area = shapely.make_valid(shapely.Polygon(rules.crosswalks[k])).buffer(WALKER_M)
+        area = crosswalk_areas(rules)[k].buffer(WALKER_M)
         way = np.outer(WALKER_S, now.speed)
         x, y = now.x + way * np.cos(now.heading), now.y + way * np.sin(now.heading)
         later = shapely.contains_xy(area, x, y)

@@ -149,11 +149,17 @@ def _span(one: FloatArray, other: FloatArray) -> FloatArray | None:
     return np.array([s[here[0]], s[here[-1]], t[there[0]], t[there[-1]]])
 
 
+@owner_cache
+def crosswalk_areas(rules: Rules) -> tuple[shapely.Geometry, ...]:
+    """Return the areas of the crosswalks."""
+    return tuple(shapely.make_valid(shapely.Polygon(outline)) for outline in rules.crosswalks)
+
+
 def _walks(points: FloatArray, rules: Rules) -> Iterator[tuple[float, float, float, float]]:
     """Yield path, begin and end of each crosswalk on a path, and the index of the crosswalk."""
     if not rules.crosswalks:
         return
-    areas = [shapely.make_valid(shapely.Polygon(outline)) for outline in rules.crosswalks]
+    areas = crosswalk_areas(rules)
     tree = shapely.STRtree(areas)
     for row, line in enumerate(points):
         for k in np.sort(tree.query(shapely.LineString(line), "intersects")).tolist():

@@ -87,8 +87,8 @@ class Blocked:
         """Return (m, ..., T) whether vehicles at arc lengths (m, ..., T) touch the other one at each time.
 
         It includes a vehicle that passes through the whole stretch in the step before, unless another stretch
-        of its line is blocked then. A stretch that is
-        blocked at one end of a step only is taken to be so in half of it.
+        of its line is blocked then. A stretch that is blocked at one end of a step only is taken to be so in
+        half of it.
         """
         middle = (slice(None),) + (None,) * (s.ndim - self.enter.ndim)
         enter, leave = self.enter[middle], self.leave[middle]
