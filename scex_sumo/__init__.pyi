@@ -29,11 +29,11 @@ from .extrapolation.extrapolate import extrapolate as extrapolate
 from .extrapolation.extras import Extra as Extra
 from .extrapolation.extras import Work as Work
 from .extrapolation.settings import RunSettings as RunSettings
-from .formats.sumo.watch import Watch as Watch
-from .formats.sumo.watch import watch as watch
 from .learned.scene_graph.graph import SceneGraph as SceneGraph
 from .learned.scene_graph.graph import scene_graph as scene_graph
 from .learned.training.attention import plot_attention as plot_attention
+from .live.watch import Watch as Watch
+from .live.watch import watch as watch
 from .metrics.pairs.scenes import Samples as Samples
 from .metrics.pairs.scenes import Scenes as Scenes
 from .plug_in.inputs import Surroundings as Surroundings

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.base.errors import ScexError, SimulationError, TrackError, UsageError, warn_notes
+from scex_sumo.base.errors import ScexError, SimulationError, UsageError, warn_notes
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors import registry as behaviors
-from scex_sumo.converters.datasets.reader import repaired
 from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.registries import Recording
-from scex_sumo.evaluation.recordings import LoadedRecording, seed_at
 from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.extrapolation.pool import in_other_process
-from scex_sumo.formats.sumo.net import read_sumo_road
+from scex_sumo.extrapolation.pool import Pool, WorkersDied
 from scex_sumo.formats.sumo.recorder import Recorder
-from scex_sumo.formats.sumo.scenario import SCENARIO, refuse_mesoscopic
+from scex_sumo.formats.sumo.scenario import refuse_mesoscopic
+from scex_sumo.live.moment import Moment, road_of
 from scex_sumo.metrics import registry as metrics
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
@@ -48,7 +46,10 @@ class Watch:
         if hasattr(connection, "getConnection"):  # traci itself: its present connection, whatever comes after
             with _asking("read"):
                 connection = connection.getConnection(connection.getLabel())
-        self._sumo, self._road = connection, None if net is None else read_sumo_road(net)
+        self._sumo = connection
+        self._pool: Pool | None = None
+        if net is not None:
+            road_of(net)  # an error now
         with _asking("read"):
             # libtraci steps all of its connections through one module.
             several = getattr(connection, "isLibtraci", bool)()
@@ -110,28 +111,19 @@ class Watch:
         return True
 
     def scene(self) -> SeedScene:
-        """Return the seed scene of the present step; ``source["vehicles"]`` has SUMO's names.
+        """Return the seed scene of the present step, see `Moment.scene`.
 
         It is the last recorded step if the connection is closed.
-
-        Raises:
-            TrackError: no vehicle is there.
-            MapError: the net cannot be read.
         """
+        return self.moment().scene()
+
+    def moment(self) -> Moment:
+        """Return the last second until the present step, or until the last one of a closed connection."""
         if self._is_open():
             with _asking("read"):
                 self._take()  # steps that no listener was told of, and vehicles removed since
                 self._recorder.take_intentions()
-        recorded = self._recorder.recorded
-        if not any(recorded.users[name][0] != "pedestrian" for name in recorded.frames[-1][1]):
-            raise TrackError(f"no vehicle on the road at {self.time_s:g} s; step the simulation first")
-        if self._road is None:
-            self._road = read_sumo_road(self._net)
-        table, findings = repaired(*recorded.tracks(self._net), SCENARIO)
-        name = map_name(self._net)
-        here = Recording(name=name, site=name, dataset="sumo", map_path=self._net, track_paths=(self._net,))
-        loaded = LoadedRecording(recording=here, road=self._road, table=table, findings=findings)
-        return seed_at(loaded, float(table.vehicles.stamps_ms[-1]) / 1000.0)
+        return Moment(recorded=self._recorder.recorded, net=self._net)
 
     def extrapolate(self, *, out: str | Path | None = None, **options: Any) -> Run:
         """Simulate futures of the last recorded step in other processes, as `scex_sumo.extrapolate`.
@@ -147,20 +139,24 @@ class Watch:
         """
         if callable(options.get("progress")):
             raise UsageError("progress: the futures run in another process; give True or None")
-        scene = self.scene()
-        assert scene.road is not None
-        warn_notes([*scene.road.notes, *scene.notes])
+        moment = self.moment()
         temporary = TemporaryFolder() if out is None else None
         folder = Path(temporary.name) / "run" if temporary else Path(str(out)).absolute()
         own = dict(behaviors._registered), dict(metrics._registered)
-        run = partial(_extrapolate, scene, folder, options, *own)
-        died = f"{folder}: a process of the futures died twice"
-        warn_notes(in_other_process(run, where="in the futures", died=died))
+        work = partial(_extrapolate, moment, folder, options, *own)
+        if self._pool is None:  # kept: the second time it knows net, map and models
+            self._pool = Pool(1)
+            weakref.finalize(self, self._pool.close)
+        try:
+            warn_notes(self._pool.submit(work, where="in the futures").result())
+        except WorkersDied as died:
+            last = died.args[1][-1]
+            raise SimulationError(f"{folder}: a process of the futures died twice ({last})") from None
         return Run(folder, temporary)
 
 
 def _extrapolate(
-    scene: SeedScene,
+    moment: Moment,
     folder: Path,
     options: Mapping[str, Any],
     own_models: Mapping[str, Any],
@@ -168,8 +164,10 @@ def _extrapolate(
 ) -> list[str]:
     behaviors._registered.update(own_models)
     metrics._registered.update(own_metrics)
+    scene = moment.scene()
+    assert scene.road is not None
     run = extrapolate(scene, out=folder, **options)
-    return [*run.info["net_notes"], *run.info["run_notes"]]
+    return [*scene.road.notes, *scene.notes, *run.info["net_notes"], *run.info["run_notes"]]
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import pytest
 from scex_sumo.base.programs import program
 from tests.formats.sumo.simulations import Simulation, in_sumo, write_grid
 
-PAGE = Path(__file__).parents[3] / "docs" / "sumo.md"
+PAGE = Path(__file__).parents[2] / "docs" / "sumo.md"
 QUIET = ', "--no-step-log", "--no-warnings", "--xml-validation", "never"])'
 CHECKED = """
 import json
@@ -210,3 +210,40 @@ def test_wrong_use_of_a_watch_is_an_error_in_one_line(grid: Simulation) -> None:
     )
     for word in words:
         assert word in done.stdout, (word, done.stdout)
+
+
+WARM = """
+import warnings
+import libsumo as sumo
+import scex_sumo as scex
+
+warnings.simplefilter("ignore")
+sumo.start(["sumo", "-c", "mine.sumocfg", "--no-step-log", "--no-warnings", "--xml-validation", "never"])
+watch = scex.watch(sumo)
+sumo.simulationStep(20)
+quick = dict(futures=2, models="constant_velocity", exact=False, report=False, reference=None, response=None)
+processes = set()
+for _ in range(2):
+    run = watch.extrapolate(extra=["mine:Process"], **quick)
+    processes.add(run.info["rows"][-1]["value"])
+    sumo.simulationStep()
+assert len(processes) == 1
+sumo.close()
+"""
+PROCESS = """
+import os
+from dataclasses import dataclass
+import scex_sumo as scex
+
+@dataclass(frozen=True, kw_only=True)
+class Process(scex.Extra):
+    def after(self, work):
+        return [scex.Row(name="process", value=os.getpid())]
+"""
+
+
+def test_further_extrapolations_of_a_watch_have_the_same_warm_process(grid: Simulation) -> None:
+    (grid.config.parent / "mine.py").write_text(PROCESS)
+    command = [sys.executable, "-c", WARM]
+    done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
+    assert not done.returncode, done.stderr
