@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,10 @@ from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.extrapolation.pool import Pool, WorkersDied
 from scex_sumo.formats.sumo.recorder import Recorder
 from scex_sumo.formats.sumo.scenario import refuse_mesoscopic
+from scex_sumo.live.focus import Focus
 from scex_sumo.live.moment import Moment, road_of
+from scex_sumo.live.risk import Question, Risk
+from scex_sumo.live.ticker import Ticker
 from scex_sumo.metrics import registry as metrics
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
@@ -60,19 +64,21 @@ class Watch:
             self._net = net or Path(connection.simulation.getOption("net-file")).absolute()
             self._recorder = Recorder(connection, keep_s=HISTORY_STEPS * STEP_S + self._step_s)
             self.time_s = self._recorder.take()
-            connection.addStepListener(self._listener())
+            self._ticker: Ticker | None = None
+            self._hears = connection.addStepListener(self._listener())
 
     def __repr__(self) -> str:
         users = len(self._recorder.recorded.frames[-1][1])
         return f"Watch({map_name(self._net)!r} at {self.time_s:g} s: {users} road users)"
 
     def _listener(self) -> Any:
-        take = self._take
+        take, tick = self._take, self._tick
 
         class Listener(load_sumo(gui=True).StepListener):  # type: ignore[misc]
             def step(self, t: float = 0.0) -> bool:
                 with suppress(Exception):  # the step is the user's; `scene` meets the error again
                     take()
+                    tick()
                 return True
 
         return Listener()
@@ -117,13 +123,84 @@ class Watch:
         """
         return self.moment().scene()
 
-    def moment(self) -> Moment:
-        """Return the last second until the present step, or until the last one of a closed connection."""
-        if self._is_open():
+    def moment(self, focus: Focus | None = None) -> Moment:
+        """Return the last second until the present step, or until the last one of a closed connection.
+
+        Args:
+            focus: which vehicles; None: all.
+        """
+        is_open = self._is_open()
+        if is_open:
             with _asking("read"):
                 self._take()  # steps that no listener was told of, and vehicles removed since
-                self._recorder.take_intentions()
-        return Moment(recorded=self._recorder.recorded, net=self._net)
+        moment = Moment(recorded=self._recorder.recorded, net=self._net)
+        if focus is not None:
+            moment = moment.within(focus)
+        if is_open:
+            with _asking("read"):
+                self._recorder.take_intentions(None if focus is None else moment.motorised)
+        return moment if focus is None else moment.intending(self._recorder.recorded)
+
+    def every(
+        self,
+        seconds: float,
+        callback: Callable[[Risk], object] | None = None,
+        *,
+        around: str | None = None,
+        region: tuple[float, float, float] | str | None = None,
+        busiest: int | None = None,
+        wait: bool = False,
+        workers: int = 1,
+        **question: Any,
+    ) -> None:
+        """Assess the simulation every so many seconds of its time, in other processes, while you step it.
+
+        A moment is skipped while all processes work. Whatever fails is a `ScexWarning`; your simulation goes
+        on.
+
+        Args:
+            callback: called with each `Risk` after one of your steps; it may act on the simulation.
+            around: SUMO's name of a vehicle; only pairs with one within 30 m of it count.
+            region: circle in the place of it, x, y and radius, m.
+            busiest: number of vehicles in the place of it, in the busiest place; 25 by default.
+            wait: no moment is skipped: the simulation waits; with one worker for each moment's risk.
+            workers: processes.
+            question: fields of `Question`: ``futures``, ``models``, ``seed``, ``response``.
+
+        Raises:
+            UsageError: an option makes no sense.
+        """
+        focus = Focus(around=around, region=region, busiest=busiest)
+        asked = Question(**question)
+        self.close()
+        self._ticker = Ticker(seconds, callback, question=asked, focus=focus, wait=wait, workers=workers)
+
+    def risk(self) -> Risk | None:
+        """Return the risk of the last moment that is finished, with its age; None before the first one."""
+        if self._ticker is None:
+            return None
+        self._ticker.take_up(self.time_s)
+        found = self._ticker.risk
+        return None if found is None else replace(found, age_s=self.time_s - found.time_s)
+
+    @property
+    def skipped(self) -> int:
+        """Number of moments that `every` skipped, because all processes worked."""
+        return 0 if self._ticker is None else self._ticker.skipped
+
+    def finish(self) -> None:
+        """Wait for the moments that are being assessed."""
+        if self._ticker is not None:
+            self._ticker.finish(self.time_s)
+
+    def close(self) -> None:
+        """End `every` and all processes of this watch; the simulation goes on."""
+        if self._ticker is not None:
+            self._ticker.close()
+
+    def _tick(self) -> None:
+        if self._ticker is not None and self._is_current():
+            self._ticker.step(self.time_s, self.moment)
 
     def extrapolate(self, *, out: str | Path | None = None, **options: Any) -> Run:
         """Simulate futures of the last recorded step in other processes, as `scex_sumo.extrapolate`.

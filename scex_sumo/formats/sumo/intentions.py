@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,16 +25,21 @@ _PARKS, _TRIGGERED = 1, 2 + 4  # bits of a planned stop's flags
 
 
 def intentions_now(
-    vehicles: Any, types: Mapping[str, Mapping[str, str]], model: str, time_s: float
+    vehicles: Any,
+    names: Iterable[str],
+    types: Mapping[str, Mapping[str, str]],
+    model: str,
+    time_s: float,
 ) -> Iterator[tuple[str, Intention]]:
     """Yield the name of each vehicle of the present step, and what it is to do.
 
     Args:
         vehicles: the connection's domain of vehicles.
+        names: of the vehicles.
         types: as of `types_of`.
         model: the simulation's car-following model, for types that name none.
     """
-    for name in vehicles.getIDList():
+    for name in names:
         attributes = types.get(str(vehicles.getTypeID(name)), {})
         index = max(int(vehicles.getRouteIndex(name)), 0)
         stops = range(len(vehicles.getStops(name, MAX_STOPS)))

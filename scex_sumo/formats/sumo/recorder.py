@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from array import array
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,7 @@ from scex_sumo.scene import STEP_S, SeedScene
 
 _NOWHERE_M = 1e8  # SUMO's coordinates of vehicles that are not in the network are beyond
 _PARKED = 2  # bit of a stop's state
+_LET_GO = 100  # road users that have left, before they are forgotten
 _STANDING_MPS = 0.1  # nobody parks faster
 _RAILS = ("rail", "rail_urban", "rail_electric", "rail_fast", "subway", "cable_car")
 _RAIL_SIGNALS = (1, 2)
@@ -165,7 +166,22 @@ class Recorder:
             recorded.absent.popleft()
         for light in self._lights:
             self._take_light(light, time_s, before_s)
+        if self._keep_s is not None and len(self._labels) > 2 * len(here) + _LET_GO:
+            self._forget(time_s - self._keep_s)
         return time_s
+
+    def _forget(self, before_s: float) -> None:
+        """Let go of road users that have left, and of what the lights did before a time, s."""
+        recorded = self.recorded
+        kept = {name for _, names, _ in recorded.frames for name in names}
+        kept |= {self._labels[user] for user in self._present}
+        self._labels = {user: label for user, label in self._labels.items() if label in kept}
+        recorded.users = {name: user for name, user in recorded.users.items() if name in kept}
+        recorded.intentions = {name: what for name, what in recorded.intentions.items() if name in kept}
+        recorded.asked_s = {asked_s for asked_s in recorded.asked_s if asked_s >= before_s}
+        for changes in recorded.lights.values():
+            while len(changes) > 1 and changes[1].since_s < before_s:
+                del changes[0]
 
     def _meet(self, users: Sequence[tuple[bool, str]]) -> None:
         """Label road users that are new, and learn their kinds and sizes."""
@@ -177,14 +193,15 @@ class Recorder:
             size = float(domain.getLength(name)), float(domain.getWidth(name))
             self.recorded.users[label] = "tram" if kind in _RAILS else kind, *size
 
-    def take_intentions(self) -> None:
-        """Record where the vehicles of the present step go, how they drive and where they stop."""
+    def take_intentions(self, names: Iterable[str] | None = None) -> None:
+        """Record where vehicles of the present step go, how they drive and where they stop; None: all do."""
         time_s = round(float(self._sumo.simulation.getTime()), 3)
-        kinds = {str(self._sumo.vehicle.getTypeID(name)) for name in self._sumo.vehicle.getIDList()}
+        names = list(self._sumo.vehicle.getIDList() if names is None else names)
+        kinds = {str(self._sumo.vehicle.getTypeID(name)) for name in names}
         if kinds - self._types.keys():
             self._types |= types_of(self._sumo)
         self.recorded.asked_s.add(time_s)
-        for name, intention in intentions_now(self._sumo.vehicle, self._types, self._model, time_s):
+        for name, intention in intentions_now(self._sumo.vehicle, names, self._types, self._model, time_s):
             changes = self.recorded.intentions.setdefault(self._labels[False, name], [])
             while changes and changes[-1][0] >= time_s:
                 changes.pop()

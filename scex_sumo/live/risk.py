@@ -1,0 +1,227 @@
+"""Risk of a moment of a running simulation: human-like and stress P of a collision of each pair."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.certainty.response.answer import critical_responses, either
+from scex_sumo.certainty.response.decision import PairResponse, pair_responses
+from scex_sumo.certainty.response.words import takes
+from scex_sumo.converters.net.convert import converted
+from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.live.moment import Moment
+from scex_sumo.results.outcomes import first_contacts
+from scex_sumo.results.parts import Part
+from scex_sumo.scene import SeedScene
+
+FUTURES: Final = 64
+_GHOST_STEPS: Final = 5  # between two outlines
+_FEWEST: Final = 2  # vehicles that can collide
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """What is asked of each moment.
+
+    Attributes:
+        futures: of the stress test; 0 leaves it out.
+        models: of the stress test.
+        response: distributions of one's own for the human-like P, see docs/response.md.
+    """
+
+    futures: int = FUTURES
+    models: str = DEFAULT_MODELS
+    seed: int = 0
+    response: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairRisk:
+    """Risk of two vehicles, by SUMO's names.
+
+    Attributes:
+        hits: the vehicle that hits or follows; what the other one does comes first.
+        human_like: P of a collision of people; 0 if below 1e-9.
+        stress: share of the futures of the stress test in which the two collide first; None without one.
+        takes: what it takes until they collide, in words.
+        needed_braking: least constant deceleration that avoids contact, m/s²; None if there is none.
+        contact_s: time of the contact from the moment on, s.
+        doubt: why the data are doubtful; None if they are not.
+    """
+
+    hits: str
+    other: str
+    kind: str
+    human_like: float
+    stress: float | None
+    takes: str = ""
+    needed_braking: float | None = None
+    contact_s: float | None = None
+    doubt: str | None = None
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Both names, in the order of the arrow."""
+        return self.hits, self.other
+
+
+@dataclass(frozen=True, kw_only=True)
+class Risk:
+    """Risk of a moment.
+
+    Attributes:
+        time_s: of the simulation.
+        pairs: the most probable one of people first, pairs with doubtful data last.
+        vehicles: SUMO's names.
+        work_s: time that it took, s.
+        age_s: time that the simulation has gone on since, s.
+        ghosts: outlines (T, 5, 2) of vehicles in the typical future in which the first pair collides, else
+            comes nearest; by name, m.
+        notes: on the moment.
+    """
+
+    time_s: float
+    pairs: tuple[PairRisk, ...]
+    vehicles: tuple[str, ...]
+    work_s: float = 0.0
+    age_s: float = 0.0
+    ghosts: Mapping[str, FloatArray] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def worst(self) -> PairRisk | None:
+        """The pair that leads: the first one without doubt."""
+        return next((pair for pair in self.pairs if pair.doubt is None), None)
+
+    def of(self, name: str) -> float:
+        """Return the human-like P that a vehicle collides with any other one."""
+        return either(p.human_like for p in self.pairs if name in p.names and p.doubt is None)
+
+
+def assess(moment: Moment, question: Question) -> Risk:
+    """Return the risk of a moment, in the process that calls.
+
+    Raises:
+        ScexError: the moment has no vehicle, or its net cannot be read.
+    """
+    begin_s = time.perf_counter()
+    scene = moment.scene()
+    names = {int(track): name for track, name in scene.source["vehicles"].items()}
+    people = pair_responses(critical_responses(scene, file=question.response).to_pylist())
+    part = _stressed(scene, question) if question.futures and scene.vehicles >= _FEWEST else None
+    pairs = _pairs(scene, names, people, part, question.futures)
+    pairs = [pair for pair in pairs if moment.counts(pair.names)]
+    pairs.sort(key=lambda pair: (pair.doubt is not None, -pair.human_like, -(pair.stress or 0.0)))
+    risk = Risk(time_s=scene.time_s, pairs=tuple(pairs), vehicles=tuple(names.values()), notes=scene.notes)
+    ghosts = _ghosts(scene, names, risk.worst, part)
+    return replace(risk, ghosts=ghosts, work_s=time.perf_counter() - begin_s)
+
+
+def _pairs(
+    scene: SeedScene,
+    names: Mapping[int, str],
+    people: Sequence[PairResponse],
+    part: Part | None,
+    futures: int,
+) -> list[PairRisk]:
+    shares, kinds = _shares(part, futures)
+    found = []
+    for one in people:
+        row, key = one.row, frozenset(one.pair)
+        hits, other = (names.get(track, row.get("person") or str(track)) for track in one.pair)
+        found.append(
+            PairRisk(
+                hits=hits,
+                other=other,
+                kind=str(row["kind"] or ""),
+                human_like=one.probability,
+                stress=None if part is None else shares.pop(key, 0.0),
+                takes=takes([{**row, "person": row.get("person") or other, "other_id": hits}]),
+                needed_braking=row["needed_braking"],
+                contact_s=row["time_s"],
+                doubt=one.doubt,
+            )
+        )
+    for key, share in shares.items():  # people do not collide in these
+        (hits, other), kind, at_s = kinds[key]
+        pair = names[hits], names[other]
+        found.append(
+            PairRisk(hits=pair[0], other=pair[1], kind=kind, human_like=0.0, stress=share, contact_s=at_s)
+        )
+    return found
+
+
+def _shares(
+    part: Part | None, futures: int
+) -> tuple[dict[frozenset[int], float], dict[frozenset[int], tuple[tuple[int, int], str, float]]]:
+    """Return the share of futures in which each pair collides first, and who hits whom, how and when."""
+    shares: dict[frozenset[int], float] = {}
+    kinds: dict[frozenset[int], tuple[tuple[int, int], str, float]] = {}
+    if part is None or part.collisions is None:
+        return shares, kinds
+    hits = first_contacts(part.collisions)
+    columns = (hits[name].to_pylist() for name in ("track_id", "other_id", "kind", "time_s"))
+    for one, other, kind, time_s in zip(*columns, strict=True):
+        key = frozenset((one, other))
+        shares[key] = shares.get(key, 0.0) + 1.0 / futures
+        kinds.setdefault(key, ((one, other), kind, time_s))
+    return shares, kinds
+
+
+def _stressed(scene: SeedScene, question: Question) -> Part:
+    """Return the futures of the stress test."""
+    settings, models = _models(question)
+    assert scene.road is not None
+    with TemporaryFolder() as folder:
+        path = Path(folder) / "net.net.xml"
+        scene, net = ruled(scene, converted(scene.road, path), settings)
+        drawn = models.draw(
+            scene.track_ids, futures=question.futures, seed=question.seed, design=settings.design
+        )
+        job = Job(scene, net, settings, models, drawn, Path(folder), on_paths=False)
+        return run_in_memory(job, range(question.futures))
+
+
+@lru_cache(maxsize=4)
+def _models(question: Question) -> tuple[RunSettings, ModelSet]:
+    settings = RunSettings(
+        futures=question.futures, models=question.models, seed=question.seed, metrics="gap", world="plain"
+    )
+    return settings, ModelSet.of(settings)
+
+
+def _ghosts(
+    scene: SeedScene, names: Mapping[int, str], worst: PairRisk | None, part: Part | None
+) -> dict[str, FloatArray]:
+    """Return outlines of the two vehicles in a typical future in which they collide, else come nearest."""
+    tracks = {name: v for v, track in enumerate(scene.track_ids.tolist()) for name in [names[int(track)]]}
+    if worst is None or part is None or not set(worst.names) <= tracks.keys():
+        return {}
+    both = [tracks[name] for name in worst.names]
+    states = part.states[:, :, both]
+    apart = np.hypot(states.x[..., 0] - states.x[..., 1], states.y[..., 0] - states.y[..., 1])
+    nearest = apart.min(axis=1)
+    future = int(np.argmin(nearest))
+    last = int(apart[future].argmin()) + 1
+    drawn = states[future, :last:_GHOST_STEPS]
+    corners = np.array([[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]])
+    found = {}
+    for k, v in enumerate(both):
+        local = corners * (scene.length[v], scene.width[v])
+        cos, sin = np.cos(drawn.heading[:, k, None]), np.sin(drawn.heading[:, k, None])
+        x = drawn.x[:, k, None] + local[:, 0] * cos - local[:, 1] * sin
+        y = drawn.y[:, k, None] + local[:, 0] * sin + local[:, 1] * cos
+        found[worst.names[k]] = np.stack([x, y], axis=-1)
+    return found

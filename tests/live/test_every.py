@@ -1,0 +1,102 @@
+"""A simulation of one's own that is assessed while it runs: it steps as if nobody watched."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from scex_sumo.base.programs import program
+from tests.formats.sumo.simulations import Simulation, write_grid
+
+QUIET = ["--no-step-log", "--no-warnings", "--xml-validation", "never"]
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
+    return write_grid(tmp_path_factory.mktemp("grid"))
+
+
+def ran(grid: Simulation, code: str) -> str:
+    command = [sys.executable, "-c", f"START = {[program('sumo'), '-c', 'mine.sumocfg', *QUIET]}\n{code}"]
+    done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
+    assert not done.returncode, done.stderr
+    return done.stdout
+
+
+WATCHED = """
+import warnings
+import libsumo as sumo
+import scex_sumo as scex
+
+def states(watched):
+    told = []
+    def called(risk):
+        told.append(risk)
+        if len(told) == 2:
+            sumo.vehicle.remove(sorted(sumo.vehicle.getIDList())[0])
+        if len(told) == 3:
+            raise ValueError("mine")
+    sumo.start(START)
+    sumo.simulationStep(20)
+    if watched:
+        watch = scex.watch(sumo)
+        watch.every(1.0, called, wait=True, futures=2, models="constant_velocity")
+    for step in range(41):
+        if not watched and step in (11,):
+            sumo.vehicle.remove(sorted(sumo.vehicle.getIDList())[0])
+        sumo.simulationStep()
+    after = {v: sumo.vehicle.getPosition(v) for v in sumo.vehicle.getIDList()}
+    if watched:
+        assert watch.risk().time_s == 24.1 and watch.risk().age_s == 0
+        assert watch.risk().vehicles and watch.skipped == 0
+        last = watch.risk()
+        sumo.close()
+        assert watch.risk().pairs == last.pairs  # nothing is lost with the connection
+        watch.close()
+        assert [risk.time_s for risk in told] == [20.1, 21.1, 22.1, 23.1, 24.1]
+    else:
+        sumo.close()
+    return after
+
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    watched = states(True)
+assert any("the callback failed: ValueError: mine" in str(w.message) for w in caught), caught
+assert watched == states(False)
+"""
+
+
+def test_callbacks_may_act_and_fail_and_the_simulation_steps_as_without_a_watch(grid: Simulation) -> None:
+    ran(grid, WATCHED)
+
+
+TWO = """
+import traci
+import scex_sumo as scex
+
+told = {"a": [], "b": []}
+for label in told:
+    traci.start(START, label=label)
+sumo = {label: traci.getConnection(label) for label in told}
+watches = {label: scex.watch(sumo[label]) for label in told}
+sumo["a"].simulationStep(20)
+sumo["b"].simulationStep(30)
+for label, watch in watches.items():
+    watch.every(1.0, told[label].append, wait=True, futures=0, busiest=3)
+for _ in range(12):
+    for label in told:
+        sumo[label].simulationStep()
+    if "a" in told and len(told["a"]) == 2:
+        sumo["a"].close()
+        del sumo["a"]
+        told = {"b": told["b"]}
+sumo["b"].close()
+assert all(len(watch.risk().vehicles) == 3 for watch in watches.values())
+assert watches["a"].risk().time_s == 21.1 and watches["b"].risk().time_s == 31.1
+"""
+
+
+def test_each_connection_has_its_own_watch(grid: Simulation) -> None:
+    ran(grid, TWO)

@@ -1,0 +1,143 @@
+"""Moments in turn: what is skipped, waited for, told and kept, in processes that obey the test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+import pytest
+
+from scex_sumo.base.errors import MapError, ScexWarning, TrackError, UsageError
+from scex_sumo.live import ticker as ticker_module
+from scex_sumo.live.focus import Focus
+from scex_sumo.live.risk import Question, Risk
+from scex_sumo.live.ticker import Ticker
+
+
+class Pool:
+    """Pool whose tasks are done when asked for, or at once."""
+
+    made: list[Pool]
+    at_once = False
+
+    def __init__(self, processes: int) -> None:
+        self.futures: list[Future[Any]] = []
+        self.made.append(self)
+        self.closed = False
+
+    def submit(self, work: Any, *, where: str) -> Future[Any]:
+        future: Future[Any] = Future()
+        if getattr(work, "func", None) is None:  # the first one, which only imports
+            return future
+        self.futures.append(future)
+        if self.at_once:
+            self.done()
+        return future
+
+    def done(self, result: Any = None) -> None:
+        time_s = len(self.futures) - 1.0
+        if isinstance(result, Exception):
+            self.futures[-1].set_exception(result)
+        else:
+            self.futures[-1].set_result(Risk(time_s=time_s, pairs=(), vehicles=()))
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def pools(monkeypatch: pytest.MonkeyPatch) -> list[Pool]:
+    monkeypatch.setattr(ticker_module, "Pool", Pool)
+    monkeypatch.setattr(Pool, "made", [], raising=False)
+    return Pool.made
+
+
+def made(callback: Callable[[Risk], object] | None = None, **options: Any) -> Ticker:
+    own = {"wait": False, "workers": 1, **options}
+    return Ticker(1.0, callback, question=Question(), focus=Focus(), **own)
+
+
+def steps(ticker: Ticker, *times: float) -> None:
+    for time_s in times:
+        ticker.step(time_s, lambda focus: object())  # type: ignore[arg-type, return-value]
+
+
+def test_moments_are_due_once_a_second_whatever_the_steps(pools: list[Pool], monkeypatch: Any) -> None:
+    monkeypatch.setattr(Pool, "at_once", True)
+    ticker = made()
+    steps(ticker, 0.1, 0.2, 1.1, 1.2, 2.3, 4.5, 4.6)
+    assert len(pools[0].futures) == 4 and ticker.skipped == 0  # at 0.1, 1.1, 2.3, 4.5
+
+
+def test_a_moment_is_skipped_while_all_processes_work_and_no_queue_grows(pools: list[Pool]) -> None:
+    ticker = made(workers=2)
+    steps(ticker, 0.0, 1.0, 2.0, 3.0)
+    assert [len(pool.futures) for pool in pools] == [1, 1] and ticker.skipped == 2
+    pools[0].done()
+    steps(ticker, 4.0)
+    assert [len(pool.futures) for pool in pools] == [2, 1] and ticker.skipped == 2
+
+
+def test_results_come_in_their_order_with_their_age(pools: list[Pool]) -> None:
+    told: list[tuple[float, float]] = []
+    ticker = made(lambda risk: told.append((risk.time_s, risk.age_s)), workers=2)
+    steps(ticker, 0.0, 1.0)
+    pools[1].done()
+    steps(ticker, 1.5)
+    assert told == []
+    pools[0].done()
+    steps(ticker, 1.75)
+    assert told == [(0.0, 1.75), (0.0, 1.75)] and ticker.risk is not None
+
+
+def test_a_failed_callback_or_moment_is_a_note_and_the_next_one_comes(pools: list[Pool]) -> None:
+    ticker = made(lambda risk: {}["speed"])
+    steps(ticker, 0.0)
+    pools[0].done()
+    with pytest.warns(ScexWarning, match="the callback failed: KeyError: 'speed'"):
+        steps(ticker, 1.0)
+    pools[0].done(MapError("g.net.xml: cannot be read"))
+    with pytest.warns(ScexWarning, match="a moment is left out: g.net.xml: cannot be read"):
+        steps(ticker, 2.0)
+    pools[0].done(TrackError("no vehicle on the road at 2 s"))
+    steps(ticker, 3.0)  # nothing to tell
+    assert len(pools[0].futures) == 4 and ticker.risk is not None
+
+
+def test_a_moment_that_cannot_be_taken_costs_no_process(pools: list[Pool]) -> None:
+    ticker = made()
+
+    def refuse(focus: Focus) -> Any:
+        raise RuntimeError("the connection is closed")
+
+    with pytest.raises(RuntimeError):
+        ticker.step(0.0, refuse)
+    steps(ticker, 1.0)
+    assert len(pools[0].futures) == 1
+
+
+def test_a_state_that_is_loaded_turns_back_the_clock(pools: list[Pool], monkeypatch: Any) -> None:
+    monkeypatch.setattr(Pool, "at_once", True)
+    ticker = made()
+    steps(ticker, 50.0, 10.0, 10.5, 11.0)
+    assert len(pools[0].futures) == 3
+
+
+def test_a_closed_ticker_ends_its_processes_and_keeps_the_last_risk(pools: list[Pool]) -> None:
+    ticker = made()
+    steps(ticker, 0.0)
+    pools[0].done()
+    steps(ticker, 0.5)
+    ticker.close()
+    steps(ticker, 1.0, 2.0)
+    assert pools[0].closed and len(pools[0].futures) == 1 and ticker.risk is not None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"), [({"workers": 0}, "--workers: got 0"), ({}, "--every: got -1")]
+)
+def test_options_that_make_no_sense_are_refused(options: dict[str, int], words: str) -> None:
+    own = {"question": Question(), "focus": Focus(), "wait": False, "workers": 1, **options}
+    with pytest.raises(UsageError, match=words):
+        Ticker(1.0 if options else -1.0, None, **own)  # type: ignore[arg-type]
