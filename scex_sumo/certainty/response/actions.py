@@ -257,7 +257,9 @@ def _possible(pairs: Pairs) -> list[BoolArray]:
     waits = expected.s[i, _HORIZON] < np.maximum(speed[i] * TIME_S[_HORIZON], 2 * _WAITS_M) - _WAITS_M
     off, along, turn = _offset(pairs)
     turn = np.abs(turn)
-    behind = (np.abs(off) < _ASIDE_M[0]) & (along < 0) & (turn < np.pi / 4)  # comes up to a queue
+    behind = _near(off, turn) & (along < 0)  # comes up to a queue
+    to_side, before, turned = _offset(pairs, reverse=True)  # lines begin a few metres behind vehicles
+    behind |= _near(to_side, turned) & (before > 0)
     goes_on = waits & ~follows[i] & ~ahead[:, 0] & ~behind
     aside = (np.abs(off) >= _ASIDE_M[0]) & (np.abs(off) <= _ASIDE_M[1]) & (speed[i] > _MOVING_MPS)
     aside &= ~np.isfinite(enter[:, soon]).any(axis=1) & (along > _BESIDE_M)
@@ -268,6 +270,10 @@ def _possible(pairs: Pairs) -> list[BoolArray]:
     size = (expected.scene.width[j] + np.hypot(expected.scene.length[i], expected.scene.width[i])) / 2
     outside = (np.abs(off) > size + _OUTSIDE_M) & (np.abs(off) < _NEAR_M) & (along > 0)
     return [*(mask & ~walks for mask in (brakes, goes_on, *sides)), outside & walks]
+
+
+def _near(off: FloatArray, turn: FloatArray) -> BoolArray:
+    return np.asarray((np.abs(off) < _ASIDE_M[0]) & (np.abs(turn) < np.pi / 4))
 
 
 def _lane_widths(scene: SeedScene, who: IntArray) -> FloatArray:
@@ -293,10 +299,14 @@ def leads_and_follows(pairs: Pairs) -> tuple[BoolArray, BoolArray]:
     return leads, least < _FOLLOWS[0] + _FOLLOWS[1] * expected.scene.now.speed
 
 
-def _offset(pairs: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n,) offset of initiators from responders' lines, m, place along them, and turn against them."""
+def _offset(pairs: Pairs, *, reverse: bool = False) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (n,) offset of initiators from responders' lines, m, place along them, and turn against them.
+
+    Args:
+        reverse: of responders from initiators' lines.
+    """
     lines, now = pairs.expected.lines, pairs.expected.scene.now
-    x, y, i, j = lines.x, lines.y, pairs.initiator, pairs.responder
+    x, y, (i, j) = lines.x, lines.y, (pairs.initiator, pairs.responder)[:: -1 if reverse else 1]
     nearest = np.argmin((x[j] - now.x[i, None]) ** 2 + (y[j] - now.y[i, None]) ** 2, axis=1)
     heading = lines.heading[j, nearest]
     dx, dy = now.x[i] - x[j, nearest], now.y[i] - y[j, nearest]

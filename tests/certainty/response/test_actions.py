@@ -40,3 +40,17 @@ def test_who_comes_up_to_a_queue_does_not_go_on_into_it(y: float, heading: float
     x = -40.0 if heading == 0.0 else 15.0
     found = steady((0.0, 0.0, 0.0, 4.0), (x, y, heading, 8.0), waits=(1,))
     assert bool(len(cases(found, GOES_ON))) == possible
+
+
+def test_who_comes_round_a_bend_up_to_a_queue_does_not_go_on_into_it() -> None:
+    """The line of the one ahead begins a few metres behind it, so the bend is not on it."""
+    found = steady((0.0, 15.0, np.pi / 2, 4.0), (-40.0, 0.0, 0.0, 8.0), waits=(1,))
+    lines = found.lines
+    way = lines.start[1] + lines.spacing_m * np.arange(lines.x.shape[1])
+    for values, after in (
+        (lines.x, 0.0 * way),
+        (lines.y, way - 40.0),
+        (lines.heading, np.pi / 2 + 0.0 * way),
+    ):
+        values[1] = np.where(way > 40.0, after, values[1])
+    assert not len(cases(found, GOES_ON))
