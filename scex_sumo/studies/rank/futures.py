@@ -15,9 +15,9 @@ from scex_sumo.results.folder import tracks_table
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyFolder, as_row, from_row
+from scex_sumo.studies.moments.pairs import pairs_of_moment
 from scex_sumo.studies.moments.run import MomentTask, attempt, built, compared, net_of
 from scex_sumo.studies.rank.exact import ExactScore, find_exact_score
-from scex_sumo.studies.rank.pairs import pairs_of_moment
 from scex_sumo.studies.rank.scores import RankSettings, critical_pairs, score_of
 
 MAX_KEPT = 5

@@ -19,8 +19,9 @@ from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
+from scex_sumo.studies.moments.encounters import SEVERITY
 from scex_sumo.studies.moments.workers import moment_workers
-from scex_sumo.studies.rank.encounters import SEVERITY, Order, leads, with_stress
+from scex_sumo.studies.rank.encounters import Order, leads, with_stress
 from scex_sumo.studies.rank.futures import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankingRun

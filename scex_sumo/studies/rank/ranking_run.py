@@ -14,10 +14,11 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.registries import Recording
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
+from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.rank.encounters import BY_SEVERITY, Order, StressTest, encounters_of, leads
+from scex_sumo.studies.rank.encounters import BY_SEVERITY, Order, StressTest, leads
 from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.futures import MAX_KEPT, PAIRS_ROUND, RankFolder, RankTask, is_pairs
 from scex_sumo.studies.rank.places import Tally, mean_score, rounds, undecided

@@ -14,7 +14,7 @@ from scex_sumo.certainty.response.played import played
 from scex_sumo.page.html import Html
 from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, scene_svg
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
-from scex_sumo.studies.rank.pairs import recorded
+from scex_sumo.studies.moments.pairs import recorded
 
 _MARGIN_M = 10.0
 _LEAST_M = 45.0  # width of a picture

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pyarrow as pa
 
@@ -11,7 +9,6 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.rank.futures import MomentPart, futures_table
-from scex_sumo.studies.rank.pairs import PAIRS
 from scex_sumo.studies.rank.scores import RankSettings
 
 SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", preset="paper"), first=32)
@@ -50,27 +47,3 @@ def moment_part(
         pairs=[pairs(future) for future in futures],
     )
     return MomentPart(futures=table, tracks=tracks)
-
-
-def pairs_table(*pairs: tuple[int, int], probability: float = 1e-4, **values: Any) -> pa.Table:
-    """Pairs of a moment, one severe injury in ten collisions; without any, vehicles 1 and 2."""
-    row = {
-        "action": "brakes",
-        "value": 5.0,
-        "frequency": 1e-3,
-        "response_s": 1.1,
-        "later": 0.1,
-        "factor": 4.0,
-        "delta_v": 5.0,
-        "kind": "merge",
-        "takes": "it brakes",
-        "contact_s": 2.0,
-        "to_test": True,
-        "preventable": True,
-        "gap_m": 3.0,
-        "probability": probability,
-        "probability_hard": probability / 2,
-        "severity": probability / 10,
-    }
-    rows = [row | {"track_id": one, "other_id": other} | values for one, other in pairs or [(1, 2)]]
-    return pa.Table.from_pylist(rows, schema=PAIRS)

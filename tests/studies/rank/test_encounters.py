@@ -7,64 +7,23 @@ import pyarrow as pa
 import pytest
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.rank.encounters import (
     BY_SEVERITY,
-    ENCOUNTERS,
     SAID,
     Order,
     StressTest,
-    encounters_of,
     leads,
     with_stress,
 )
 from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.table import pair_words
-from tests.studies.rank.parts import pairs_table
-
-
-def moment(
-    time_s: float, *tables: pa.Table, recording: str = "r", case: str = ""
-) -> tuple[MomentRef, pa.Table]:
-    name = f"{recording}_{case}_{time_s}"
-    ref = MomentRef(moment=name, location="here", recording=recording, case=case, time_s=time_s, vehicles=3)
-    return ref, pa.concat_tables(tables)
+from tests.studies.moments.pairs import moment, pairs_table
 
 
 def found(*moments: tuple[MomentRef, pa.Table], order: Order = BY_SEVERITY) -> list[dict[str, object]]:
     return order.ranked(encounters_of(moments, 1.0)).to_pylist()
-
-
-def test_consecutive_moments_of_a_pair_are_one_encounter_with_its_most_severe_moment() -> None:
-    """Whoever acts; the gap is the least of all moments."""
-    rows = found(
-        moment(1.0, pairs_table((1, 2), probability=1e-4, gap_m=5.0)),
-        moment(2.0, pairs_table((2, 1), probability=3e-4, gap_m=4.0)),
-        moment(3.0, pairs_table((1, 2), probability=2e-4, gap_m=3.0)),
-    )
-    (row,) = rows
-    assert (row["track_id"], row["other_id"], row["time_s"], row["seed"]) == (2, 1, 2.0, "r__2.0")
-    assert (row["first_s"], row["last_s"], row["moments"], row["gap_m"]) == (1.0, 3.0, 3, 3.0)
-    assert (row["probability"], row["severity"], row["rank"]) == (3e-4, pytest.approx(3e-5), 1)
-
-
-def test_people_are_the_same_by_name_though_their_numbers_change() -> None:
-    first = pairs_table((-1, 2), person="pedestrian P7")
-    rows = found(moment(1.0, first), moment(2.0, pairs_table((-3, 2), person="pedestrian P7")))
-    assert [(row["person"], row["moments"]) for row in rows] == [("pedestrian P7", 2)]
-    assert len(found(moment(1.0, first), moment(2.0, pairs_table((-1, 2), person="pedestrian P8")))) == 2
-
-
-def test_a_moment_without_the_pair_ends_its_encounter() -> None:
-    pair = pairs_table((1, 2))
-    assert len(found(moment(1.0, pair), moment(3.0, pair))) == 2
-
-
-def test_recordings_and_cases_are_apart_and_so_are_pairs() -> None:
-    pair = pairs_table((1, 2))
-    others = moment(2.0, pair, recording="s"), moment(1.0, pair, case="1"), moment(2.0, pair, case="2")
-    assert len(found(moment(1.0, pair), *others)) == 4
-    assert len(found(moment(1.0, pairs_table((1, 2), (1, 3), (2, 3))))) == 3
 
 
 def test_the_order_is_by_severity_then_by_any_column() -> None:
@@ -106,23 +65,6 @@ def test_what_one_vehicle_does_to_several_at_a_time_is_one_line() -> None:
     table = BY_SEVERITY.ranked(encounters_of([moment(1.0, pairs_table((1, 2), (1, 3)))], 1.0))
     (lead,) = leads(table).to_pylist()
     assert pair_words(lead) == "2 → 1 and 1 more"
-
-
-def test_a_moment_without_doubt_stands_for_its_encounter() -> None:
-    (row,) = found(
-        moment(1.0, pairs_table(probability=1e-1, doubt="short")), moment(2.0, pairs_table(probability=1e-4))
-    )
-    assert (row["time_s"], row["doubt"], row["moments"]) == (2.0, None, 2)
-
-
-def test_what_is_usual_is_the_median_of_the_class() -> None:
-    """21 merges with P of 1e-5 to 21e-5; the ring is compared with all 22."""
-    merges = [pairs_table((1, k), probability=(k - 1) * 1e-5) for k in range(2, 23)]
-    rows = found(moment(1.0, *merges, pairs_table((90, 91), probability=1e-3, kind="ring")))
-    ring, merge = rows[0], rows[1]
-    assert (merge["usual_what"], merge["usual_rank"], merge["usual_of"]) == ("at this site", 1, 21)
-    assert merge["times_usual"] == pytest.approx(21 / 11)
-    assert (ring["usual_what"], ring["usual_rank"], ring["usual_of"]) == ("in the whole data set", 1, 22)
 
 
 def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful() -> None:
@@ -168,8 +110,3 @@ def test_futures_of_the_moment_say_how_often_the_pair_collides() -> None:
         checked=4,
     )
     assert StressTest.of([*futures, futures[2]], exact).events == {(1, 2): (0.2, 0.5)}
-
-
-def test_a_dataset_without_pairs_has_no_encounter() -> None:
-    assert encounters_of([], 1.0).equals(ENCOUNTERS.empty_table())
-    assert found(moment(1.0, pairs_table().slice(0, 0))) == []

@@ -34,7 +34,7 @@ from scex_sumo.studies.rank.places import distinct_moments
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import RankSettings, score_of
 from scex_sumo.studies.rank.table import moments_table
-from tests.studies.rank.parts import pairs_table
+from tests.studies.moments.pairs import pairs_table
 
 PAIRS = -1  # in the place of the first future
 ONE_MODEL = RunSettings(models="standard_driver", futures=96)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
-from scex_sumo.studies.rank.pairs import pairs_of_moment
+from scex_sumo.studies.moments.pairs import pairs_of_moment
 from scex_sumo.studies.rank.stage import stage_of
 from tests.certainty.queues import queues
 

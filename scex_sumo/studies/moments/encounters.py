@@ -1,0 +1,116 @@
+"""Encounters of recordings: two vehicles in consecutive moments, by the most critical one; what is usual."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.certainty.response.usual import USUAL, Population, counts, usual_columns
+from scex_sumo.studies.moments.folder import MomentRef, as_row
+from scex_sumo.studies.moments.pairs import PAIRS
+
+SEVERITY: Final = "severity"
+_PLACE: Final = ("location", "recording", "case", "seed", "time_s")
+_CONSECUTIVE = 1.5  # times between two moments of one encounter, over the time between two moments
+
+_FIRST = (
+    *((name, PAIRS.field(name).type) for name in ("track_id", "other_id", "kind")),
+    *((name, pa.float64() if name == "time_s" else pa.string()) for name in _PLACE),
+    *(("first_s", pa.float64()), ("last_s", pa.float64()), ("moments", pa.int64())),
+)
+ENCOUNTERS: Final = pa.schema(
+    [
+        *_FIRST,
+        *(field for field in PAIRS if field.name not in [*dict(_FIRST), "doubt"]),
+        *USUAL.items(),
+        ("times_usual", pa.float64()),  # P over the median
+        ("doubt", pa.string()),
+    ]
+)
+
+
+def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -> pa.Table:
+    """Return the encounters of a data set, see `ENCOUNTERS`.
+
+    The same two vehicles in consecutive moments are one encounter: its row is that of the moment with the
+    largest severity whose data are not doubtful.
+
+    Args:
+        pairs: moments, and their pairs as of `pairs_of_moment`.
+        every_s: time between two moments.
+    """
+    rows = pa.concat_tables([PAIRS.empty_table(), *(table for _, table in pairs)]).combine_chunks()
+    if not len(rows):
+        return ENCOUNTERS.empty_table()
+    refs = pa.Table.from_pylist([as_row(ref) for ref, _ in pairs]).select([*_PLACE])
+    refs = refs.take(np.repeat(np.arange(len(pairs)), [len(table) for _, table in pairs]))
+    order, begins = _grouped(rows, refs, _CONSECUTIVE * every_s)
+    time, starts = np.asarray(refs["time_s"])[order], np.flatnonzero(begins)
+    found = {name: rows[name] for name in PAIRS.names} | {name: refs[name] for name in _PLACE}
+    best = order[_first_of_each(_worst_first(rows)[order], begins)]
+    found = {name: column.take(best) for name, column in found.items()}
+    found |= {
+        "first_s": pa.array(np.minimum.reduceat(time, starts)),
+        "last_s": pa.array(np.maximum.reduceat(time, starts)),
+        "moments": pa.array(np.diff(starts, append=len(order))),
+        "gap_m": pa.array(np.minimum.reduceat(np.asarray(rows["gap_m"])[order], starts)),
+    }
+    missing = pa.nulls(len(starts))
+    columns = [found.get(field.name, missing).cast(field.type) for field in ENCOUNTERS]
+    return _with_usual(pa.table(columns, schema=ENCOUNTERS))
+
+
+def _grouped(rows: pa.Table, refs: pa.Table, apart_s: float) -> tuple[IntArray, BoolArray]:
+    """Return an order (n,) that joins the rows of each encounter, and which one of the order begins one."""
+    people = rows["person"].combine_chunks().dictionary_encode().indices
+    who = pc.if_else(pc.is_valid(people), pc.subtract(-1, people), rows["track_id"])
+    both = np.sort([np.asarray(ids).astype(np.int64) for ids in (who, rows["other_id"])], axis=0)
+    record = pc.binary_join_element_wise(refs["recording"], refs["case"], "\n").combine_chunks()
+    keys = np.stack([np.asarray(record.dictionary_encode().indices), *both])
+    time = np.asarray(refs["time_s"])
+    order = np.lexsort((time, *keys))
+    differs = (np.diff(keys[:, order], axis=1) != 0).any(axis=0) | (np.diff(time[order]) > apart_s)
+    return order, np.concatenate([[True], differs])
+
+
+def _worst_first(rows: pa.Table) -> IntArray:
+    """Return the place (n,) of each row: without doubt first, then by severity, then by P."""
+    doubtful = np.asarray(pc.is_valid(rows["doubt"]))
+    severity, probability = (-np.asarray(rows[name]) for name in (SEVERITY, "probability"))
+    place = np.empty(len(rows), dtype=np.int64)
+    place[np.lexsort((probability, severity, doubtful))] = np.arange(len(rows))
+    return place
+
+
+def _first_of_each(place: IntArray, begins: BoolArray) -> IntArray:
+    """Return the index of the row of each group that has the least place."""
+    group = np.cumsum(begins)
+    order = np.lexsort((place, group))
+    return np.asarray(order[np.flatnonzero(np.diff(group[order], prepend=0))])
+
+
+def _with_usual(encounters: pa.Table) -> pa.Table:
+    population = Population(encounters)
+    rows = encounters.select(["location", "kind", "probability", "gap_m", "doubt"]).to_pylist()
+    found = [
+        population.usual(row["location"], row["kind"], row["probability"], counted=counts(row))
+        for row in rows
+    ]
+    times = [
+        row["probability"] / one.median if one and one.median else None
+        for row, one in zip(rows, found, strict=True)
+    ]
+    return with_columns(encounters, usual_columns(found) | {"times_usual": times})
+
+
+def with_columns(table: pa.Table, columns: Mapping[str, Sequence[Any]]) -> pa.Table:
+    """Return a table with other values in some of its columns."""
+    for name, values in columns.items():
+        field = table.schema.field(name)
+        table = table.set_column(table.schema.get_field_index(name), field, pa.array(values, field.type))
+    return table
