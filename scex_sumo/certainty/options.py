@@ -50,7 +50,7 @@ class CriticalResponse(Extra):
         "How people act and respond, or a file.", PEOPLE, metavar="people|FILE|none", takes=str
     )
     usual: str | None = option(
-        "Finished ranking of the same place, which says what is usual.", None, metavar="RANKING", takes=str
+        "Finished ranking (or validation with --usual) of the same place.", None, metavar="RANKING", takes=str
     )
 
     def is_on(self, settings: RunSettings) -> bool:

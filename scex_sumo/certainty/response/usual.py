@@ -44,6 +44,8 @@ AT_SITE: Final = "at this site"
 IN_ALL: Final = "in the whole data set"
 LEAST: Final = 20
 """Encounters of one site and kind; with fewer the whole data set is the class."""
+FILES: Final = ("ranking.parquet", "encounters.parquet")
+"""Encounters of a ranking, and of a validation."""
 _USED = ("location", "kind", "probability", "gap_m", "doubt")
 
 
@@ -61,13 +63,14 @@ class Population:
 
     @classmethod
     def read(cls, ranking: Path) -> Population:
-        """Read the encounters of a finished ranking, by its folder.
+        """Read the encounters of a finished ranking, or validation with ``--usual``, by its folder.
 
         Raises:
             UsageError: there is none.
         """
+        file = next((ranking / name for name in FILES if (ranking / name).is_file()), ranking / FILES[0])
         try:
-            return cls(pq.read_table(ranking / "ranking.parquet", columns=[*_USED]))
+            return cls(pq.read_table(file, columns=[*_USED]))
         except (OSError, pa.ArrowInvalid) as error:
             raise UsageError(
                 f"{ranking}: no finished ranking ({one_line(error)}); make one with 'scex-sumo rank'"

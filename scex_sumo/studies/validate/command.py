@@ -28,6 +28,7 @@ def validate_command(
     part: Annotated[
         str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")
     ] = "all",
+    usual: Annotated[bool, Option("--usual", help="What is usual there: critical responses, too.")] = False,
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
@@ -96,3 +97,7 @@ def _print_scores(done: Validation) -> None:
     for name, (columns, title, caption) in zip(("events", "pairs", "values"), pieces, strict=True):
         rows = done.tables[name].to_pylist()
         print_columns(columns, rows, console, title, caption, breaks=(" base rate", " moment", " vel."))
+    if "encounters" in done.tables:
+        from scex_sumo.studies.validate.usual import COLUMNS, hourly, usual_rows
+
+        print_columns(COLUMNS, usual_rows(done.tables["encounters"]), console, "usual", hourly(info))

@@ -32,6 +32,7 @@ from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.results.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder
+from scex_sumo.studies.moments.pairs import PAIRS, pairs_of_moment
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared, net_of
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
 from scex_sumo.studies.validate.realism import realism, realism_score
@@ -47,9 +48,11 @@ class ValidationSettings(StudySettings):
     Attributes:
         part: ``train``, ``validation`` or ``test`` of each recording's time, as for learned drivers, or
             ``all``.
+        usual: critical responses, too.
     """
 
     part: str = ALL
+    usual: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,7 +63,8 @@ class ValidationSettings(StudySettings):
         """Return the values that identify the validation of some recordings."""
         # first, top and keep as of a ranking that gives every moment all futures
         shared = self.identity(recordings, first=self.futures, top=10, keep="none")
-        return {**shared, "part": self.part, "population": parameters_digest()}
+        usual = {"usual": True} if self.usual else {}
+        return {**shared, "part": self.part, "population": parameters_digest(), **usual}
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""
@@ -91,6 +95,7 @@ class Forecast:
         realism: one row with the score and the likelihood of each feature.
         seen: metric columns and ``collision`` of each future with errors of boxes, see `as_recorded`.
         futures: the same of each future as driven, and of `COMPARED`.
+        pairs: its critical responses, see `PAIRS`, if asked for.
     """
 
     vehicles: pa.Table
@@ -98,6 +103,7 @@ class Forecast:
     realism: pa.Table
     seen: pa.Table
     futures: pa.Table
+    pairs: pa.Table = dataclasses.field(default_factory=PAIRS.empty_table)
 
 
 def asked_of(settings: StudySettings) -> RunSettings:
@@ -113,6 +119,7 @@ class ForecastTask(MomentTask):
         noise: errors of the boxes of its recording.
     """
 
+    settings: ValidationSettings
     noise: BoxNoise
 
 
@@ -156,6 +163,7 @@ def _forecast(task: ForecastTask, scene: SeedScene, packed: bytes) -> Forecast:
         seen=_futures_table(asked.columns, [(numbers, seen.values, seen.collided)]),
         vehicles=position_forecasts(scene, futures.states, seen.states, straight.states, judged, rng),
         encounters=gap_forecasts(scene, futures.states, seen.states, straight.states, after, judged, rng),
+        **({"pairs": pairs_of_moment(scene)} if task.settings.usual else {}),
         realism=pa.table({"realism": [realism_score(likelihood)], **{k: [v] for k, v in likelihood.items()}}),
     )
 
@@ -231,10 +239,11 @@ _MOMENTS, _PART = "moments", "forecast"
 
 
 class ForecastFolder(StudyFolder):
-    """Folder of the forecasts of moments: ``moments/NAME/futures.parquet`` and four more tables."""
+    """Folder of the forecasts of moments: ``moments/NAME/futures.parquet`` and five more tables."""
 
     info, what, another, trees = "validate.json", "validation", "another validation", (_MOMENTS,)
     evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", _MOMENTS)
+    kept = ("encounters.parquet",)
 
     def restart(self) -> None:
         """Remove the moments that have run."""
