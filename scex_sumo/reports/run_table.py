@@ -206,7 +206,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
         human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)
         rows.append((SEVERITY, *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all"))
     for name, values in extra_rows(run).items():
-        cells = ["–" if value is None else f"{value:.3g}" for value in values]
+        cells = [row_cell(value) for value in values]
         rows.append((name, *("–",) * 3, *([] if likely is None else cells[1:]), cells[0], "–", "all"))
     for part in shown_columns(run, preset):
         rows.append(None)
@@ -226,7 +226,12 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     return console_table(title, named, rows, caption=caption)
 
 
-def extra_rows(run: Run) -> dict[str, list[float | None]]:
+def row_cell(value: float | str | None) -> str:
+    """Return the value of a row of an extra as it is printed."""
+    return value if isinstance(value, str) else "–" if value is None else f"{value:.3g}"
+
+
+def extra_rows(run: Run) -> dict[str, list[float | str | None]]:
     """Return the rows of the extras by title: the value in the stress test, then in the reference."""
     sets = [run] if run.reference is None else [run, run.reference]
     found = [{row["name"]: row for row in one.info.get("rows", ())} for one in sets]

@@ -116,7 +116,7 @@ class Row:
     """Row of the summary, for a set of futures: in the terminal, on the page and in JSON.
 
     Attributes:
-        value: NaN or None where undefined.
+        value: NaN or None where undefined; a text is printed as it is.
         unit: printed in brackets behind the name.
 
     Example:
@@ -125,7 +125,7 @@ class Row:
     """
 
     name: str
-    value: float | None
+    value: float | str | None
     unit: str = ""
 
 

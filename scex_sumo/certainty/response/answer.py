@@ -317,7 +317,9 @@ def doubts_of(pairs: Pairs, rows: IntArray) -> list[str | None]:
 
 
 def once_in(probability: float) -> str:
-    """Return a probability as one of so many, one digit."""
+    """Return a probability as one of so many, one digit; "never" for 0."""
+    if not probability:
+        return "never"
     return f"once in {rounded(1 / probability)}" if probability < 0.5 else f"in {probability:.0%}"
 
 

@@ -167,7 +167,7 @@ def _sentence(kind: str, worst: PairResponse) -> str:
     place = [word for word in (worst.row["kind"], f"{worst.row['time_s']:.1f} s") if word]
     often = once_in(worst.probability)
     usual = usual_of(worst.row)
-    site = f"; usual {usual.what}: {once_in(usual.median) if usual.median else 'never'}" if usual else ""
+    site = f"; usual {usual.what}: {once_in(usual.median)}" if usual else ""
     if kind == TEST:
         careful = "" if worst.preventable else ", and a careful driver cannot always avoid it"
         return f"Test {worst.arrow} ({', '.join(place)}): people collide here {often}{careful}{site}."

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scex_sumo.certainty.response.usual import Population
 
 HEAD: Final = "human-like, by actions and response times"
+_ROW: Final = "people collide"
 _WORST = 3  # lines of pairs
 
 
@@ -50,16 +51,16 @@ class ResponseExtra(CriticalResponse):
         """Write the table and the decision; return P of any collision for the human-like futures."""
         for name in self.files:
             (work.job.folder / name).unlink(missing_ok=True)
-        from scex_sumo.certainty.response.answer import any_collision, responses_and_maps
+        from scex_sumo.certainty.response.answer import any_collision, once_in, responses_and_maps
 
         if not work.is_reference:
             self._write(work, *responses_and_maps(work.job.scene, self._file))
-            return (Row(name="critical response", value=None),)
+            return (Row(name=_ROW, value=None),)
         import pyarrow.parquet as pq
 
         rows = pq.read_table((work.job.folder.parent / RESPONSE).absolute()).to_pylist()  # of the run itself
         value = any_collision(rows, doubtful=work.options.keep_doubtful)
-        return (Row(name="critical response", value=value),)
+        return (Row(name=_ROW, value=once_in(value)),)
 
     def _write(self, work: Work, table: Any, maps: Mapping[str, Any]) -> None:
         import pyarrow.parquet as pq

@@ -11,7 +11,7 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.page.parts import PagePart
 from scex_sumo.page.report.contents import report_contents
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.run_table import counted, row_cell
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run
 from scex_sumo.scene import STEP_S, SeedScene
@@ -92,11 +92,10 @@ def _collision_card(info: Mapping[str, Any]) -> Html:
     return element("div.card", element("h2", "P(collision)"), element("div.sets", *parts), *rows)
 
 
-def _row(name: str, values: Sequence[float | None]) -> str:
+def _row(name: str, values: Sequence[float | str | None]) -> str:
     """Return the row of an extra: its value in the stress test, then in the human-like futures."""
-    shown = ["–" if value is None else f"{value:.3g}" for value in values]
-    both = [f"{value} {kind}" for value, kind in zip(shown, ("stress test", "human-like"), strict=False)]
-    return f"{name}: {', '.join(both)}"
+    kinds = zip(values, ("stress test", "human-like"), strict=False)
+    return f"{name}: {', '.join(f'{row_cell(value)} {kind}' for value, kind in kinds if value is not None)}"
 
 
 def _big(share: Mapping[str, Any], what: str, name: str, kind: str) -> Html:

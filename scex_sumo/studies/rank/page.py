@@ -33,7 +33,7 @@ from scex_sumo.studies.rank.encounters import TRIAGE, leads
 from scex_sumo.studies.rank.futures import REPORTS
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.stage import stage_of
-from scex_sumo.studies.rank.table import page_columns, pair_words, severity_words
+from scex_sumo.studies.rank.table import page_columns, pair_words
 from scex_sumo.studies.rank.triage import KEY, VERDICTS
 
 HTML = "ranking.html"
@@ -187,8 +187,9 @@ def _where(row: Mapping[str, Any]) -> str:
 
 def _facts(row: Mapping[str, Any]) -> list[str]:
     careful = "avoids it" if row["preventable"] else "does not always avoid it"
+    tested = "To be tested" if row["to_test"] else "Not to be tested"
     facts = [
-        f"{'To be tested' if row['to_test'] else 'Not to be tested'}; severe injuries {severity_words(row)}",
+        f"{tested}; severe injuries {once_in(row['severity'])}",
         f"a careful and competent driver (UN R157) {careful}",
         _room(row),
         _usual(row),

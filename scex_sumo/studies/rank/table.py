@@ -124,7 +124,7 @@ def printed_columns() -> list[Column]:
         Column(lambda row: once_in(row["probability"]), "people collide", "words"),
         Column("takes", "what it takes", "words"),
         Column("needed_braking", "braking", ".1f"),
-        Column(severity_words, "severe injury", "words"),
+        Column(lambda row: once_in(row["severity"]), "severe injury", "words"),
         Column(_times_usual, "usual", "words"),
         Column("stress_p_collision", "stress", "percent"),
     ]
@@ -134,11 +134,6 @@ def pair_words(row: Row) -> str:
     """Return an encounter's vehicles: who responds, who acts, and how many more respond."""
     more = f" and {row['more']} more" if row["more"] else ""
     return f"{row['other_id']} → {row['person'] or row['track_id']}{more}"
-
-
-def severity_words(row: Row) -> str:
-    """Return the expected severe injuries of an encounter in words."""
-    return once_in(row["severity"]) if row["severity"] else "never"
 
 
 def _times_usual(row: Row) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
 
 import scex_sumo as scex
-from scex_sumo.certainty.response.answer import any_collision
+from scex_sumo.certainty.response.answer import any_collision, once_in
 from scex_sumo.certainty.response.critical import HARD_MPS
 from scex_sumo.certainty.response.decision import pair_responses
 from scex_sumo.certainty.response.people import SHIPPED, people_of
 from scex_sumo.certainty.response.usual import AT_SITE
 from scex_sumo.certainty.response.words import told
 from scex_sumo.commands.answers import run_answer
+from scex_sumo.reports.run_table import print_summary
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.outcomes import injury_probability
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, States
@@ -106,10 +109,15 @@ def test_the_summary_names_what_is_left_out(tmp_path: Path) -> None:
         assert (("2 pairs of a queue, " in text) == keep and "2 → 1" in text) or "1 brakes" in text
 
 
-def test_the_row_of_the_summary_is_human_like(run: scex.Run) -> None:
-    stress, human = run_answer(run)["rows"]["critical response"]
-    assert stress is None
-    assert human == pytest.approx(any_collision(run.table("response.parquet").to_pylist()))
+def test_the_row_of_the_summary_has_the_digits_of_the_sentences(run: scex.Run) -> None:
+    said = once_in(any_collision(run.table("response.parquet").to_pylist()))
+    assert run_answer(run)["rows"]["people collide"] == [None, said]
+    console = Console(file=StringIO(), width=200)
+    print_summary(run, console)
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    (row,) = (line for line in lines if line.startswith("│ people collide"))
+    assert [cell.strip() for cell in row.split("│")[2:8]] == ["–", "–", "–", said, "–", "–"]
+    assert any(f"a collision about {said} such moments" in line for line in lines)
 
 
 def test_none_leaves_it_out(tmp_path: Path) -> None:
