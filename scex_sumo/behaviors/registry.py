@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -12,7 +11,6 @@ from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object, staying
 from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
-from scex_sumo.behaviors.models.ruled import RuledDriver, RuledProfile
 from scex_sumo.behaviors.models.simple import (
     ConstantVelocity,
     ConstantVelocityProfile,
@@ -28,52 +26,13 @@ DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake
 SUMO: Final = "sumo"
 _MIXES: Final[Mapping[str, str]] = {
     "rules": DEFAULT_MODELS,
-    "violations": f"{DEFAULT_MODELS},runs_red,ignores_priority,cuts_in,drifts",
     # Without learned models, so that new weights do not change default results.
     "paper": f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor",
 }
 
 _rule = partial(ModelEntry, may_fail=False, is_own=False)  # an exception is a bug of this package
 
-# Parameters of the standard and the risky driver: Zipfl, Schütt, Zöllner 2024, except max_acceleration, which
-# the paper does not state.
-_STANDARD: Final = RuledProfile(
-    comfort_deceleration=3.0, time_headway=3.1, minimum_gap=9.0, max_acceleration=1.5, clearance=5.0
-)
-
-
-def _violation(what: str, place: int, **changes: Any) -> ModelEntry:
-    """Return the standard driver but for one thing."""
-    profile = replace(_STANDARD, **changes)
-    return _rule(make=RuledDriver, profile=profile, summary=f"standard_driver that {what}", place=place)
-
-
 _CORE: Final[Mapping[str, ModelEntry]] = {
-    "standard_driver": _rule(
-        make=RuledDriver,
-        profile=_STANDARD,
-        summary="Intelligent Driver Model, the paper's standard profile; obeys lights and right of way",
-        place=10,
-    ),
-    "risky_driver": _rule(
-        make=RuledDriver,
-        profile=RuledProfile(
-            comfort_deceleration=8.0,
-            time_headway=2.1,
-            minimum_gap=5.0,
-            max_acceleration=3.0,
-            clearance=5.0,
-            yellow_deceleration=0.0,
-            red_delay=1.0,
-            gap_factor=0.5,
-        ),
-        summary="Intelligent Driver Model, the paper's risky profile: close, fast, in short gaps, at yellow",
-        place=20,
-    ),
-    "runs_red": _violation("does not stop at lights", 71, lights=False),
-    "ignores_priority": _violation("gives way to nobody", 72, priority=False),
-    "cuts_in": _violation("changes to a lane beside it without looking", 73, sideways="cuts_in"),
-    "drifts": _violation("leaves its lane sideways", 74, sideways="drifts"),
     "calibrated_driver": _rule(
         make=IdmDriver,
         profile=CALIBRATED,

@@ -18,7 +18,7 @@ from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.extras import Extra, Work, working
-from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
+from scex_sumo.extrapolation.job import RULES, Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.measure import Recorded, measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
@@ -195,9 +195,7 @@ def _info(
         "versions": versions(),
     }
     if scene.rules is not None:
-        from scex_sumo.behaviors.rules.precedence import precedence
-
-        info["precedence"] = precedence(scene, job.road)
+        info["precedence"] = RULES.load("precedence")(scene, job.road)
     vehicles = settings.vehicles_that_count(scene)
     if settings.within is not None and vehicles is not None:
         words, inside = settings.within.words(), [int(scene.track_ids[v]) for v in vehicles]

@@ -14,6 +14,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
+from scex_sumo.base.importing import Registry
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.signals import signals_of
@@ -33,6 +34,7 @@ from scex_sumo.world.tiles import TILE_SLOTS
 
 OnStep = Callable[[int], None]
 
+RULES = Registry(group="scex_sumo.rules", kind="function of the rules of the road")
 VEHICLES_AT_ONCE = 6000  # over all futures of a batch
 BATCHES_EACH = 2  # of each process: one that starts later does less
 
@@ -100,9 +102,7 @@ def ruled(scene: SeedScene, net: SumoNet, settings: RunSettings) -> tuple[SeedSc
     road = scene.road
     if not settings.obeys or road is None or not (road.regulations or road.net or signals_of(scene)):
         return replace(scene, rules=None), net
-    from scex_sumo.converters.net.rules import with_rules
-
-    scene, notes = with_rules(scene, net)
+    scene, notes = RULES.load("reading")(scene, net)
     return scene, replace(net, notes=(*net.notes, *notes))
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.projection import to_local
+from scex_sumo.converters.net.sumo_net import RECORDED
 from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.formats import recognition
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
@@ -106,7 +107,7 @@ def _programme(
 ) -> Programme:
     links = [c for c in layout.connections if c.internal.name in groups]
     phases = _phases(links, groups, runs)
-    return Programme(name="tl_recorded", connections=tuple(links), phases=phases, programme="recorded")
+    return Programme(name="tl_recorded", connections=tuple(links), phases=phases, programme=RECORDED)
 
 
 SPAT = SignalFormat(is_mine=recognition.SPAT.is_mine, read=recorded_programme)

@@ -44,7 +44,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 if TYPE_CHECKING:
-    from scex_sumo.behaviors.rules.holds import Obeyed
+    from scex_sumo.rules.holds import Obeyed
 
 MAX_SPREAD = 100
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start

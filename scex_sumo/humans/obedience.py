@@ -8,11 +8,11 @@ import numpy as np
 from scipy.special import logit, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.rules.holds import Manner, Obeyed, lights, obeyed
-from scex_sumo.behaviors.rules.states import Lit, traffic_on
 from scex_sumo.humans.observations import View
 from scex_sumo.humans.population import uniforms
 from scex_sumo.road import Rules
+from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
+from scex_sumo.rules.states import Lit, traffic_on
 
 OBEYS, LIGHTS, CHANGES, RELEASE = 80_000, 80_001, 80_002, 81_000  # salts; each plan has its own release
 
@@ -86,7 +86,7 @@ def _lights(view: View, rules: Rules, spread: float) -> Lit:
     history, given = view.history, RULE_PARAMETERS
     if not spread or all(signal.letters for signal in rules.signals):
         return lights(history, view.paths)
-    from scex_sumo.behaviors.rules.inferred import drawn_lights
+    from scex_sumo.rules.inferred import drawn_lights
 
     draw, count = history.route_draw[:, 0], len(rules.signals)
     noise = logit(np.clip(uniforms(draw, count, LIGHTS), 1e-6, 1 - 1e-6))

@@ -12,7 +12,7 @@ from scex_sumo.humans.obedience import RULE_PARAMETERS, manner_of
 from scex_sumo.road import Rules
 from scex_sumo.scene import States
 from tests.behaviors.roads import Vehicle, closed_loop, scene_of
-from tests.behaviors.rules.test_holds import CROSSROADS, passages, shows
+from tests.rules.test_holds import CROSSROADS, passages, shows
 
 DRAWS = (np.arange(20_000) + 0.5) / 20_000
 

@@ -13,7 +13,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.version import __version__, version_of
-from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet, WrittenNet, net_file
+from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet, WrittenNet, net_file
 from scex_sumo.road import MapLoss, Road
 from scex_sumo.scene import STEP_S
 
@@ -60,10 +60,9 @@ def converted(
         net = _kept(road, keep)
         net = replace(net, notes=(*net.notes, f"recorded lights are left out: {error}"))
     # A future begins at 0.1 s of its simulation.
-    begun = f'programID="recorded" offset="{STEP_S - time_s:.3f}"'
-    return _with_files(
-        replace(net, content=net.content.replace('programID="recorded" offset="0"', begun)), net_path
-    )
+    light = f'programID="{RECORDED}" offset='
+    content = net.content.replace(f'{light}"0"', f'{light}"{STEP_S - time_s:.3f}"')
+    return _with_files(replace(net, content=content), net_path)
 
 
 def _kept(road: Road, keep: bool, signals: Path | None = None) -> WrittenNet:

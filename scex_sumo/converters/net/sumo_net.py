@@ -13,6 +13,8 @@ from typing import TypeAlias, TypeVar
 
 from scex_sumo.road import MapLoss
 
+RECORDED = "recorded"  # programID of a light that replays a recording
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SumoNet:

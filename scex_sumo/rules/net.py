@@ -12,7 +12,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.net.convert import converted
-from scex_sumo.converters.net.sumo_net import LaneTable, SumoNet
+from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
 from scex_sumo.converters.signals import signals_of
@@ -20,7 +20,6 @@ from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.road import Passage, Road, Rules, Signal
 from scex_sumo.scene import STEP_S, SeedScene
 
-RECORDED = "recorded"  # programID of a light that replays a recording
 BOTH_WAYS = "wZ="  # link states of which two may give way to each other
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.behaviors.rules.precedence import precedence
 from scex_sumo.road import Passage, Road, Rules, Signal
+from scex_sumo.rules.precedence import precedence
 from scex_sumo.scene import Obstacles, SeedScene, States
 from tests.behaviors.roads import Vehicle, closed_loop, lane, road, scene_of
 

@@ -6,9 +6,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from scex_sumo.converters.net.rules import read_rules
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.road import Road
+from scex_sumo.rules.net import read_rules
 
 # A street from a to b, and one from c to d that crosses it and gives way.
 NET = """<net>

@@ -13,8 +13,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.rules.states import STANDS_MPS, Lit, Traffic
-from scex_sumo.behaviors.rules.ways import RuledWays, crosswalk_areas, ruled_ways
+from scex_sumo.rules.states import STANDS_MPS, Lit, Traffic
+from scex_sumo.rules.ways import RuledWays, crosswalk_areas, ruled_ways
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 REACH_M = 100.0  # holds further ahead count later
@@ -63,7 +63,7 @@ def lights(history: SceneHistory, paths: SeedPaths) -> Lit:
     assert rules is not None
     if all(signal.letters for signal in rules.signals):
         return Lit.at(rules, history.step * STEP_S)
-    from scex_sumo.behaviors.rules.inferred import expected_lights
+    from scex_sumo.rules.inferred import expected_lights
 
     return expected_lights(history, paths, rules)
 

@@ -24,7 +24,7 @@ class RuledProfile(IdmProfile):
         lights: whether it stops at lights; ``priority``: whether it gives way, also to people on crosswalks.
         yellow_deceleration: hardest braking for a yellow light, m/s²; 0 drives on.
         red_delay: time for which red counts as yellow, s.
-        gap_factor: on the critical headways of `behaviors.rules.holds`.
+        gap_factor: on the critical headways of `rules.holds`.
         sideways: ``cuts_in`` changes to the lane beside it in which a vehicle is nearest, ``drifts`` leaves
             its lane towards the nearest vehicle.
     """
@@ -54,8 +54,8 @@ class RuledDriver(IdmDriver):
         paths, row = chosen_paths(history, road, who, profile.path)
         hold: FloatArray | None = None
         if history.scene.rules is not None and not isinstance(profile.path, tuple):
-            from scex_sumo.behaviors.rules.holds import Manner, lights, obeyed
-            from scex_sumo.behaviors.rules.states import straight_traffic
+            from scex_sumo.rules.holds import Manner, lights, obeyed
+            from scex_sumo.rules.states import straight_traffic
 
             manner = Manner(
                 lights=profile.lights,
@@ -71,6 +71,6 @@ class RuledDriver(IdmDriver):
         made = self.follow(history, who, paths, row, hold)
         if not profile.sideways:
             return made
-        from scex_sumo.behaviors.rules.sideways import offsets
+        from scex_sumo.rules.sideways import offsets
 
         return replace(made, aside=offsets(history, road, paths, made.row, made.who, profile.sideways))

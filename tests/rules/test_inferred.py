@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.behaviors.driving.paths import seed_paths
-from scex_sumo.behaviors.rules.inferred import drawn_lights, expected_lights
 from scex_sumo.road import Rules, Signal
+from scex_sumo.rules.inferred import drawn_lights, expected_lights
 from scex_sumo.scene import SceneHistory
 from tests.behaviors.roads import Vehicle, present, scene_of
-from tests.behaviors.rules.test_holds import CROSSROADS, passages
 from tests.humans.test_obedience import driven
+from tests.rules.test_holds import CROSSROADS, passages
 
 RULES = Rules(passages=passages(east=0, north=1, yields=True), signals=(Signal(), Signal()))
 STANDS, DRIVES, AWAY = (46.5, 0.0, 0.0, 0.0), (60.0, -8.0, np.pi / 2, 10.0), (-20.0, 0.0, 0.0, 10.0)
