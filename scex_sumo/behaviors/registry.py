@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object, staying
 from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
@@ -140,6 +141,7 @@ def _mix(name: str) -> str:
     return str(MIXES.load(name)) if name in MIXES.paths else ""
 
 
+@checked
 def parse_models(text: str) -> list[ModelSpec]:
     """Read ``name[:parameter=value]...[@weight]``, several separated by commas.
 

@@ -17,6 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import ResultError, ScexError, TrackError, UsageError
 from scex_sumo.base.files import write_atomic
@@ -71,6 +72,7 @@ class FittedWeights:
         return f"{', '.join(shares)}; {self.windows} plans of {self.vehicles} vehicles {where}"
 
 
+@checked
 def fitted_weights(run: Run) -> FittedWeights:
     """Fit the weights of a run's models to the last minutes of its recording before the seed moment.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import ResultError, UsageError
@@ -109,6 +110,7 @@ class Exact:
         return self._least.told()
 
 
+@checked
 def weighted_probability(
     run: Run, weights: Weights, event: str = COLLISION, pair: tuple[int, int] | None = None
 ) -> float:

@@ -6,6 +6,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.version import version_of
@@ -18,6 +19,7 @@ MAPS_READ = ".osm, .xml (CommonRoad), .net.xml, .xodr"
 _PARTS = (Area, Georeference, Lane, MapLoss, Marking, Regulation, Road)
 
 
+@checked
 def read_map(
     map_path: str | Path,
     *,

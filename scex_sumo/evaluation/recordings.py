@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.checks import Check, doubts, refuse_implausible
 from scex_sumo.converters.datasets.moment import Moment, find_moments
@@ -55,6 +56,7 @@ class LoadedRecording:
     checks: tuple[Check, ...] = ()
 
 
+@checked
 def load_recording(
     recording: Recording, origin: tuple[float, float] | None = None, *, force: bool = False
 ) -> LoadedRecording:
@@ -92,6 +94,7 @@ def load_recording(
     )
 
 
+@checked
 def seed_at(
     loaded: LoadedRecording, time_s: float, *, case: str | None = None, min_history: int = 0
 ) -> SeedScene:
@@ -123,6 +126,7 @@ def seed_at(
     return loaded.table.complete(dataclasses.replace(scene, road=loaded.road))
 
 
+@checked
 def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment]:
     """List all moments that can be seed scenes, at least ``every_s`` apart; one for each case.
 

@@ -11,9 +11,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MissingExtraError, UsageError
 from scex_sumo.learned.scene_graph.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
-from scex_sumo.page.figures.drawing import draw_road, draw_vehicles, look_at, sheet, vehicle_outlines
+from scex_sumo.page.figures.drawing import draw_road, draw_vehicles, look_at, save, sheet, vehicle_outlines
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
@@ -32,6 +33,7 @@ _MARGIN_M = 12.0
 _BEND = 0.16  # keeps edges over a common lane apart
 
 
+@checked
 def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
     """Convert the graph of one future, an index into the batch, to a `networkx.DiGraph`.
 
@@ -82,6 +84,7 @@ def _named(columns: tuple[str, ...], values: Any) -> dict[str, float]:
     return dict(zip(columns, values.tolist(), strict=True))
 
 
+@checked
 def to_hetero_data(graph: SceneGraph) -> HeteroData:
     """Convert the graphs of all futures to one `torch_geometric.data.HeteroData`.
 
@@ -119,6 +122,7 @@ def to_hetero_data(graph: SceneGraph) -> HeteroData:
     return data
 
 
+@checked
 def plot_scene_graph(
     scene: SeedScene, path: str | Path, *, road: Road | None = None, radius: float = RADIUS_M, title: str = ""
 ) -> Path:
@@ -151,7 +155,7 @@ def plot_scene_graph(
         scene_graph_panel(axes, road, scene, graph)
         look_at(axes, low, high)
         axes.set_title(title or _title(scene, graph), loc="left")
-        figure.savefig(path, dpi=150, bbox_inches="tight")
+        save(figure, path, dpi=150, bbox_inches="tight")
     return Path(path)
 
 

@@ -6,9 +6,9 @@ import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
-from numbers import Integral, Real
 from typing import Any
 
+from scex_sumo.base.arguments import check_argument
 from scex_sumo.base.errors import ScexError, UsageError, warn_notes
 from scex_sumo.base.options import Option, options_of, split_options
 from scex_sumo.base.progress import Progress, progress_of
@@ -19,8 +19,6 @@ from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
-
-_PLAIN: dict[str, Any] = {"int": Integral, "float": Real, "str": str, "None": type(None), "Mapping": Mapping}
 
 
 def extrapolate(
@@ -69,6 +67,8 @@ def _run(
             f"extrapolate: got {type(scene).__name__}, needs a seed scene; make one with "
             "scex_sumo.read_seed(map, tracks=...) or synthetic_seed(map, vehicles=...)"
         )
+    check_argument("settings", settings, "RunSettings | None")
+    check_argument("progress", progress, "Progress | bool | None")
     if "children" in options:  # the former name
         options["futures"] = options.pop("children")
     values, others, *own = split_options(options, run_options())
@@ -102,9 +102,6 @@ def _arguments(name: str, one: Option, *, is_flag: bool) -> dict[str, str]:
 
 
 def _check_types(given: Mapping[str, Any], kinds: Sequence[type]) -> None:
-    """Raise a `UsageError` for a value of another type than its field; unions of classes are not checked."""
+    """Raise a `UsageError` for a value of another type than its field."""
     for one in (one for kind in kinds for one in dataclasses.fields(kind) if one.name in given):
-        value, wanted = given[one.name], str(one.type)
-        names = wanted.partition("[")[0].split(" | ")
-        if _PLAIN.keys() >= set(names) and not isinstance(value, tuple(_PLAIN[name] for name in names)):
-            raise UsageError(f"{one.name}: got {value!r:.60}, needs {wanted}")
+        check_argument(one.name, given[one.name], str(one.type))

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ScexError, SimulationError, UsageError, warn_notes
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors import registry as behaviors
@@ -262,6 +263,7 @@ def _asking(what: str) -> Iterator[None]:
         ) from None
 
 
+@checked
 def watch(connection: Any, *, net: str | Path | None = None) -> Watch:
     """Watch a running SUMO simulation, to extrapolate any of its moments (what-if branching).
 

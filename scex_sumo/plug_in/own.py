@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Literal, TypeVar
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors import registry as behaviors
 from scex_sumo.behaviors.registry import EXTENSIONS, MIXES, SUMO
@@ -17,6 +18,7 @@ T = TypeVar("T")
 F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
 
 
+@checked
 def behavior(name: str) -> Callable[[T], T]:
     """Register a behaviour model: ``@behavior("my_driver")`` on a class with ``plan`` or ``plan_one``.
 
@@ -54,6 +56,7 @@ def behavior(name: str) -> Callable[[T], T]:
     return register
 
 
+@checked
 def metric(
     name: str,
     *,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.importing import DRAWINGS
@@ -334,6 +335,7 @@ class Run:
         return read_table(self.folder / name, columns=columns, rows=rows)
 
 
+@checked
 def open_run(folder: str | Path) -> Run:
     """Open a result folder; raise a `ResultError` if it has no finished result.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import warn_notes
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.progress import Progress
@@ -15,6 +16,7 @@ POPULATIONS = Registry(group="scex_sumo.populations", kind="population")
 """Functions ``populate(road, vehicles=..., speed=..., seed=..., cache=..., progress=...)``: a seed scene."""
 
 
+@checked
 def synthetic_seed(
     map_path: str | Path,
     *,

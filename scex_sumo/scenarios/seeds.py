@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError, UsageError, warn_notes
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.scene import SeedScene
 
 
+@checked
 def read_seed(
     map_path: str | Path,
     *,

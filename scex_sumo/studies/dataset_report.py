@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.datasets.reader import read_recorded
@@ -67,6 +68,7 @@ def track_quality(rows: TrackRows, road: Road) -> TrackQuality:
     )
 
 
+@checked
 def dataset_report(roots: Sequence[str | Path]) -> str:
     """Return a Markdown table of all recordings below folders, before and after cleaning.
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.certainty.response.actions import (
@@ -57,6 +58,7 @@ TOLD: Final = 1e-7
 _LEAST = 1e-9  # probability of a row
 
 
+@checked
 def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> pa.Table:
     """Return what it takes until two vehicles of a seed scene collide, and how often people let it happen.
 

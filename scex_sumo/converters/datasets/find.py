@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, TrackError, listed, warn_notes
 from scex_sumo.base.files import identity_in
 from scex_sumo.converters.datasets.interaction import tracks_of_map
@@ -28,6 +29,7 @@ _AS_PUBLISHED = {
 """Datasets without a reader, by a file in them."""
 
 
+@checked
 def find_recordings(roots: str | Path | Sequence[str | Path]) -> tuple[Recording, ...]:
     """Find all recordings below folders, sorted by name; broken files are found too.
 

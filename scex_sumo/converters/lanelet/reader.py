@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from lanelet2 import io, projection, traffic_rules
 
-from scex_sumo.base.errors import MapError, one_line
+from scex_sumo.base.arguments import checked
+from scex_sumo.base.errors import MapError, UsageError, one_line
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.lanelet.drawing import areas, markings
 from scex_sumo.converters.lanelet.file import (
@@ -43,6 +44,7 @@ _LOAD_ERROR = re.compile(
 )
 
 
+@checked
 def read_road(
     map_path: str | Path,
     *,
@@ -85,6 +87,8 @@ def read_road(
     traffic = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
     lanelet_map, vertices, map_file, losses = _load(map_file, origin, traffic, mended, notes)
     country = country or map_country(map_file)
+    if country not in COUNTRIES:
+        raise UsageError(f"country: got {country!r}, needs one of {', '.join(COUNTRIES)}")
     lanes = related_lanes(lanelet_map, vertices, traffic, map_file, country)
     lanes, linked, inside = join_lanes(lanes)
     lines = _lines(lanelet_map)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import sha256_of, write_atomic
@@ -24,6 +25,7 @@ NETS = Registry(
 DEFAULT_WRITER = "lanelet2sumo"
 
 
+@checked
 def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = None) -> SumoNet:
     """Write a road as a SUMO net, with its lane table NET.lanes.csv and its drawing NET.add.xml beside it.
 

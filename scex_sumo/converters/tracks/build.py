@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import ROW_COLUMNS, TrackRows, TrackTable, segments_of
 from scex_sumo.scene import STEP_S
 
 
+@checked
 def track_rows(
     track: IntArray,
     labels: Sequence[str],

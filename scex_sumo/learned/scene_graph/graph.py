@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
@@ -63,6 +64,7 @@ class SceneGraph:
     arc: FloatArray
 
 
+@checked
 def scene_graph(
     history: SceneHistory | SeedScene, road: Road | None = None, *, radius: float = RADIUS_M
 ) -> SceneGraph:

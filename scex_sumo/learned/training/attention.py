@@ -9,16 +9,18 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.page.figures.drawing import draw_road, look_at, sheet, vehicle_outlines
+from scex_sumo.page.figures.drawing import draw_road, look_at, save, sheet, vehicle_outlines
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
 _VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
 _SPEED_PANELS = 3
 
 
+@checked
 def plot_attention(
     scene: SeedScene,
     path: str | Path,
@@ -51,6 +53,8 @@ def plot_attention(
     """
     if scene.road is None:
         raise UsageError(f"{scene.name}: the scene has no road; read it with its map")
+    if not around_m > 0:
+        raise UsageError(f"around_m: got {around_m:g}, needs a distance above 0 m")
     if not len(values):
         raise UsageError("values: got none; give at least one attention weight")
     plans = [_plan(scene, f"graph_image_predictor:attention={w:g}:head={head}", weights) for w in values]
@@ -67,7 +71,7 @@ def plot_attention(
             _draw_speeds(axes, scene, plans, values, vehicle)
             axes.set_title("ABC"[place], loc="left", fontweight="bold")
         figure.axes[-1].set_xlabel("time [s]")
-        figure.savefig(path, dpi=130)
+        save(figure, path, dpi=130)
     return Path(path)
 
 

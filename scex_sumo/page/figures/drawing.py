@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -13,6 +14,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import UsageError, one_line
+from scex_sumo.base.files import writing
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 
@@ -33,6 +36,15 @@ def sheet(width_in: float, height_in: float) -> Iterator[Figure]:
     """Yield an empty figure in the common style; draw and save it inside of the block."""
     with mpl.rc_context(STYLE):
         yield Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def save(figure: Figure, path: str | Path, **how: Any) -> None:
+    """Write a figure; an unknown format or an unusable path is one line."""
+    with writing(Path(path)):
+        try:
+            figure.savefig(path, **how)
+        except ValueError as error:
+            raise UsageError(f"{path}: {one_line(error)}") from None
 
 
 def look_at(axes: Axes, low: FloatArray, high: FloatArray) -> None:

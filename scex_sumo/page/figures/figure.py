@@ -15,10 +15,9 @@ from matplotlib.ticker import MaxNLocator
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of, side_of
 from scex_sumo.page.figures.charts import samples_of_both, value_range
-from scex_sumo.page.figures.drawing import STYLE
+from scex_sumo.page.figures.drawing import STYLE, save
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density
@@ -73,8 +72,7 @@ def draw_figure(
         if path is not None:
             # A file without a date: the same run gives the same bytes.
             metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(Path(path).suffix)
-            with writing(Path(path)):
-                figure.savefig(path, dpi=300, metadata=metadata)
+            save(figure, path, dpi=300, metadata=metadata)
     return panels
 
 

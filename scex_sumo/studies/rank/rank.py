@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
@@ -51,6 +52,7 @@ class Ranking:
     info: Mapping[str, Any]
 
 
+@checked
 def rank(
     roots: str | Path | Sequence[str | Path],
     *,

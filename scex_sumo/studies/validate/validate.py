@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
@@ -72,6 +73,7 @@ class Validation:
     tables: Mapping[str, pa.Table]
 
 
+@checked
 def validate(
     roots: str | Path | Sequence[str | Path],
     *,

@@ -1,0 +1,104 @@
+"""The types of arguments of public functions; a wrong one is one line."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+from collections.abc import Callable, Mapping
+from numbers import Integral, Real
+from typing import Any, TypeVar
+
+import numpy as np
+
+from scex_sumo.base.errors import UsageError
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_KINDS: dict[str, Any] = {
+    "int": Integral,
+    "float": Real,
+    "str": str,
+    "None": type(None),
+    "Path": os.PathLike,
+    "Mapping": Mapping,
+    "Callable": Callable,
+    "bool": (bool, np.bool_),
+}
+_ALIASES = {
+    "Progress": "Callable",
+    "Place": "tuple[float, float]",
+    "Window": "tuple[float | None, float | None]",
+    "Weights": "Mapping",
+}
+_CLASSES = {
+    "LoadedRecording",
+    "Recording",
+    "Region",
+    "Road",
+    "Run",
+    "RunSettings",
+    "SceneGraph",
+    "SceneHistory",
+    "SeedScene",
+}
+
+
+def fits(value: Any, wanted: str) -> bool:
+    """Tell whether a value may be of a type, written as an annotation such as ``str | Path``.
+
+    Our classes are found by their name among those of the value; items of ``Sequence`` and ``tuple`` are
+    checked, too. Every value fits a type of another name.
+    """
+    return any(_fits_one(value, _ALIASES.get(one, one)) for one in _split(wanted, "|"))
+
+
+def _fits_one(value: Any, wanted: str) -> bool:
+    name, _, inside = wanted.removesuffix("]").partition("[")
+    if name in _KINDS:
+        return isinstance(value, _KINDS[name]) and not (isinstance(value, bool) and name in ("int", "float"))
+    if name not in ("Sequence", "tuple"):
+        return name not in _CLASSES or any(one.__name__ == name for one in type(value).__mro__)
+    if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, "__len__"):
+        return False
+    items = _split(inside, ",")
+    if name == "Sequence" or items[1:] == ["..."]:
+        return all(fits(one, items[0]) for one in value)
+    return len(value) == len(items) and all(map(fits, value, items))
+
+
+def _split(text: str, sign: str) -> list[str]:
+    """Return the parts of an annotation between signs outside of brackets."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter == "[") - (letter == "]")
+        if letter == sign and not depth:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts]
+
+
+def check_argument(name: str, value: Any, wanted: str) -> None:
+    """Raise a `UsageError` for a value that is not of the wanted type."""
+    if not fits(value, wanted):
+        raise UsageError(f"{name}: got {value!r:.60}, needs {wanted}")
+
+
+def checked(function: F) -> F:
+    """Check the arguments of a public function by its annotations before it is called."""
+    signature = inspect.signature(function)
+    wanted = {
+        one.name: str(one.annotation)
+        for one in signature.parameters.values()
+        if one.annotation is not one.empty and one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)
+    }
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        given = signature.bind(*args, **kwargs).arguments
+        for name in wanted.keys() & given.keys():
+            check_argument(name, given[name], wanted[name])
+        return function(*args, **kwargs)
+
+    return call  # type: ignore[return-value]
