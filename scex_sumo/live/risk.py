@@ -119,8 +119,18 @@ def assess(moment: Moment, question: Question) -> Risk:
     begin_s = time.perf_counter()
     scene = moment.scene()
     names = {int(track): name for track, name in scene.source["vehicles"].items()}
-    people = pair_responses(critical_responses(scene, file=question.response).to_pylist())
-    part = _stressed(scene, question) if question.futures and scene.vehicles >= _FEWEST else None
+    settings, models = _models(question)
+    assert scene.road is not None
+    with TemporaryFolder() as folder:
+        scene, net = ruled(scene, converted(scene.road, Path(folder) / "net.net.xml"), settings)
+        people = pair_responses(critical_responses(scene, file=question.response).to_pylist())
+        part = None
+        if question.futures and scene.vehicles >= _FEWEST:
+            drawn = models.draw(
+                scene.track_ids, futures=question.futures, seed=question.seed, design=settings.design
+            )
+            job = Job(scene, net, settings, models, drawn, Path(folder), on_paths=False)
+            part = run_in_memory(job, range(question.futures))
     pairs = _pairs(scene, names, people, part, question.futures)
     pairs = [pair for pair in pairs if moment.counts(pair.names)]
     pairs.sort(key=lambda pair: (pair.doubt is not None, -pair.human_like, -(pair.stress or 0.0)))
@@ -180,24 +190,14 @@ def _shares(
     return shares, kinds
 
 
-def _stressed(scene: SeedScene, question: Question) -> Part:
-    """Return the futures of the stress test."""
-    settings, models = _models(question)
-    assert scene.road is not None
-    with TemporaryFolder() as folder:
-        path = Path(folder) / "net.net.xml"
-        scene, net = ruled(scene, converted(scene.road, path), settings)
-        drawn = models.draw(
-            scene.track_ids, futures=question.futures, seed=question.seed, design=settings.design
-        )
-        job = Job(scene, net, settings, models, drawn, Path(folder), on_paths=False)
-        return run_in_memory(job, range(question.futures))
-
-
 @lru_cache(maxsize=4)
 def _models(question: Question) -> tuple[RunSettings, ModelSet]:
     settings = RunSettings(
-        futures=question.futures, models=question.models, seed=question.seed, metrics="gap", world="plain"
+        futures=max(question.futures, 1),
+        models=question.models,
+        seed=question.seed,
+        metrics="gap",
+        world="plain",
     )
     return settings, ModelSet.of(settings)
 

@@ -136,6 +136,27 @@ def seed_paths(
         beside: the path of a vehicle off the mapped lanes is parallel to that of a vehicle near it on them.
         driven: paths are the lines that people drive (`driven_line`) instead of smoothed centrelines.
     """
+    smooth = _smooth_lines(scene, road, given, horizon_s, beside)
+    paths = _tabulate(road, smooth, driven)
+    if not scene.intentions:
+        return paths
+    factor = [1.0 if known is None else known.speed_factor for known in scene.intentions]
+    on_road = np.array([line.on_road for line in smooth.lines])
+    factors = np.where(on_road, np.repeat(factor, smooth.count), 1.0)
+    return replace(paths, speed_limit=paths.speed_limit * factors[:, None])
+
+
+@owner_cache
+def _smooth_lines(
+    scene: SeedScene,
+    road: Road,
+    given: tuple[int, ...] | tuple[tuple[float, float], ...] | None,
+    horizon_s: float,
+    beside: bool,
+) -> _SmoothLines:
+    """Return the smoothed candidate paths of a seed scene, arguments as of `seed_paths`."""
+    if beside and all(line.on_road for line in _smooth_lines(scene, road, given, horizon_s, False).lines):
+        return _smooth_lines(scene, road, given, horizon_s, False)
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
     candidates = candidate_paths(road, scene) if given is None else None
@@ -161,14 +182,15 @@ def seed_paths(
         lines = [
             some if some[0].on_road else _beside(scene, lines, v) or some for v, some in enumerate(lines)
         ]
-    count = np.array([len(some) for some in lines], dtype=np.int64)
-    every, samples = list(chain.from_iterable(lines)), int((BEHIND_M + ahead) / DS_M) + 1
-    paths = _tabulate(road, every, np.repeat(now.speed, count), samples, count, driven)
-    if not scene.intentions:
-        return paths
-    factor = [1.0 if known is None else known.speed_factor for known in scene.intentions]
-    factors = [factor[v] if line.on_road else 1.0 for v, some in enumerate(lines) for line in some]
-    return replace(paths, speed_limit=paths.speed_limit * np.array(factors)[:, None])
+    every, count = list(chain.from_iterable(lines)), np.array([len(some) for some in lines], dtype=np.int64)
+    raw = np.stack([resample(line.points, int((BEHIND_M + ahead) / DS_M) + 1, DS_M) for line in every])
+    own_speed = np.repeat(now.speed, count)
+    width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], raw.shape[1], axis=1)
+    for k, line in enumerate(every):
+        if line.owner is not None:
+            width[k], limit[k] = _of_lanes(road, line.points, line.owner, raw.shape[1])
+    smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
+    return _SmoothLines(lines=every, count=count, raw=raw, smooth=smooth, limit=limit)
 
 
 def driven_paths(scene: SeedScene, road: Road) -> SeedPaths:
@@ -185,6 +207,20 @@ class _Line:
     angle: float = 0.0
     on_road: bool = True
     intended: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _SmoothLines:
+    """Lines of all vehicles, ``count`` (V,) of each; ``limit`` (K, N) of the speed, m/s.
+
+    ``raw``, ``smooth`` are (K, N, 2), m.
+    """
+
+    lines: list[_Line]
+    count: IntArray
+    raw: FloatArray
+    smooth: FloatArray
+    limit: FloatArray
 
 
 def _straight(pose: tuple[float, float, float], ahead: float) -> _Line:
@@ -238,17 +274,9 @@ def _given(
     return _Line(cut, owner, ids)
 
 
-def _tabulate(
-    road: Road, lines: list[_Line], own_speed: FloatArray, samples: int, count: IntArray, driven: bool
-) -> SeedPaths:
-    raw = np.stack([resample(line.points, samples, DS_M) for line in lines])
-    width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], samples, axis=1)
-    for k, line in enumerate(lines):
-        if line.owner is not None:
-            width[k], limit[k] = _of_lanes(road, line.points, line.owner, samples)
-    smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
-    if driven:
-        smooth = _driven(road, lines, smooth, raw)
+def _tabulate(road: Road, made: _SmoothLines, driven: bool) -> SeedPaths:
+    lines, count, samples = made.lines, made.count, made.raw.shape[1]
+    smooth = _driven(road, lines, made.smooth.copy(), made.raw) if driven else made.smooth
     even = np.stack([resample(line, samples, DS_M) for line in smooth])
     centre = even.reshape(-1, 2).mean(axis=0)
     some = even[:, ::COARSE] - centre
@@ -264,7 +292,7 @@ def _tabulate(
         on_road=np.array([line.on_road for line in lines])[first],
         table=_columns(even).reshape(-1, 2 * len(COLUMNS)),
         samples=samples,
-        speed_limit=limit,
+        speed_limit=made.limit,
         coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
         centre=centre,
         slow_in_curves=road.sumo_lanes,
