@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,23 +92,36 @@ def fitted_weights(run: Run) -> FittedWeights:
     if source.get("kind") != "tracks" or not scene.get("map"):
         raise UsageError("weights of the recording: the seed scene is of no recording; give MODEL=WEIGHT,...")
     names = [entry["model"] for entry in run.info["models"] if entry["weight"] > 0]
+    road = read_map(Path(scene["map"]), tracks=Path(source["tracks"]), own_corner=False)
+    clean, now = read_clean([Path(source["tracks"])], road), scene["time_s"]
+    return weights_of(clean, road, names, now_s=now)
+
+
+def weights_of(
+    clean: CleanRecording, road: Road, names: Sequence[str], *, now_s: float | None = None
+) -> FittedWeights:
+    """Fit the weights of models to a recording, or to its last minutes before a moment as `fitted_weights`.
+
+    Raises:
+        UsageError: SUMO drives the models, or the recording has cases.
+        TrackError: the recording tells too little.
+    """
     models = [build(spec) for spec in model_specs(",".join(names))]
     if any(map(is_driven_by_sumo, models)):
         raise UsageError("weights of the recording: SUMO drives some of the models; give MODEL=WEIGHT,...")
-    road = read_map(Path(scene["map"]), tracks=Path(source["tracks"]), own_corner=False)
-    clean, now = read_clean([Path(source["tracks"])], road), scene["time_s"]
     if clean.table.has_cases:
         raise UsageError("weights of the recording: its cases are too short; give MODEL=WEIGHT,...")
-    times = [m.time_s for m in find_moments(clean.table, every_s=EVERY_S) if abs(m.time_s - now) >= APART_S]
+    now = math.inf if now_s is None else now_s
+    ago = {m.time_s: now - m.time_s for m in find_moments(clean.table, every_s=EVERY_S)}
     for before in (True, False):
-        asked = [t for t in times if 0 < now - t <= PAST_S] if before else times
+        asked = [t for t, s in ago.items() if (APART_S <= s <= PAST_S if before else abs(s) >= APART_S)]
         some = asked[:: -(-len(asked) // MAX_MOMENTS)] if asked else []
         found = [_errors(clean, road, models, t) for t in some]
         count = sum(len(tracks) for tracks, _ in found)
         if count >= MIN_WINDOWS:
             tracks, errors = (np.concatenate(part) for part in zip(*found, strict=True))
-            return _fit(names, tracks, errors, before=before)
-    raise TrackError(f"{source['tracks']}: {count} plans of moving vehicles are too few to fit weights")
+            return _fit(list(names), tracks, errors, before=before)
+    raise TrackError(f"{clean.table.path}: {count} plans of moving vehicles are too few to fit weights")
 
 
 def _errors(

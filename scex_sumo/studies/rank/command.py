@@ -62,6 +62,9 @@ def rank_command(
         Path | None, Option(metavar="CSV", help="Verdicts saved on the page of a ranking.")
     ] = None,
     exact: Annotated[bool, Option(help="Exact P where it saves futures.")] = True,
+    fit_weights: Annotated[
+        bool, Option("--fit-weights", help="P with weights of the models fitted to the recordings, too.")
+    ] = False,
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
@@ -119,6 +122,7 @@ def _print_top(ranking: Ranking, top: int) -> None:
     rows = [row for row in rows if row["rank"] is not None]
     print_columns(printed_columns(), rows, console, "encounters worth testing")
     about = "people collide, severe injury (MAIS 3+, expected): human-like; braking: needed, m/s²"
-    print_line(f"{about}; stress: P(collision), stress test; ranked by {ranking.info['by']}", console)
+    stress = "stress: P(collision), stress test (fitted: weights of the models from the recording)"
+    print_line(f"{about}; {stress}; ranked by {ranking.info['by']}", console)
     usual = f"usual: P over the median of its kind at the site, and its place; (all): {_ALL}"
     print_line(usual, console)

@@ -17,6 +17,8 @@ from scex_sumo.studies.rank.exact import EVENTS, ExactScore
 from scex_sumo.studies.rank.triage import BOTH, DATA_ERROR, judged
 
 STRESS: Final = ("stress_p_collision", "stress_p_critical")
+FITTED: Final = "stress_p_fitted"
+"""P of a collision with weights fitted to the recording."""
 TRIAGE: Final = ("verdict", "note")
 _LINE: Final = ("recording", "case", "track_id", "person", "action", "doubt", "first_s", "last_s", "out")
 _NEAR: Final = ("time_to_react", "gap_m", "time_s", "first_s", "last_s", "usual_rank", "response_s")
@@ -26,7 +28,7 @@ RANKED: Final = pa.schema(
     [
         ("rank", pa.int64()),
         *(field for field in ENCOUNTERS if field.name != "doubt"),
-        *((name, pa.float64()) for name in STRESS),
+        *((name, pa.float64()) for name in (*STRESS, FITTED)),
         ("more", pa.int64()),
         ("doubt", pa.string()),
         *((name, pa.string()) for name in TRIAGE),

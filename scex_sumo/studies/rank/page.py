@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
+from scex_sumo.certainty.fitted import FittedWeights
 from scex_sumo.certainty.options import CriticalResponse, ExactProbabilities
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.certainty.response.usual import usual_of
@@ -27,14 +28,16 @@ from scex_sumo.page.report.report import filled_report
 from scex_sumo.page.study import card, failure_card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import SeedScene
+from scex_sumo.studies.moments.encounters import with_columns
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.moments.run import MomentTask, unpack_road, written
-from scex_sumo.studies.rank.encounters import TRIAGE, leads
+from scex_sumo.studies.rank.encounters import FITTED, TRIAGE, leads
 from scex_sumo.studies.rank.futures import REPORTS
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.stage import stage_of
-from scex_sumo.studies.rank.table import page_columns, pair_words
+from scex_sumo.studies.rank.table import page_columns, pair_words, stress_words
 from scex_sumo.studies.rank.triage import KEY, VERDICTS
+from scex_sumo.studies.rank.weights import RecordingWeights, p_fitted
 
 HTML = "ranking.html"
 SCRIPTS = ("loop.js", "stage.js", "triage.js")
@@ -53,11 +56,19 @@ _KEYS = (
 )
 
 
-def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, workers: int = 1) -> list[str]:
-    """Write the page and a report of each moment on it; return the names of these moments, best first.
+def write_ranking_page(
+    run: RankingRun,
+    folder: Path,
+    ranking: pa.Table,
+    fitted: RecordingWeights | None = None,
+    *,
+    workers: int = 1,
+) -> tuple[pa.Table, list[str]]:
+    """Write the page and a report of each moment on it; return the encounters and these moments, best first.
 
     Args:
-        ranking: the encounters in their order.
+        ranking: the encounters in their order; those on the page get their P with fitted weights.
+        fitted: weights of the models.
         workers: processes of this machine that run the moments shown.
     """
     lines = leads(ranking)
@@ -65,14 +76,22 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
     names = list(dict.fromkeys(row["seed"] for row in top))
     refs = [ref for ref in run.refs if ref.moment in names]
     found: dict[int, tuple[Html, dict[str, Any]]] = {}
+    shares: dict[int, float | None] = {}
     with Workers(workers) as pool:
         for task in run.tasks(refs):
             assert task.road is not None
             scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
             command, report = _command(run, task.ref), folder / REPORTS / f"{task.ref.moment}.html"
-            ran = _write_report(task, scene, command, report, pool)
-            for row in (row for row in top if row["seed"] == task.ref.moment):
+            rows = [row for row in top if row["seed"] == task.ref.moment]
+            weights = fitted and fitted.of(run.recording(task.ref))
+            ran = _write_report(task, scene, command, report, pool, rows, weights)
+            for row in rows:
+                shares[row["rank"]] = row[FITTED]
                 found[row["rank"]] = _card(row, scene, command, ran)
+    each = ranking.select(["rank", "more"]).to_pylist()
+    values = [None if row["more"] is None else shares.get(row["rank"]) for row in each]
+    ranking = with_columns(ranking, {FITTED: values})
+    lines = leads(ranking)
     shown = [found[row["rank"]] for row in top if row["rank"] in found]
     rows = lines.slice(0, max(_ROWS, len(top))).to_pylist()
     parts = [
@@ -99,13 +118,22 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table, *, work
         scripts=SCRIPTS,
         info=info,
     )
-    return names
+    return ranking, names
 
 
 def _write_report(
-    task: MomentTask, scene: SeedScene, command: Sequence[str], path: Path, workers: Workers
+    task: MomentTask,
+    scene: SeedScene,
+    command: Sequence[str],
+    path: Path,
+    workers: Workers,
+    rows: Sequence[dict[str, Any]],
+    weights: FittedWeights | None,
 ) -> bool:
-    """Run the futures of a moment and write their report; return whether they can be run."""
+    """Run the futures of a moment and write their report; return whether they can be run.
+
+    Rows of its encounters get their P with fitted weights.
+    """
     settings = dataclasses.replace(task.settings.run, futures=len(task.futures))
     with TemporaryFolder() as folder:
         try:
@@ -113,6 +141,8 @@ def _write_report(
             run = run_scene(scene, settings, workers=workers, options=options, extras=_EXTRAS)
         except ScexError:
             return False
+        for row in rows:
+            row[FITTED] = p_fitted(run, row, weights)
         info, arrays = report_contents(run, scene)
         info |= {"folder": command[-1], "command": shlex.join(command)}
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -121,7 +151,7 @@ def _write_report(
 
 
 def _command(run: RankingRun, ref: MomentRef) -> list[str]:
-    recording = next(r for r in run.recordings if r.name == ref.recording)
+    recording = run.recording(ref)
     paths, models = recording.track_paths, run.settings.models
     words = ["scex-sumo", "run", str(recording.map_path)]
     words += ["--tracks", str(paths[0] if len(paths) == 1 else paths[0].parent)]
@@ -195,7 +225,7 @@ def _facts(row: Mapping[str, Any]) -> list[str]:
         _usual(row),
     ]
     if row["stress_p_collision"] is not None:
-        facts.append(f"stress test: collide in {row['stress_p_collision']:.0%} of the futures")
+        facts.append(f"stress test: collide in {stress_words(row)} of the futures")
     return [fact for fact in facts if fact]
 
 

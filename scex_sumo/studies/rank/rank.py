@@ -29,6 +29,7 @@ from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.scores import RankSettings
 from scex_sumo.studies.rank.table import moments_table, write_table
 from scex_sumo.studies.rank.triage import read_triage
+from scex_sumo.studies.rank.weights import RecordingWeights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,6 +71,7 @@ def rank(
     keep_doubtful: bool = False,
     triage: str | Path | None = None,
     exact: bool = True,
+    fit_weights: bool = False,
     cache: bool = True,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
@@ -87,6 +89,7 @@ def rank(
         by: column by which encounters are ordered.
         keep_doubtful: rank encounters whose data are doubtful, too.
         triage: file of verdicts that the page of a ranking has saved.
+        fit_weights: fit the weights of the models to the recordings of the top encounters.
         window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
@@ -132,10 +135,12 @@ def rank(
         ranking.run()
         moments = moments_table(ranking)
         table = order.ranked(with_stress(ranking.encounters, ranking.stress()))
+        fitted = RecordingWeights(settings.models) if fit_weights else None
+        processes = workers if cluster is None else 1
+        table, shown = write_ranking_page(ranking, folder.path, table, fitted, workers=processes)
         lines = leads(table)
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
-        shown = write_ranking_page(ranking, folder.path, table, workers=workers if cluster is None else 1)
         info = {
             "scex_sumo": __version__,
             "command": list(command) if command else None,
@@ -149,7 +154,8 @@ def rank(
             "fallbacks": pc.sum(moments["fallbacks"]).as_py() or 0,
             "by": by,
             "shown": shown,
-            "notes": [*left_out(places), *pool.notes()],
+            "notes": [*left_out(places), *pool.notes(), *(fitted.notes if fitted else ())],
+            **({"fitted_weights": fitted.to_json()} if fitted else {}),
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }

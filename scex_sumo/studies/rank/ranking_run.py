@@ -136,6 +136,10 @@ class RankingRun:
         for task in (item for item in items if isinstance(item, MomentTask)):
             yield dataclasses.replace(task, futures=range(self.drawn(task.ref)))
 
+    def recording(self, ref: MomentRef) -> Recording:
+        """Return the recording of a moment."""
+        return next(one for one in self.recordings if one.name == ref.recording)
+
     def drawn(self, ref: MomentRef) -> int:
         """Return the number of futures of a moment."""
         return sum(len(part) for part in self._drawn[ref.moment])

@@ -24,6 +24,7 @@ from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.folder import Failure, MomentRef, as_row
+from scex_sumo.studies.rank.encounters import FITTED
 from scex_sumo.studies.rank.exact import COLLISION, CRITICAL, ExactScore
 from scex_sumo.studies.rank.places import Tally, place
 from scex_sumo.studies.rank.ranking_run import RankingRun
@@ -108,6 +109,7 @@ def page_columns() -> list[Column]:
         Column("severity", "severe injuries", "real", "Expected, human-like"),
         Column("times_usual", "× usual", "real", "P over the median of the class"),
         Column("stress_p_collision", "stress test", "percent", "P(collision) with the drawn models"),
+        Column(FITTED, "fitted", "percent", "The same with weights fitted to the recording"),
         Column("doubt", "doubt", "words"),
         Column("verdict", "verdict", "words"),
     ]
@@ -126,8 +128,16 @@ def printed_columns() -> list[Column]:
         Column("needed_braking", "braking", ".1f"),
         Column(lambda row: once_in(row["severity"]), "severe injury", "words"),
         Column(_times_usual, "usual", "words"),
-        Column("stress_p_collision", "stress", "percent"),
+        Column(stress_words, "stress", "text"),
     ]
+
+
+def stress_words(row: Row) -> str | None:
+    """Return P(collision) in the stress test, and with fitted weights where it is known."""
+    drawn, fitted = row["stress_p_collision"], row[FITTED]
+    if drawn is None:
+        return None
+    return f"{drawn:.0%}" + ("" if fitted is None else f" ({100 * fitted:.2g} % fitted)")
 
 
 def pair_words(row: Row) -> str:
