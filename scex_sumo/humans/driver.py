@@ -25,6 +25,7 @@ from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds
 from scex_sumo.humans.attention import attention_of, kept_clear, yielding
 from scex_sumo.humans.lanes import change_offsets, change_shares, lanes_beside
 from scex_sumo.humans.observations import (
+    LEADER_MOVES,
     View,
     behind_a_wave,
     keep_features,
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
 MAX_SPREAD = 100
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 VARIATION, SIDE = slice(5), [6, 6, 6, 8, 9]  # columns of a driver's draws
-HEADWAY, BRAKING, CRAWL, CHANGE, STOP, DRAWS = 5, 7, 10, 11, 12, 13
+HEADWAY, BRAKING, CRAWL, CHANGE, STOP, PULL, DRAWS = 5, 7, 10, 11, 12, 13, 14
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,6 +137,7 @@ class LikelyDriver:
         braking = np.exp(human.braking_log[0] + spread * human.braking_log[1] * ndtri(draws[:, BRAKING]))
         crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws[:, CRAWL] - 1))
         crawl = np.where(speed < human.standing_mps, np.minimum(crawl, human.standing_mps), 0.0)
+        pull = np.exp(spread * human.pull_spread * ndtri(draws[:, PULL]))
         normal, mean, unsure = students(draws[:, VARIATION]), observed.mean_features, observed.spread_features
         drivers = Drivers(
             speed=speed,
@@ -145,6 +147,7 @@ class LikelyDriver:
             sudden=shown.sudden[vehicle],
             variation=drawn_variation(speed, mean[row], unsure[row], spread * normal, human),
             crawl=crawl,
+            pull=np.where(speed < human.standing_mps, pull, 1.0),
             stop_s=self._stops(view, draws[:, STOP]),
         )
         return replace(drivers, habit=shown_habit(view, drivers))
@@ -187,7 +190,8 @@ class LikelyDriver:
             starts, draw = np.full_like(draw, 0.5), np.full_like(draw, 0.5)
         queue = queue_leaders(history.scene, view.paths, human)
         wave = behind_a_wave(history.now.speed, leaders, who.future, queue, human)
-        rate = np.exp(start_features(now, leaders.gap, leaders.speed, wave, human) @ human.start_weights)
+        features = start_features(now, leaders.gap, leaders.speed, wave, human)
+        rate = np.exp(features @ human.start_weights)
         # The fitted rate says how many start soon; those that do follow the wave.
         # Waiting has no memory: draws of successive plans give one exponential time in all.
         soon = starts < 1 - np.exp(-rate * human.start_within_s)
@@ -196,7 +200,8 @@ class LikelyDriver:
             return waits_s
         from scex_sumo.humans.obedience import waits_for
 
-        return waits_for(obeyed, view, waits_s, leaders.gap < human.queue_m)
+        near, moves = leaders.gap < human.queue_m, features[:, LEADER_MOVES] > 0
+        return waits_for(obeyed, view, waits_s, np.where(near, moves, obeyed.released))
 
 
 def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:

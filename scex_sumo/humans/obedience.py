@@ -65,6 +65,7 @@ def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARA
         gaps=given.gap_factor * np.exp(min(spread, 1.0) * given.gap_spread * ndtri(gap)),
         priority_mps2=given.priority_mps2,
         stands_mps=given.rolls_mps,
+        ready=True,
     )
 
 
@@ -94,15 +95,14 @@ def _lights(view: View, rules: Rules, spread: float) -> Lit:
     return drawn_lights(history, view.paths, rules, noise, change_s)
 
 
-def waits_for(rules: Obeyed, view: View, waits_s: FloatArray, near_leader: BoolArray) -> FloatArray:
+def waits_for(rules: Obeyed, view: View, waits_s: FloatArray, free: BoolArray) -> FloatArray:
     """Return (n,) times for which vehicles stand, s: at a place to stop until it is free, then not for long.
 
     Args:
         waits_s: (n,) without rules.
-        near_leader: (n,) whether a leader holds the vehicle.
+        free: (n,) whether the passage of the first in a queue, or the way of the others, is free.
     """
     draw = view.history.route_draw[view.who.future, view.who.vehicle]
-    soon = uniforms(draw, 1, RELEASE + view.history.step)[:, 0]
-    free = (waits_s > 0) & rules.released & ~near_leader
-    waits_s = np.where(free, -RULE_PARAMETERS.start_s * np.log(soon), waits_s)
+    soon = -RULE_PARAMETERS.start_s * np.log(uniforms(draw, 1, RELEASE + view.history.step)[:, 0])
+    waits_s = np.where((waits_s > 0) & free, np.minimum(waits_s, soon), waits_s)
     return np.where((waits_s > 0) & (rules.hold < RULE_PARAMETERS.held_m), np.inf, waits_s)

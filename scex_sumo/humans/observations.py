@@ -22,6 +22,8 @@ from scex_sumo.humans.beside import box_distances
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
+LEADER_MOVES = 2  # column of `start_features`
+
 
 def start_features(
     speed: FloatArray, gap: FloatArray, leader_speed: FloatArray, wave: BoolArray, human: HumanParameters

@@ -99,6 +99,7 @@ class HumanParameters:
     start_weights: FloatArray  # log 1/s | (5,) of `start_features` | fitted
     start_within_s: float = 4.0  # s | time for which the fitted rate counts | chosen
     start_wave_s: float = 1.0  # s | mean time from the leader's start to the own one | chosen
+    pull_spread: float = 0.35  # 1 | deviation of the log of starting accelerations | chosen: INTERACTION
     queue_m: float = 15.0  # m | a leader nearer than this holds a standing vehicle | chosen
     queue_gap_m: float = 0.5  # m | smallest gap for crawling | chosen
     queue_start_mps2: float = 2.4  # m/s² | largest acceleration of one that leaves a queue | chosen

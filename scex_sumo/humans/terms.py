@@ -34,6 +34,7 @@ class Drivers:
     sudden: Values = 0.0  # that of the last step beyond the lasting one, m/s²
     variation: FloatArray | None = None  # (n, 3) drawn accelerations, m/s²
     crawl: Values = 0.0  # speed at which a standing vehicle creeps, m/s
+    pull: Values = 1.0  # factor on accelerations from standing
     stop_s: Values = np.inf  # time in which a creeping vehicle comes to rest, s; inf: it does not
 
 
@@ -116,7 +117,8 @@ def demanded(now: Situation, human: HumanParameters) -> FloatArray:
 
     Source: Treiber and Kesting 2013, section 11.3.
     """
-    return lowest(free(now, human), following(now, human), curve(now, human))
+    asked = lowest(free(now, human), following(now, human), curve(now, human))
+    return np.where(asked > 0, asked * now.driver.pull, asked)
 
 
 def lowest(*terms: FloatArray) -> FloatArray:
@@ -181,11 +183,11 @@ def sudden(now: Situation, human: HumanParameters) -> FloatArray:
 
 
 def variation(now: Situation, human: HumanParameters) -> Values:
-    """Return the drawn acceleration, m/s²; 0 in a plan that begins with waiting."""
+    """Return the drawn acceleration, m/s²; 0 for vehicles that stand: they differ by their ``pull``."""
     if now.driver.variation is None:
         return 0.0
     drawn = now.driver.variation @ node_weights(now.time_s, human)
-    return np.where(now.expects.waits_s > 0, 0.0, drawn)
+    return np.where((now.expects.waits_s > 0) | (now.driver.speed < human.standing_mps), 0.0, drawn)
 
 
 def relieved(added: Values, asked: FloatArray, human: HumanParameters) -> FloatArray:

@@ -18,9 +18,11 @@ from scex_sumo.rules.ways import RuledWays, crosswalk_areas, ruled_ways
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 REACH_M = 100.0  # holds further ahead count later
-PASSED_M = 0.5  # a front that is so far beyond a line has passed it
+PASSED_M = 0.5  # a front that is so far beyond a line has passed it,
+CREPT_M = 3.0  # unless the vehicle stands: it waits
 BEFORE_ZONE_M = 1.0  # of a conflict, for a vehicle that waits within the junction
 AT_LINE_M = 4.0  # a vehicle that stands so near before a line waits at it
+FIRST_M = 10.0  # a vehicle that stands so near before an open line, with nobody ahead, starts
 GAIN_MPS = 0.3  # a vehicle that gained or lost so much speed in three steps goes or brakes
 SLOW_MPS, GOES_MPS2 = 6.0, 1.0  # a slower vehicle that gains speed with so little room to stop goes on
 START_MPS2 = 1.5  # acceleration of a vehicle that goes
@@ -44,6 +46,7 @@ class Manner:
         gaps: factor on critical headways.
         priority_mps2: a driver gives way if that needs no harder braking.
         stands_mps: speed below which a driver has stopped at a stop sign.
+        ready: whether a driver that stands or is slow goes at red and yellow.
     """
 
     lights: FloatArray | bool = True
@@ -55,6 +58,7 @@ class Manner:
     gaps: FloatArray | float = 1.0
     priority_mps2: FloatArray | float = 4.0
     stands_mps: FloatArray | float = STANDS_MPS
+    ready: bool = False
 
 
 def lights(history: SceneHistory, paths: SeedPaths) -> Lit:
@@ -75,7 +79,7 @@ class Obeyed:
     Attributes:
         hold: way of the front to the next place where a driver has to stop, m; inf if there is none.
         released: whether a driver may enter the passage that it is at: a light shows green, or all others
-            leave it time.
+            leave it time, and it has to stop nowhere near behind the line.
     """
 
     hold: FloatArray
@@ -102,10 +106,10 @@ def obeyed(
     assert rules is not None
     ways = ruled_ways(paths, rules)
     me = _Drivers(who, row, traffic, manner)
-    gap, green = _at_lights(me, ways, lit)
+    gap, opened = _at_lights(me, ways, lit)
     gap = np.minimum(gap, _giving_way(me, ways, traffic, lit))
     gap = np.minimum(gap, _at_crosswalks(me, ways, history))
-    return Obeyed(hold=gap, released=green & np.isinf(gap))
+    return Obeyed(hold=gap, released=(opened < FIRST_M) & (gap > opened + AT_LINE_M))
 
 
 class _Drivers:
@@ -145,13 +149,15 @@ def _spread(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
 
 
-def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, BoolArray]:
-    """Return the ways (n,) to stop for lights and stop signs, and whether drivers are at an open passage."""
+def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, FloatArray]:
+    """Return the ways (n,) to stop for lights and stop signs, and to the next open line; inf without."""
     driver, entry = _spread(ways.first[me.row], ways.first[me.row + 1] - ways.first[me.row])
     gap, light = ways.stop[entry] - me.front[driver], (me.who.future[driver], ways.signal[entry])
-    ahead = (gap > -PASSED_M) & (gap < REACH_M)
+    stands = me.speed[driver] < STANDS_MPS
+    ahead = (gap > np.where(stands, -CREPT_M, -PASSED_M)) & (gap < REACH_M)
     needed, since = me.needed(driver, gap), lit.of("since_s", *light)
-    red, yellow = lit.of("red", *light), lit.of("yellow", *light)
+    ready = lit.of("ready", *light) & (me.speed[driver] < SLOW_MPS) & me.manner.ready
+    red, yellow = lit.of("red", *light) & ~ready, lit.of("yellow", *light)
     early = red & (since < me.of("red_delay_s", driver))
     away_s = gap / np.maximum(me.speed[driver], STANDS_MPS) + since * ~early
     stops = (
@@ -165,10 +171,8 @@ def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, Boo
     waited = (me.stood[driver] & (gap < AT_LINE_M)) | me.goes_on(driver, gap)
     sign &= ~waited & (needed <= me.of("priority_mps2", driver))
     stops |= sign & (me.of("priority", driver) != 0)
-    opened = lit.of("green", *light) | ((light[1] < 0) & np.isin(state, list("smw=")))
-    green = np.zeros(len(me.row), dtype=np.bool_)
-    green[driver[opened & ahead & (gap < AT_LINE_M)]] = True
-    return me.least(driver, gap, stops & ahead), green
+    opened = ready | lit.of("green", *light) | ((light[1] < 0) & np.isin(state, list("smw=")))
+    return me.least(driver, gap, stops & ahead), me.least(driver, gap, opened & ahead)
 
 
 def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> FloatArray:

@@ -29,6 +29,7 @@ class Lit:
     green: BoolArray
     free: BoolArray  # green with priority
     stop: BoolArray
+    ready: BoolArray  # red and yellow: green follows
     since_s: FloatArray  # how long it has been shown, s
 
     @classmethod
@@ -42,6 +43,7 @@ class Lit:
             green=np.array([[x != "" and x in GREEN for x in letters]]),
             free=np.array([[x == "G" for x in letters]]),
             stop=np.array([[x == "s" for x in letters]]),
+            ready=np.array([[x == "u" for x in letters]]),
             since_s=np.array([[since for _, since in shown]]),
         )
 

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.humans.obedience import RULE_PARAMETERS, manner_of
-from scex_sumo.road import Rules
+from scex_sumo.road import Passage, Rules
 from scex_sumo.scene import States
 from tests.behaviors.roads import Vehicle, closed_loop, scene_of
 from tests.rules.test_holds import CROSSROADS, passages, shows
@@ -57,6 +57,26 @@ def test_the_first_of_a_queue_starts_soon_at_green() -> None:
     green = Rules(passages=passages(east=0), signals=(shows("G", since_s=0.0),))
     x = driven(green, (46.5, 0.0, 0.0, 0.0)).x[:, 0, -1]
     assert (x > 47.0).mean() >= 0.9
+
+
+def test_one_that_stands_just_beyond_its_line_waits_for_green() -> None:
+    lit = {letter: Rules(passages=passages(east=0), signals=(shows(letter),)) for letter in "rG"}
+    red, green = (driven(lit[letter], (49.0, 0.0, 0.0, 0.0)).x[:, 0, -1] for letter in "rG")  # front: 51.25
+    assert (red < 49.5).all()
+    assert (green > 49.5).mean() >= 0.9
+
+
+def test_people_start_at_red_and_yellow_as_at_green() -> None:
+    ready = Rules(passages=passages(east=0), signals=(shows("u"),))
+    assert (driven(ready, (46.5, 0.0, 0.0, 0.0)).x[:, 0, -1] > 47.0).mean() >= 0.9
+
+
+def test_a_queue_follows_its_leader_at_green_though_it_must_stop_further_on() -> None:
+    far = Passage(line=np.array([(90.0, 0.0), (100.0, 0.0)]), lanes=(3,), state="M", signal=1, yields_to=())
+    rules = Rules(passages=(*passages(east=0), far), signals=(shows("G"), shows("r")))
+    x = driven(rules, (46.5, 0.0, 0.0, 0.0), (40.5, 0.0, 0.0, 0.0)).x[..., -1]
+    assert (x[:, 0] > 47.0).mean() >= 0.8
+    assert (x[:, 1] > 41.0).mean() >= 0.6
 
 
 def test_gives_way_in_a_short_gap_only() -> None:

@@ -107,6 +107,13 @@ def test_risky_driver_accepts_shorter_gaps() -> None:
     assert standard < 50.0 < risky
 
 
+def test_one_that_stands_just_beyond_its_line_waits_at_red() -> None:
+    lit = {letter: Rules(passages=passages(east=0), signals=(shows(letter),)) for letter in "rG"}
+    red, green = (front("standard_driver", lit[letter], (49.0, 0.0, 0.0, 0.0))[-1] for letter in "rG")
+    assert red == pytest.approx(51.25, abs=0.1)
+    assert green > 55.0
+
+
 def test_stop_sign_holds_everyone_once() -> None:
     rules = Rules(passages=passages(state="s"))
     x = front("standard_driver", rules, (35.0, 0.0, 0.0, 5.0), steps=150)
