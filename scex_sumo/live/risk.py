@@ -12,10 +12,12 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.certainty.response.answer import critical_responses, either
 from scex_sumo.certainty.response.decision import PairResponse, pair_responses
+from scex_sumo.certainty.response.people import people_of
 from scex_sumo.certainty.response.words import takes
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
@@ -46,6 +48,14 @@ class Question:
     seed: int = 0
     response: str | None = None
 
+    def check(self) -> None:
+        """Raise a `UsageError` for models that are unknown, and a file that cannot be used."""
+        if self.futures < 0:
+            raise UsageError(f"--futures: got {self.futures}, needs 0 or more")
+        _models(self)
+        if self.response is not None:
+            people_of(Path(self.response))
+
 
 @dataclass(frozen=True, kw_only=True)
 class PairRisk:
@@ -59,6 +69,7 @@ class PairRisk:
         needed_braking: least constant deceleration that avoids contact, m/s²; None if there is none.
         contact_s: time of the contact from the moment on, s.
         doubt: why the data are doubtful; None if they are not.
+        x: of the vehicle that hits, m, at the moment; so ``y``.
     """
 
     hits: str
@@ -70,6 +81,8 @@ class PairRisk:
     needed_braking: float | None = None
     contact_s: float | None = None
     doubt: str | None = None
+    x: float = 0.0
+    y: float = 0.0
 
     @property
     def names(self) -> tuple[str, str]:
@@ -147,10 +160,14 @@ def _pairs(
     futures: int,
 ) -> list[PairRisk]:
     shares, kinds = _shares(part, futures)
+    place = {
+        int(track): (float(scene.now.x[v]), float(scene.now.y[v])) for v, track in enumerate(scene.track_ids)
+    }
     found = []
     for one in people:
         row, key = one.row, frozenset(one.pair)
         hits, other = (names.get(track, row.get("person") or str(track)) for track in one.pair)
+        x, y = place[one.pair[0]]
         found.append(
             PairRisk(
                 hits=hits,
@@ -162,13 +179,17 @@ def _pairs(
                 needed_braking=row["needed_braking"],
                 contact_s=row["time_s"],
                 doubt=one.doubt,
+                x=x,
+                y=y,
             )
         )
     for key, share in shares.items():  # people do not collide in these
-        (hits, other), kind, at_s = kinds[key]
-        pair = names[hits], names[other]
+        pair, kind, at_s = kinds[key]
+        (x, y), (hits, other) = place[pair[0]], (names[track] for track in pair)
         found.append(
-            PairRisk(hits=pair[0], other=pair[1], kind=kind, human_like=0.0, stress=share, contact_s=at_s)
+            PairRisk(
+                hits=hits, other=other, kind=kind, human_like=0.0, stress=share, contact_s=at_s, x=x, y=y
+            )
         )
     return found
 

@@ -173,6 +173,7 @@ class Watch:
         """
         focus = Focus(around=around, region=region, busiest=busiest)
         asked = Question(**question)
+        asked.check()
         self.close()
         self._ticker = Ticker(seconds, callback, question=asked, focus=focus, wait=wait, workers=workers)
 

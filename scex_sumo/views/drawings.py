@@ -33,6 +33,7 @@ _ID_WIDTH, _ID_HEIGHT = 0.52, 1.1  # of sumo-gui's letters, in heights
 
 WINDOW_SIZE = "1400,900"
 _SIZE_PER_M = 10.0  # sumo-gui's text size for letters of 1 m
+_SIZE_PER_PX = 3.2  # and of 1 px at any zoom
 GRASS = "214,219,209"
 ASPHALT = "74,78,84"
 _SEAM_LAYER, _SEAM_M = -1, 0.1
@@ -69,7 +70,7 @@ _SETTINGS = """<viewsettings>
         <additionals addMode="0" addName_show="0"/>
         <pois poiMode="0" poi_minSize="0" poi_exaggeration="1" poiName_show="1"
               poiName_size="{text_size}" poiName_color="20,22,26" poiName_bgColor="{grass},170"
-              poiName_constantSize="0"/>
+              poiName_constantSize="{text_constant}"/>
         <polys polyMode="0" poly_minSize="0" polyName_show="0"/>
         <legend showSizeLegend="1" showColorLegend="0"/>
     </scheme>
@@ -298,12 +299,13 @@ def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str
 
 def _text(text: str, x: float, y: float, line_m: float) -> str:
     middle = x + 0.5 * _LETTER * len(text) * line_m
-    # SUMO's ids have no blanks and no separators.
-    key = re.sub(r"[|\\'\";,<>&]", "_", re.sub(r"\s", "\N{NO-BREAK SPACE}", text))
-    return (
-        f'    <poi id="{key}" color="0,0,0,0" layer="{_TRACK_LAYER}" x="{middle:.2f}" y="{y:.2f}"'
-        ' width="0.01" height="0.01"/>\n'
-    )
+    at = f'x="{middle:.2f}" y="{y:.2f}" width="0.01" height="0.01"'
+    return f'    <poi id="{shown_text(text)}" color="0,0,0,0" layer="{_TRACK_LAYER}" {at}/>\n'
+
+
+def shown_text(text: str) -> str:
+    """Return a text as the id of a point of interest, which has no blanks and no separators in SUMO."""
+    return re.sub(r"[|\\'\";,<>&]", "_", re.sub(r"\s", "\N{NO-BREAK SPACE}", text))
 
 
 def letter_height(names: Sequence[str]) -> float:
@@ -335,6 +337,7 @@ def write_view_settings(
     snapshots: tuple[tuple[float, str], ...] = (),
     pause_s: float | None = None,
     lights: bool = False,
+    text_px: float | None = None,
 ) -> None:
     """Write sumo-gui's view settings.
 
@@ -343,6 +346,7 @@ def write_view_settings(
         chosen: ids of selected vehicles only.
         snapshots: times in s and file names.
         lights: show traffic lights, as bars at the ends of lanes.
+        text_px: size of texts at any zoom, with vehicles in their size; None: that of the frame, in m.
     """
     pictures = "".join(f'    <snapshot file="{name}" time="{time:.2f}"/>\n' for time, name in snapshots)
     if pause_s is not None:
@@ -355,10 +359,11 @@ def write_view_settings(
         chosen=int(chosen),
         lights=int(lights),
         name_size=f"{_SIZE_PER_M * letter_m:.2f}",
-        text_size=f"{_SIZE_PER_M * frame.line_m:.2f}",
+        text_size=f"{_SIZE_PER_M * frame.line_m if text_px is None else _SIZE_PER_PX * text_px:.2f}",
+        text_constant=int(text_px is not None),
         delay=delay_ms,
         viewport='    <viewport zoom="{:.2f}" x="{:.2f}" y="{:.2f}" angle="0"/>\n'.format(*frame.viewport),
-        exaggeration=frame.exaggeration,
+        exaggeration=frame.exaggeration if text_px is None else 1.0,
         snapshots=pictures,
     )
     path.write_text(text, encoding="utf-8")

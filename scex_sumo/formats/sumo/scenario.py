@@ -42,7 +42,7 @@ MAX_VEHICLES = 20_000  # driving and waiting to be inserted
 MAX_FLOW_HZ = 1_000.0  # departures of one flow; SUMO makes those of a step at once
 MAX_STEP_S = 60  # processor time of one step
 WITHOUT_END_S = 600.0  # simulated if neither a time is given nor the configuration has an end
-_QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-validation", "never")
+QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-validation", "never")
 SUBLANE = "the sublane model simulated it; futures with SUMO drivers keep to the middle of their lanes"
 
 Window = tuple[float | None, float | None]
@@ -262,7 +262,7 @@ def simulate(
     failed = (sumo.TraCIException, sumo.FatalTraCIError)
     binary = program("sumo") if own is None else str(own)
     with TemporaryFolder() as folder, silence() as messages:
-        options = [*PrivateRun(config, Path(folder), binary).options, *_QUIET]
+        options = [*PrivateRun(config, Path(folder), binary).options, *QUIET]
         before = Path.cwd()
         os.chdir(folder)  # where SUMO writes files that are named nowhere
         try:

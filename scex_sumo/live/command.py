@@ -1,0 +1,209 @@
+"""``scex-sumo watch``: risk of a SUMO simulation while it runs."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+import time
+from collections import deque
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.commands.console import output_console, warn
+from scex_sumo.commands.shared import Answer
+
+if TYPE_CHECKING:
+    from scex_sumo.live.risk import Risk
+    from scex_sumo.live.watch import Watch
+
+EXAMPLE = "mine.sumocfg --gui --follow -o out/watch"
+_SAVE_EVERY = 100  # moments
+_RECENT = 8  # moments over which the real-time factor is measured
+_MAX_BRAKING_MPS2 = 20.0
+_MAX_BRAKING_MPS2 = 20.0
+
+
+def watch_command(
+    scenario: Annotated[
+        Path, Argument(metavar="MINE.sumocfg", help="SUMO configuration.", show_default=False)
+    ],
+    gui: Annotated[bool, Option("--gui", help="Show it in sumo-gui, in real time.")] = False,
+    every: Annotated[float, Option(metavar="S", help="Time between two moments, s.")] = 1.0,
+    around: Annotated[
+        str | None, Option(metavar="ID", help="Only pairs with a vehicle within 30 m of this one.")
+    ] = None,
+    region: Annotated[
+        str | None, Option(metavar="X,Y,R", help="Only pairs with a vehicle in this circle, m.")
+    ] = None,
+    busiest: Annotated[
+        int | None, Option(metavar="N", help="Only the N vehicles in the busiest place; default: 25.")
+    ] = None,
+    follow: Annotated[bool, Option("--follow", help="The view follows the pair that leads.")] = False,
+    ghosts: Annotated[
+        bool, Option("--ghosts", help="Draw a typical critical future of the pair that leads.")
+    ] = False,
+    real_time: Annotated[
+        bool, Option("--real-time", help="Not faster than the clock, without a window, too.")
+    ] = False,
+    first_s: Annotated[float | None, Option("--from", metavar="S", help="First moment, s.")] = None,
+    last_s: Annotated[float | None, Option("--to", metavar="S", help="End, s.")] = None,
+    futures: Annotated[int, Option(help="Futures of the stress test of each moment; 0: none.")] = 64,
+    models: Annotated[str | None, Option(metavar="MIX", help="Models of the stress test.")] = None,
+    response: Annotated[
+        Path | None, Option(metavar="FILE", help="How people act and respond; default: the package's.")
+    ] = None,
+    seed: Annotated[int, Option(help="Random seed of the stress test.")] = 0,
+    workers: Annotated[int, Option(help="Processes.")] = 2,
+    ssm: Annotated[bool, Option(help="Let SUMO's SSM device work, for the lead times.")] = True,
+    reports: Annotated[int, Option(metavar="N", help="Make the reports of the N worst moments.")] = 0,
+    out: Annotated[
+        Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/watch.", show_default=False)
+    ] = Path("out") / "watch",
+) -> Answer:
+    """Watch a SUMO simulation: what could happen next, while it runs."""
+    from scex_sumo.base.files import writing
+    from scex_sumo.live.focus import Focus
+    from scex_sumo.live.risk import Question
+    from scex_sumo.live.session import Session
+
+    if (follow or ghosts) and not gui:
+        raise UsageError(f"--{'follow' if follow else 'ghosts'}: needs --gui")
+    Focus(around=around, region=region, busiest=busiest)
+    question: dict[str, Any] = {"futures": futures, "seed": seed}
+    question |= {"models": models} if models else {}
+    question |= {"response": str(response.absolute())} if response else {}
+    Question(**question).check()
+    session = Session(
+        config=scenario,
+        out=out,
+        gui=gui,
+        real_time=gui or real_time,
+        begin_s=first_s,
+        end_s=last_s,
+        ssm=ssm,
+        follow=follow,
+        ghosts=ghosts,
+    )
+    teller = _Teller(out)
+
+    def begin(watch: Watch, take: Any) -> None:
+        teller.watch = watch
+        watch.every(
+            every,
+            take,
+            around=around,
+            region=region,
+            busiest=busiest,
+            wait=not session.real_time,
+            workers=workers,
+            **question,
+        )
+
+    with writing(out):
+        out.mkdir(parents=True, exist_ok=True)
+    early = session.run(begin, teller)
+    page = teller.write(scenario, ssm=ssm)
+    warn([f"{early}; what was watched until then is kept"] if early else [])
+    print(f"result: {out / 'risk.parquet'}")
+    print(f"look:   {page}")
+    teller.make_reports(scenario, reports)
+    return lambda: teller.answer(page)
+
+
+class _Teller:
+    """Tells each risk in one line, and keeps it."""
+
+    def __init__(self, out: Path) -> None:
+        self.risks: list[Risk] = []
+        self.watch: Watch | None = None
+        self._out, self._console = out, output_console(width=200)
+        self._clocks = deque[tuple[float, float]](maxlen=_RECENT)  # the simulation's and the computer's, s
+        self._skipped = 0
+        self._begin_s = time.perf_counter()
+
+    def __call__(self, risk: Risk) -> None:
+        from scex_sumo.live.folder import write_risks
+        from scex_sumo.reports.run_table import print_line
+
+        self.risks.append(risk)
+        print_line(self._line(risk), self._console)
+        if len(self.risks) % _SAVE_EVERY == 0:
+            write_risks(self._out, self.risks)
+
+    def _line(self, risk: Risk) -> str:
+        assert self.watch is not None
+        now, clock = self.watch.time_s, time.perf_counter()
+        self._clocks.append((now, clock))
+        before, then = self._clocks[0]
+        factor = f"{(now - before) / (clock - then):.1f} x" if clock > then and now > before else "-"
+        missed, self._skipped = self.watch.skipped - self._skipped, self.watch.skipped
+        behind = f"; behind: {missed} moment{'s' if missed > 1 else ''} skipped" if missed else ""
+        count = len(risk.vehicles)
+        return f"{risk.time_s:8.1f} s  {factor:>7}  {count:3} vehicles  {_words(risk)}{behind}"
+
+    def write(self, config: Path, *, ssm: bool) -> Path:
+        """Write tables and page, and return the page's path."""
+        from scex_sumo.live.device import conflicts_of, leads_of
+        from scex_sumo.live.folder import write_leads, write_page, write_risks
+        from scex_sumo.live.session import SSM
+
+        write_risks(self._out, self.risks)
+        leads = leads_of(conflicts_of(self._out / SSM), self.risks) if ssm else []
+        write_leads(self._out, leads)
+        skipped = 0 if self.watch is None else self.watch.skipped
+        about = f"{len(self.risks)} moments assessed, {skipped} skipped"
+        return write_page(self._out, config, self.risks, leads, about)
+
+    def make_reports(self, config: Path, count: int) -> None:
+        """Make the reports of the worst moments."""
+        from scex_sumo.live.folder import command_of, worst_moments
+
+        for risk, pair in worst_moments(self.risks)[:count]:
+            words = command_of(config, self._out, risk, pair)
+            done = subprocess.run(
+                [sys.executable, "-m", "scex_sumo", "-q", *words], capture_output=True, text=True, check=False
+            )
+            if done.returncode:
+                warn([f"scex-sumo {shlex.join(words)}: {done.stderr.strip()}"])
+            else:
+                print(f"report: {words[-1]}/report.html")
+
+    def answer(self, page: Path) -> dict[str, Any]:
+        """Return the answer in JSON."""
+        from scex_sumo.live.folder import worst_moments
+
+        return {
+            "result": self._out / "risk.parquet",
+            "report": page,
+            "moments": len(self.risks),
+            "skipped": 0 if self.watch is None else self.watch.skipped,
+            "worst": [
+                {
+                    "time_s": risk.time_s,
+                    "pair": list(pair.names),
+                    "human_like": pair.human_like,
+                    "stress": pair.stress,
+                    "takes": pair.takes,
+                }
+                for risk, pair in worst_moments(self.risks)
+            ],
+        }
+
+
+def _words(risk: Risk) -> str:
+    from scex_sumo.certainty.response.answer import once_in
+
+    pair = risk.worst
+    if pair is None:
+        return "no pair collides"
+    often = once_in(pair.human_like) if pair.human_like else "hardly ever"
+    stress = "" if pair.stress is None else f", stress {pair.stress:.0%}"
+    braking = pair.needed_braking
+    needs = (
+        "" if braking is None else f", needs {braking:.1f} m/s²" if braking < 20 else ", braking is too late"
+    )
+    return f"{pair.hits} → {pair.other} ({pair.kind}): {often}{stress}{needs}"

@@ -1,0 +1,205 @@
+"""Folder of a watched simulation: ``risk.parquet``, ``leads.parquet``, and the page ``watch.html``."""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scex_sumo.base.files import replacing
+from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.live.device import SEEN, Lead
+from scex_sumo.live.focus import BUSIEST
+from scex_sumo.live.risk import PairRisk, Risk
+from scex_sumo.page.figures.charts import Plane, line_legend
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.study import Column as Head
+from scex_sumo.page.study import card, page_table, table_place, write_study
+
+RISK: Final = "risk.parquet"
+LEADS: Final = "leads.parquet"
+PAGE: Final = "watch.html"
+MOMENTS: Final = "moments"
+MOST: Final = 10
+"""Worst moments on the page."""
+APART_S: Final = 3.0
+"""Two of them with the same pair are so far apart."""
+
+RISK_SCHEMA: Final = pa.schema(
+    [
+        ("time_s", pa.float64()),
+        ("hits", pa.string()),
+        ("other", pa.string()),
+        ("kind", pa.string()),
+        ("human_like", pa.float64()),
+        ("stress", pa.float64()),
+        ("takes", pa.string()),
+        ("needed_braking", pa.float64()),
+        ("contact_s", pa.float64()),
+        ("x", pa.float64()),
+        ("y", pa.float64()),
+        ("doubt", pa.string()),
+    ]
+)
+"""One row a moment and pair, the most probable first; moments without a pair have none."""
+_LEADS_SCHEMA = pa.schema(
+    [
+        ("hits", pa.string()),
+        ("other", pa.string()),
+        ("conflict_s", pa.float64()),
+        ("what", pa.string()),
+        ("value", pa.float64()),
+        ("risk_s", pa.float64()),
+        ("human_like", pa.float64()),
+        ("lead_s", pa.float64()),
+    ]
+)
+_FLOOR = 1e-9
+_REGION_M = 40.0
+_WIDE_PX = 1000
+
+
+def write_risks(folder: Path, risks: Iterable[Risk]) -> Path:
+    """Write ``risk.parquet`` and return its path."""
+    rows = [
+        {name: risk.time_s if name == "time_s" else getattr(pair, name) for name in RISK_SCHEMA.names}
+        for risk in risks
+        for pair in risk.pairs
+    ]
+    return _write(folder / RISK, pa.Table.from_pylist(rows, schema=RISK_SCHEMA))
+
+
+def write_leads(folder: Path, leads: Iterable[Lead]) -> Path:
+    """Write ``leads.parquet`` and return its path."""
+    rows = [
+        {"hits": lead.pair[0], "other": lead.pair[1]}
+        | {name: getattr(lead, name) for name in _LEADS_SCHEMA.names[2:]}
+        for lead in leads
+    ]
+    return _write(folder / LEADS, pa.Table.from_pylist(rows, schema=_LEADS_SCHEMA))
+
+
+def _write(path: Path, table: pa.Table) -> Path:
+    with replacing(path) as temporary:
+        pq.write_table(table, temporary)
+    return path
+
+
+def worst_moments(risks: Sequence[Risk]) -> list[tuple[Risk, PairRisk]]:
+    """Return the moments with the most probable collisions, each with its pair; see `APART_S`."""
+    found: list[tuple[Risk, PairRisk]] = []
+    led = [(risk, risk.worst) for risk in risks if risk.worst is not None and risk.worst.human_like > 0]
+    for risk, pair in sorted(led, key=lambda one: -one[1].human_like):  # type: ignore[union-attr]
+        assert pair is not None
+        near = (
+            set(pair.names) == set(other.names) and abs(risk.time_s - then.time_s) < APART_S
+            for then, other in found
+        )
+        if not any(near):
+            found.append((risk, pair))
+        if len(found) == MOST:
+            break
+    return found
+
+
+def command_of(config: Path, folder: Path, risk: Risk, pair: PairRisk) -> list[str]:
+    """Return the words of the command that makes the report of a moment."""
+    words = ["run", str(config), "--time", f"{risk.time_s:g}"]
+    if len(risk.vehicles) >= BUSIEST:
+        words.append(f"--region={pair.x:.0f},{pair.y:.0f},{_REGION_M:g}")
+    return [*words, "-o", str(folder / MOMENTS / f"{risk.time_s:g}")]
+
+
+def write_page(folder: Path, config: Path, risks: Sequence[Risk], leads: Sequence[Lead], about: str) -> Path:
+    """Write the page: risk over time, the worst moments, lead times; return its path."""
+    cards = [card("Risk over time", *_curves(risks)), card("Worst moments", *_worst(folder, config, risks))]
+    tables = {}
+    if leads:
+        cards.append(card("Lead time", *_summary(leads), table_place("leads")))
+        tables["leads"] = page_table(_LEAD_HEADS, [_lead_row(lead) for lead in leads])
+    return write_study(folder / PAGE, f"{config.stem}: risk while it ran", about, *cards, tables=tables)
+
+
+def _curves(risks: Sequence[Risk]) -> list[Html]:
+    if not risks:
+        return [element("p.soft", "No moment was assessed.")]
+    time_s = np.array([risk.time_s for risk in risks])
+    worst = np.array([risk.worst.human_like if risk.worst else 0.0 for risk in risks])
+    stress = np.array([max((p.stress or 0.0 for p in risk.pairs), default=0.0) for risk in risks])
+    first, last = float(time_s[0]), max(float(time_s[-1]), float(time_s[0]) + 1.0)
+    plane = Plane(x=(first, last), y=(-7.0, 0.0), width=_WIDE_PX, height=150)
+    lines = [plane.line(np.array([first, last]), np.full(2, e), "soft", dashed=True) for e in (-6, -4, -2)]
+    words = [plane.words(first, e + 0.15, once_in(10.0**e), anchor="start") for e in (-6, -4, -2)]
+    level = np.log10(np.maximum(worst, _FLOOR))
+    people = plane.figure(
+        "human-like P of the pair that leads, over time in s",
+        *lines,
+        *words,
+        plane.line(time_s, level, "likely"),
+    )
+    share = Plane(x=(first, last), y=(0.0, max(float(stress.max()), 0.01)), width=_WIDE_PX, height=110)
+    most = share.words(first, share.y[1] * 0.88, f"{share.y[1]:.0%}", anchor="start")
+    test = share.figure(
+        "stress test: share of futures in which the worst pair collides",
+        most,
+        share.line(time_s, stress, "drawn"),
+    )
+    return [people, test, line_legend([("likely", "human-like"), ("drawn", "stress test")])]
+
+
+def _worst(folder: Path, config: Path, risks: Sequence[Risk]) -> list[Html]:
+    items = []
+    for risk, pair in worst_moments(risks):
+        link = element("a", f"{risk.time_s:g} s", href=f"{MOMENTS}/{risk.time_s:g}/report.html")
+        words = " ".join(map(shlex.quote, ["scex-sumo", *command_of(config, _near(folder), risk, pair)]))
+        says = f": {pair.hits} → {pair.other}, {once_in(pair.human_like)}: {pair.takes}"
+        items.append(element("li", link, says, element("br"), element("code", words)))
+    if not items:
+        return [element("p.soft", "No pair of people collides as often as once in a billion such moments.")]
+    return [element("p.soft", "A link shows the report that its command makes."), element("ol", *items)]
+
+
+def _near(folder: Path) -> Path:
+    return Path(os.path.relpath(folder))
+
+
+def _summary(leads: Sequence[Lead]) -> list[str]:
+    times = [lead.lead_s for lead in leads if lead.lead_s is not None]
+    device = sum(lead.conflict_s is not None for lead in leads)
+    only = len(leads) - device
+    middle = f", {np.median(times):.1f} s before in the median" if times else ""
+    return [
+        f"SUMO's SSM device saw {device} pairs in conflict (TTC up to 3 s, DRAC from 3 m/s², PET up to 2 s); "
+        f"the extrapolation saw {len(times)} of them before (P {once_in(SEEN)}){middle}, and {only} pairs "
+        "that the device did not see."
+    ]
+
+
+_LEAD_HEADS = (
+    Head("pair", "pair", "names"),
+    Head("conflict_s", "conflict at s", "real", "first time at which the device's measure passes its limit"),
+    Head("measure", "measure", "words", "of the device, at its worst"),
+    Head("risk_s", "seen at s", "real", "first moment in the 10 s before with this P"),
+    Head("often", "human-like P", "words"),
+    Head("lead_s", "lead s", "real"),
+)
+
+
+def _lead_row(lead: Lead) -> dict[str, Any]:
+    value = lead.value
+    known = lead.what is not None and value is not None and math.isfinite(value)
+    return {
+        "pair": f"{lead.pair[0]} → {lead.pair[1]}",
+        "conflict_s": lead.conflict_s,
+        "measure": f"{lead.what} {value:.1f}" if known else "",
+        "risk_s": lead.risk_s,
+        "often": "" if lead.human_like is None else once_in(lead.human_like),
+        "lead_s": lead.lead_s,
+    }

@@ -1,0 +1,172 @@
+"""Session: SUMO runs a user's configuration, writes none of its files, and is watched until it ends."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from scex_sumo.base.errors import ScexError, SimulationError
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.programs import program
+from scex_sumo.commands.console import PrintableStream
+from scex_sumo.formats.sumo.own_sumo import user_sumo
+from scex_sumo.formats.sumo.scenario import QUIET, PrivateRun, net_of
+from scex_sumo.live.painter import TEXT_PX, Painter
+from scex_sumo.live.risk import Risk
+from scex_sumo.live.watch import Watch
+from scex_sumo.views.drawings import WINDOW_SIZE, frame_of, write_view_settings
+from scex_sumo.world.session import load_sumo, silence
+from scex_sumo.world.tiles import template_of
+
+SSM: Final = "ssm.xml"
+FCD: Final = "fcd.xml.gz"
+_SSM_OPTIONS: Final = {
+    "probability": "1",
+    "measures": "TTC DRAC PET",
+    "thresholds": "3 3 2",
+    "trajectories": "true",
+}
+
+Told: TypeAlias = Callable[[Risk], object]
+Begin: TypeAlias = Callable[[Watch, Told], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """What a configuration is watched with.
+
+    Attributes:
+        gui: in sumo-gui, over TraCI; else in libsumo.
+        real_time: not faster than the clock; moments are skipped where the extrapolation is slower.
+        begin_s: simulated without a watch until then; None: the begin.
+        end_s: None: the configuration's, or the end of all traffic.
+        ssm: SUMO's SSM device works for all vehicles.
+    """
+
+    config: Path
+    out: Path
+    gui: bool = False
+    real_time: bool = False
+    begin_s: float | None = None
+    end_s: float | None = None
+    ssm: bool = True
+    follow: bool = False
+    ghosts: bool = False
+
+    def run(self, begin: Begin, told: Told) -> str | None:
+        """Run the simulation; return why it ended early, None if it did not.
+
+        Args:
+            begin: starts the watch with a callback.
+            told: called with each risk.
+
+        Raises:
+            MapError: the configuration or a file of it cannot be read.
+            SimulationError: SUMO does not start.
+        """
+        own = user_sumo()
+        name = "sumo-gui" if self.gui else "sumo"
+        binary = program(name) if own is None else str(own.with_name(own.name.replace("sumo", name)))
+        sumo = load_sumo(gui=self.gui or own is not None)
+        with TemporaryFolder() as folder, _messages() as messages:
+            words = [*PrivateRun(self.config, Path(folder), binary).options, *QUIET, "--no-warnings", "true"]
+            words += self._outputs() + (self._window(Path(folder)) if self.gui else [])
+            before = Path.cwd()
+            os.chdir(folder)  # where SUMO writes files that are named nowhere
+            try:
+                with silence():
+                    sumo.start([binary, *words])
+                try:
+                    return self._watched(sumo, begin, told)
+                finally:
+                    with suppress(Exception):  # it is closed
+                        sumo.close()
+            except (sumo.TraCIException, sumo.FatalTraCIError) as error:
+                said = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
+                reason = (" ".join([*dict.fromkeys(said)][:2]) or str(error)).replace(f"{folder}/", "")
+                raise SimulationError(f"{self.config}: SUMO does not start: {reason}") from None
+            finally:
+                os.chdir(before)
+
+    def _watched(
+        self,
+        sumo: Any,
+        begin: Callable[[Watch, Callable[[Risk], object]], object],
+        told: Callable[[Risk], object],
+    ) -> str | None:
+        failed = (sumo.TraCIException, sumo.FatalTraCIError, OSError)
+        before_s = (self.begin_s or 0.0) - sumo.simulation.getDeltaT()
+        if before_s > sumo.simulation.getTime():
+            sumo.simulationStep(before_s)
+        watch = Watch(sumo, net_of(self.config).absolute())
+        painter = Painter(sumo, follow=self.follow, ghosts=self.ghosts) if self.gui else None
+
+        def take(risk: Risk) -> None:
+            told(risk)
+            if painter is not None:
+                painter(risk)
+
+        begin(watch, take)
+        early = None
+        try:
+            self._steps(sumo, watch, painter)
+        except KeyboardInterrupt:
+            early = f"stopped at {watch.time_s:g} s"
+        except failed as error:
+            reason = str(error).rstrip(".").split("\n")[0]
+            what = "the window or the connection was closed" if self.gui else f"SUMO stopped: {reason}"
+            early = f"{what} at {watch.time_s:g} s"
+        with suppress(KeyboardInterrupt, ScexError):
+            watch.finish()
+        if painter is not None:
+            painter.close()
+        watch.close()
+        return early
+
+    def _steps(self, sumo: Any, watch: Watch, painter: Painter | None) -> None:
+        end_s = sumo.simulation.getEndTime() if self.end_s is None else self.end_s
+        start_s, first_s = time.perf_counter(), watch.time_s
+        while sumo.simulation.getMinExpectedNumber() and not 0 < end_s <= watch.time_s + 1e-6:
+            sumo.simulationStep()
+            if painter is not None:
+                painter.step()
+            if self.real_time:
+                early_s = watch.time_s - first_s - (time.perf_counter() - start_s)
+                if early_s > 0:
+                    time.sleep(early_s)
+                else:  # time that is lost is not made up for
+                    start_s -= early_s
+
+    def _outputs(self) -> list[str]:
+        words = ["--fcd-output", str(self.out.absolute() / FCD)]
+        if self.ssm:
+            words += ["--device.ssm.file", str(self.out.absolute() / SSM)]
+            words += [w for name, value in _SSM_OPTIONS.items() for w in (f"--device.ssm.{name}", value)]
+        return words
+
+    def _window(self, folder: Path) -> list[str]:
+        frame = frame_of(template_of(net_of(self.config)).bounds, [(0, 0)], [])
+        settings = folder / "view.xml"
+        write_view_settings(settings, frame, delay_ms=0, lights=True, text_px=TEXT_PX)
+        return [
+            "--gui-settings-file",
+            str(settings),
+            "--window-size",
+            WINDOW_SIZE,
+            "--start",
+            "--quit-on-end",
+        ]
+
+
+@contextmanager
+def _messages() -> Iterator[Callable[[], list[str]]]:
+    """Keep what SUMO's library prints away from the terminal; ours still goes there."""
+    out, error = sys.stdout, PrintableStream(os.fdopen(os.dup(2), "w", buffering=1))
+    with silence() as messages, redirect_stdout(out), redirect_stderr(error):  # type: ignore[type-var]
+        yield messages

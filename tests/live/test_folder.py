@@ -1,0 +1,98 @@
+"""What is left of a watched simulation: tables, lead times of hand-made conflicts, the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from scex_sumo.live.device import conflicts_of, leads_of
+from scex_sumo.live.folder import command_of, worst_moments, write_leads, write_page, write_risks
+from scex_sumo.live.risk import PairRisk, Risk
+
+SSM = """<SSMLog>
+ <conflict begin="1" end="9" ego="a" foe="b">
+  <timeSpan values="4.0 4.1 4.2"/><TTCSpan values="NA 2.9 1.2"/><DRACSpan values="1.0 NA 3.5"/>
+  <PET time="NA" value="NA"/>
+ </conflict>
+ <conflict begin="2" end="9" ego="b" foe="a">
+  <timeSpan values="3.5"/><TTCSpan values="3.1"/><DRACSpan values="3.0"/><PET time="6.0" value="1.5"/>
+ </conflict>
+ <conflict begin="2" end="9" ego="c" foe="d">
+  <timeSpan values="5.0"/><TTCSpan values="NA"/><DRACSpan values="NA"/><PET time="8.0" value="0.5"/>
+ </conflict>
+ <conflict begin="2" end="9" ego="e" foe="f">
+  <timeSpan values="5.0"/><TTCSpan values="3.5"/><DRACSpan values="2.9"/><PET time="8.0" value="2.5"/>
+ </conflict>
+</SSMLog>"""
+
+
+def risk(time_s: float, *pairs: tuple[str, str, float], vehicles: int = 4) -> Risk:
+    found = [
+        PairRisk(hits=a, other=b, kind="crossing", human_like=p, stress=0.5, takes="b brakes", x=7.4, y=-3.0)
+        for a, b, p in pairs
+    ]
+    return Risk(time_s=time_s, pairs=tuple(found), vehicles=tuple(map(str, range(vehicles))))
+
+
+def test_a_conflict_begins_where_a_measure_passes_sumos_limit_first(tmp_path: Path) -> None:
+    file = tmp_path / "ssm.xml"
+    file.write_text(SSM)
+    found = {"".join(sorted(one.pair)): (one.begin_s, one.what, one.value) for one in conflicts_of(file)}
+    assert found == {"ab": (3.5, "DRAC", 3.0), "cd": (8.0, "PET", 0.5)}
+    file.write_text(SSM[:-80])  # cut in the middle, as of a process that was killed
+    assert len(conflicts_of(file)) == 2
+    assert conflicts_of(tmp_path / "missing.xml") == []
+
+
+def test_lead_time_counts_from_the_first_moment_in_the_ten_seconds_before(tmp_path: Path) -> None:
+    file = tmp_path / "ssm.xml"
+    file.write_text(SSM)
+    risks = [
+        risk(1.0, ("b", "a", 5e-5)),  # too seldom
+        risk(2.0, ("b", "a", 2e-4), ("x", "y", 1e-3)),
+        risk(3.0, ("a", "b", 9e-4)),
+        risk(9.0, ("c", "d", 9e-4)),  # after the conflict
+    ]
+    leads = leads_of(conflicts_of(file), risks)
+    told = [(lead.pair, lead.conflict_s, lead.risk_s, lead.lead_s) for lead in leads]
+    assert told == [
+        (("b", "a"), 3.5, 2.0, 1.5),
+        (("c", "d"), 8.0, None, None),
+        (("x", "y"), None, 2.0, None),
+    ]
+    rows = pq.read_table(write_leads(tmp_path, leads)).to_pylist()
+    assert [row["lead_s"] for row in rows] == [1.5, None, None] and rows[0]["hits"] == "b"
+
+
+def test_worst_moments_of_one_pair_are_apart() -> None:
+    risks = [risk(t, ("a", "b", 1e-3 * t)) for t in (1.0, 2.0, 5.0)] + [risk(4.0, ("c", "d", 2e-3))]
+    assert [(one.time_s, pair.hits) for one, pair in worst_moments(risks)] == [
+        (5.0, "a"),
+        (2.0, "a"),
+        (4.0, "c"),
+    ]
+
+
+def test_the_page_links_each_moment_to_the_report_that_its_command_makes(tmp_path: Path) -> None:
+    risks = [risk(1.0), risk(2.5, ("a", "b<script>", 2e-4), vehicles=25)]
+    page = write_page(tmp_path, Path("mine.sumocfg"), risks, [], "2 moments").read_text()
+    assert 'href="moments/2.5/report.html"' in page and "--region=7,-3,40" in page
+    assert "<script>:" not in page and "once in 5 000" in page
+    words = command_of(Path("mine.sumocfg"), Path("out/watch"), *worst_moments(risks)[0])
+    assert words == [
+        *("run", "mine.sumocfg", "--time", "2.5", "--region=7,-3,40"),
+        *("-o", "out/watch/moments/2.5"),
+    ]
+    assert "No moment was assessed" in write_page(tmp_path, Path("m.sumocfg"), [], [], "").read_text()
+
+
+def test_risks_are_rows_by_moment_and_pair(tmp_path: Path) -> None:
+    table = pq.read_table(write_risks(tmp_path, [risk(1.0), risk(2.0, ("a", "b", 0.1), ("c", "d", 0.0))]))
+    assert table["time_s"].to_pylist() == [2.0, 2.0] and table["human_like"].to_pylist() == [0.1, 0.0]
+
+
+@pytest.mark.parametrize("level", [1e-4, 1.0])
+def test_a_pair_that_nobody_saw_is_in_no_table(level: float) -> None:
+    assert leads_of([], [risk(1.0, ("a", "b", 9e-5))], level=level) == []

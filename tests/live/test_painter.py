@@ -1,0 +1,129 @@
+"""Colours, line, ghosts and legend in a window that only keeps books."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scex_sumo.live.painter import SCALE, Painter, color_of
+from scex_sumo.live.risk import PairRisk, Risk
+
+OWN = (255, 255, 0, 255)
+
+
+class Window:
+    """sumo-gui's books: colours of vehicles, polygons, points of interest, the view."""
+
+    def __init__(self, *names: str) -> None:
+        self.colors = dict.fromkeys(names, OWN)
+        self.polygons: dict[str, Any] = {}
+        self.texts: dict[str, Any] = {}
+        self.tracked = ""
+        self.vehicle = SimpleNamespace(
+            getIDList=lambda: tuple(self.colors),
+            getColor=self.colors.__getitem__,
+            setColor=self._color,
+            getPosition=lambda name: (float(list(self.colors).index(name)), 0.0),
+        )
+        self.polygon = SimpleNamespace(
+            add=lambda name, shape, color, *rest: self.polygons.update({name: shape}),
+            setShape=lambda name, shape: self.polygons.update({name: shape}),
+            setColor=lambda name, color: None,
+            remove=lambda name, layer=0: self.polygons.pop(name),
+        )
+        self.poi = SimpleNamespace(
+            add=lambda name, x, y, *rest, **more: self.texts.update({name: (x, y)}),
+            setPosition=lambda name, x, y: self.texts.update({name: (x, y)}),
+            remove=lambda name: self.texts.pop(name),
+        )
+        self.gui = SimpleNamespace(
+            getIDList=lambda: ("View #0",),
+            getBoundary=lambda view: ((0.0, 0.0), (100.0, 50.0)),
+            setBoundary=lambda view, *corners: None,
+            trackVehicle=lambda view, name: setattr(self, "tracked", name),
+        )
+
+    def _color(self, name: str, color: tuple[int, ...]) -> None:
+        assert name in self.colors  # SUMO raises for a vehicle that has left
+        self.colors[name] = color
+
+    def leaves(self, name: str) -> None:
+        del self.colors[name]
+
+
+def risk(*names: str, pair: tuple[str, str] = ("a", "b"), p: float = 2e-4, **more: Any) -> Risk:
+    pairs = (PairRisk(hits=pair[0], other=pair[1], kind="rear-end", human_like=p, stress=0.0),)
+    return Risk(time_s=1.0, pairs=pairs, vehicles=names, **more)
+
+
+def test_vehicles_have_the_colour_of_their_probability_and_get_their_own_back() -> None:
+    window = Window("a", "b", "c", "d")
+    painter = Painter(window)
+    painter(risk("a", "b", "c"))
+    assert window.colors["a"] == window.colors["b"] == (*color_of(2e-4), 255) != (*color_of(0.0), 255)
+    assert window.colors["c"] == (*color_of(0.0), 255) and window.colors["d"] == OWN
+    painter(risk("a", "b"))  # c is no more among those that are assessed
+    assert window.colors["c"] == OWN
+    window.leaves("a")
+    painter.close()
+    assert set(window.colors.values()) == {OWN} and not window.polygons and not window.texts
+
+
+def test_a_line_joins_the_leading_pair_until_one_of_it_leaves() -> None:
+    window = Window("a", "b")
+    painter = Painter(window)
+    painter(risk("a", "b"))
+    assert window.polygons["scex-watch.line"] == [(0.0, 0.0), (1.0, 0.0)]
+    window.leaves("b")
+    painter.step()
+    assert "scex-watch.line" not in window.polygons
+
+
+def test_ghosts_are_drawn_on_demand_and_replaced() -> None:
+    ghosts = {"a": np.zeros((3, 5, 2)), "b": np.ones((2, 5, 2))}
+    for wanted in (False, True):
+        window = Window("a", "b")
+        painter = Painter(window, ghosts=wanted)
+        painter(risk("a", "b", ghosts=ghosts))
+        assert sum("ghost" in name for name in window.polygons) == 5 * wanted
+        painter(risk("a", "b", ghosts={"a": np.zeros((1, 5, 2))}))
+        assert sum("ghost" in name for name in window.polygons) == 1 * wanted
+
+
+def test_the_view_follows_the_pair_that_leads() -> None:
+    window = Window("a", "b", "c")
+    painter = Painter(window, follow=True)
+    painter(risk("a", "b"))
+    assert window.tracked == "a"
+    painter(risk("a", "b", "c", pair=("c", "b")))
+    assert window.tracked == "c"
+    painter.close()
+    assert window.tracked == ""
+
+
+def test_the_legend_names_each_colour_and_no_text_has_blanks() -> None:
+    window = Window("a", "b")
+    Painter(window)(risk("a", "b"))
+    assert len(window.texts) == len(SCALE) + 1 and not any(
+        " " in text or "," in text for text in window.texts
+    )
+
+
+def test_a_window_that_is_closed_stops_nothing() -> None:
+    window = Window("a", "b")
+    painter = Painter(window)
+    painter(risk("a", "b"))
+
+    def closed(*_: Any) -> Any:
+        raise OSError("connection closed")
+
+    window.vehicle.getIDList = closed
+    painter.close()
+
+
+@pytest.mark.parametrize(("p", "place"), [(0.5, 0), (1e-3, 0), (9e-4, 1), (1e-5, 2), (1e-6, 3), (0.0, 4)])
+def test_the_scale_has_a_colour_for_each_power_of_ten(p: float, place: int) -> None:
+    assert color_of(p) == SCALE[place][1]
