@@ -15,6 +15,7 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError, listed
 from scex_sumo.base.files import write_atomic
+from scex_sumo.certainty.response.extra import HEAD, ResponseExtra
 from scex_sumo.certainty.results import exact_of
 from scex_sumo.certainty.tables import InfluenceTable
 from scex_sumo.converters.datasets.moment import find_moments
@@ -27,7 +28,8 @@ from scex_sumo.scene import STEP_S
 
 EVIDENCE = "evidence.html"
 BRAKES = "emergency_brake"
-_WORST = 4
+_WORST = 3
+_TOLD = 2  # lines of what it takes
 
 
 def write_evidence(run: Run) -> Path:
@@ -94,14 +96,14 @@ def _exposure(run: Run) -> str:
 def _probability(run: Run) -> dict[str, str]:
     share, human = run.collision, run.reference
     models = ", ".join(f"{entry['model']} {entry['weight']:g}" for entry in run.info["models"])
-    return {
-        "stress test": f"{share.words}; drawn as {models}",
-        "human-like": "not run"
-        if human is None
-        else f"{human.collision.percent} of {counted(human.futures, 'future')}, 95 % interval",
-        "validity of the latter": "forecasts of this mix were scored on recordings of other sites, see "
-        "docs/validity.md; of this site only if scex-sumo validate was run on it",
-    }
+    takes = [line.strip() for line in ResponseExtra().lines(run)][:_TOLD]
+    scored = "forecasts of this mix were scored on recordings of other sites, see docs/validity.md"
+    futures = "not run"
+    if human is not None:
+        often = f"{human.collision.percent} of {counted(human.futures, 'future')}"
+        futures = f"{often}, 95 % interval; {scored}"
+    people = {"people": " ".join(takes).removeprefix(f"{HEAD}: ")} if takes else {}
+    return {**people, "human-like futures": futures, "stress test": f"{share.words}; drawn as {models}"}
 
 
 def _encounters(run: Run) -> Html:
@@ -116,7 +118,7 @@ def _encounters(run: Run) -> Html:
     about += f" Left out as doubtful: {listed(doubts)}." if doubts else ""
     return element(
         "section",
-        element("h2", "Worst encounters (hazardous events, 6.4)"),
+        element("h2", "Worst encounters of the stress test (hazardous events, 6.4)"),
         plain_table(heads, (_encounter(run, row) for row in rows[:_WORST]), words=(2, 5)),
         element("p.soft", about),
     )
@@ -206,8 +208,8 @@ def _provenance(run: Run) -> dict[str, str]:
     info = run.info
     return {
         "command": " ".join(str(word) for word in info.get("command") or ()) or "Python",
-        "seed scene, SHA-256": str(info["seed_scene"].get("fingerprint", "")),
+        "scene, SHA-256": str(info["seed_scene"].get("fingerprint", "")),
         "run, SHA-256": str(info.get("identity", "")),
-        "random seed, design": f"{info.get('seed')}, {info.get('design')}",
+        "seed, design": f"{info.get('seed')}, {info.get('design')}",
         "versions": ", ".join(f"{name} {version}" for name, version in info.get("versions", {}).items()),
     }

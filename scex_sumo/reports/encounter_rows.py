@@ -18,7 +18,6 @@ from scex_sumo.results.encounters import (
     event_of,
     in_words,
     is_queue,
-    percent_of,
 )
 from scex_sumo.results.extras import NOTHING
 from scex_sumo.results.probability import Encounter, Probability, probability_of
@@ -40,13 +39,13 @@ class Meeting:
     Attributes:
         run: of the set.
         row: of its ``encounters.parquet``.
-        stress: of human-like futures, the pair's row in the stress test; None if it never meets there.
+        stress: of human-like futures, the pair in the stress test; None if it never meets there.
     """
 
     futures: str
     run: Run
     row: Mapping[str, Any]
-    stress: Mapping[str, Any] | None = None
+    stress: Encounter | None = None
 
     @cached_property
     def encounter(self) -> Encounter:
@@ -78,7 +77,8 @@ class Meeting:
         text += f"; doubtful: {self.doubt}" if self.doubt else ""
         if self.futures == STRESS_TEST:
             return text
-        possible = "never" if not (self.stress and self.stress[event]) else percent_of(self.stress, event)
+        stress = None if self.stress is None else self.stress.probability(event)
+        possible = stress.percent if stress and stress.estimate.value else "never"
         return f"{text}; human-like, of {self.run.futures} futures; in the stress test {possible}"
 
 
@@ -101,7 +101,8 @@ def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
         elif stress is not None and row["critical"] > 0:
             possible[pair] = stress = named_as(row, stress)
         if row["critical"] > 0 or stress is None:
-            found.append(Meeting(futures=HUMAN_LIKE, run=human, row=row, stress=stress))
+            meets = None if stress is None else Encounter(row=stress, run=run)
+            found.append(Meeting(futures=HUMAN_LIKE, run=human, row=row, stress=meets))
     found = [Meeting(futures=STRESS_TEST, run=run, row=row) for row in possible.values()] + found
     indices = None if region is None else region.vehicles(run.scene)
     if indices is not None:

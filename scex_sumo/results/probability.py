@@ -122,11 +122,16 @@ class Encounter:
         return self.probability("collision")
 
     def probability(self, event: str) -> Probability:
-        """Return the probability of an event, a column of ``encounters.parquet`` such as ``critical``."""
+        """Return the probability of an event, a column of ``encounters.parquet`` such as ``critical``.
+
+        It is at least that of a collision, which counts as each event.
+        """
         if event not in (*EVENTS, "critical"):
             raise UsageError(f"unknown event {event!r}; known: {', '.join(EVENTS)}, critical")
-        ends = {end: float(self.row[event + name]) for end, name in _ENDS.items()}
-        count = round(ends["value"] * self.run.futures)
+        # A collision counts as each event, and may have an exact probability where the event has none.
+        least = 0.0 if event == "collision" else self.collision.exact or 0.0
+        count = round(float(self.row[event]) * self.run.futures)
+        ends = {end: max(float(self.row[event + name]), least) for end, name in _ENDS.items()}
         return probability_of(self.run, Interval(**ends, count=count), event, self.pair)
 
     def happens(self, event: str) -> BoolArray:

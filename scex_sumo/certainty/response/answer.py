@@ -338,4 +338,4 @@ def any_collision(rows: Iterable[Mapping[str, Any]], *, doubtful: bool = False) 
 
 def either(probabilities: Iterable[float]) -> float:
     """Return 1 - Π (1 - P): as if independent."""
-    return -math.expm1(sum(math.log1p(-min(p, 1 - 1e-12)) for p in probabilities))
+    return 0.0 - math.expm1(sum(math.log1p(-min(p, 1 - 1e-12)) for p in probabilities))
