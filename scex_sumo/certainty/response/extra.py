@@ -99,7 +99,7 @@ class ResponseExtra(CriticalResponse):
             return ()
         from scex_sumo.certainty.response.answer import TOLD, any_collision, once_in
         from scex_sumo.certainty.response.usual import usual_of
-        from scex_sumo.certainty.response.words import told
+        from scex_sumo.certainty.response.words import needs, told
 
         groups = self._groups(run)[:_WORST]
         rows = [row for row in run.table(RESPONSE).to_pylist() if row["doubt"] and row["probability"] >= TOLD]
@@ -111,7 +111,9 @@ class ResponseExtra(CriticalResponse):
         head = f"{HEAD}: a collision about {once_in(total)} such moments; what it takes:"
         worst = groups[0][0]
         usual = usual_of(worst.row)
-        place = (f"  {worst.arrow}: {usual.words(worst.probability)}",) if usual else ()
+        known = (needs(worst.row), usual and usual.words(worst.probability))
+        beside = "; ".join(words for words in known if words)
+        place = (f"  {worst.arrow}: {beside}",) if beside else ()
         return (head, *(f"  {told(group)}" for group in groups), *place, *left)
 
     def _groups(self, run: Run) -> Sequence[Sequence[PairResponse]]:

@@ -66,6 +66,20 @@ def takes(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"{one} {does} ({often}) and {other} {_late(rows)}"
 
 
+def needs(row: Mapping[str, Any]) -> str:
+    """Return what the responder needs against the action that is told; nothing without contact."""
+    braking, swerve, left = (row.get(name) for name in ("needed_braking", "needed_swerve", "time_to_react"))
+    if braking == swerve == math.inf:
+        return "neither braking nor a swerve helps"
+    helps = {name: value for name, value in (("braking", braking), ("swerve", swerve)) if value is not None}
+    words = [
+        f"needed {name} {value:.1f} m/s²" if math.isfinite(value) else f"no {name} helps"
+        for name, value in helps.items()
+    ]
+    late = "too late to react" if left == -math.inf else f"{left or 0:.1f} s left to react"
+    return ", ".join([*words, *([] if left is None else [late])])
+
+
 def _late(rows: Sequence[Mapping[str, Any]]) -> str:
     if not math.isfinite(rows[0]["response_s"]):
         return "cannot brake in time" if rows[0]["later"] > _NEARLY else "can hardly brake in time"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import shlex
 from collections.abc import Mapping, Sequence
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from scex_sumo.certainty.fitted import FittedWeights
 from scex_sumo.certainty.options import CriticalResponse, ExactProbabilities
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.certainty.response.usual import usual_of
+from scex_sumo.certainty.response.words import needs
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.settings import RunOptions
 from scex_sumo.extrapolation.workers import Workers
@@ -221,20 +221,12 @@ def _facts(row: Mapping[str, Any]) -> list[str]:
     facts = [
         f"{tested}; severe injuries {once_in(row['severity'])}",
         f"a careful and competent driver (UN R157) {careful}",
-        _room(row),
+        needs(row),
         _usual(row),
     ]
     if row["stress_p_collision"] is not None:
         facts.append(f"stress test: collide in {stress_words(row)} of the futures")
     return [fact for fact in facts if fact]
-
-
-def _room(row: Mapping[str, Any]) -> str:
-    needed, left = row["needed_braking"], row["time_to_react"]
-    braking = "no braking helps" if needed == inf else f"needed braking {needed or 0:.1f} m/s²"
-    words = [] if needed is None else [braking]
-    words += [] if left is None else [f"time to react {left:.1f} s"]
-    return ", ".join(words)
 
 
 def _usual(row: Mapping[str, Any]) -> str:

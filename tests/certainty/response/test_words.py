@@ -7,7 +7,7 @@ from typing import Any
 
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.certainty.response.decision import pair_responses
-from scex_sumo.certainty.response.words import alike, told
+from scex_sumo.certainty.response.words import alike, needs, told
 
 ROW = {
     "track_id": 15, "other_id": 16, "action": "brakes", "value": 5.0, "frequency": 1 / 700, "response_s": 1.1,
@@ -48,3 +48,12 @@ def test_what_differs_or_is_much_rarer_has_a_line_of_its_own() -> None:
     for other in ({"preventable": False}, {"action": "cuts in"}, {"probability": 1 / 70000}):
         assert len(lines({}, {"track_id": 16, "other_id": 17, **other})) == 2
     assert lines({"probability": 0.9e-7}) == []
+
+
+def test_what_a_responder_needs_is_told_where_it_is_known() -> None:
+    row = {"needed_braking": 4.12, "needed_swerve": math.inf, "time_to_react": 0.58}
+    assert needs(row) == "needed braking 4.1 m/s², no swerve helps, 0.6 s left to react"
+    late = {"needed_braking": math.inf, "time_to_react": -math.inf}
+    assert needs(late) == "no braking helps, too late to react"
+    assert needs(late | {"needed_swerve": math.inf}) == "neither braking nor a swerve helps"
+    assert needs(dict.fromkeys(row)) == ""
