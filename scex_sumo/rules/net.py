@@ -54,8 +54,8 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
     Lights whose phases are invented, as the net of a map without phases needs them, are unknown.
     """
     shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
-    links = list(_links(root, shapes))
-    signals, notes = _signals(root, links, known=road.net is not None)
+    links = list(links_of(root, shapes))
+    signals, notes = signals_of_links(root, links, known=road.net is not None)
     passages: list[Passage] = []
     for junction in root.iter("junction"):
         mine = [link for link in links if link.junction == junction.get("id")]
@@ -79,7 +79,9 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Link:
+class Link:
+    """Link of a net from a lane to a lane, with its light (light, index) and the rows to which it yields."""
+
     line: FloatArray
     lanes: tuple[str, ...]
     junction: str
@@ -89,7 +91,8 @@ class _Link:
     yields: frozenset[int]
 
 
-def _links(root: Element, shapes: Mapping[str, FloatArray]) -> Iterator[_Link]:
+def links_of(root: Element, shapes: Mapping[str, FloatArray]) -> Iterator[Link]:
+    """Yield the links of a net that lead through junctions; shapes are those of its lanes."""
     following = {
         f"{c.get('from')}_{c.get('fromLane')}": c.get("via")
         for c in root.iter("connection")
@@ -110,7 +113,7 @@ def _links(root: Element, shapes: Mapping[str, FloatArray]) -> Iterator[_Link]:
             continue
         light = (c.get("tl", ""), int(c.get("linkIndex", -1))) if c.get("tl") else None
         ends = (f"{c.get('from')}_{c.get('fromLane')}", f"{c.get('to')}_{c.get('toLane')}")
-        yield _Link(
+        yield Link(
             line=line,
             lanes=(ends[0], *chain, ends[1]),
             junction=found[0],
@@ -132,8 +135,8 @@ def _rows(root: Element) -> Iterator[tuple[str, tuple[str, int, frozenset[int]]]
                 yield lane, (name, row, frozenset(yields))
 
 
-def _signals(
-    root: Element, links: Sequence[_Link], *, known: bool
+def signals_of_links(
+    root: Element, links: Sequence[Link], *, known: bool
 ) -> tuple[dict[tuple[str, int], Signal], list[str]]:
     """Return the signal of each (light, link index), and notes."""
     notes: list[str] = []
@@ -167,7 +170,7 @@ def _signals(
     return found, notes
 
 
-def _contradiction(links: Sequence[_Link]) -> str:
+def _contradiction(links: Sequence[Link]) -> str:
     """Name two links without all-way stop, zipper or right before left that give way to each other."""
     by_row = {link.row: link for link in links}
     for link in links:
@@ -180,7 +183,7 @@ def _contradiction(links: Sequence[_Link]) -> str:
 
 
 def _passages(
-    links: Sequence[_Link], first: int, signals: Mapping[tuple[str, int], Signal], lanes: LaneTable
+    links: Sequence[Link], first: int, signals: Mapping[tuple[str, int], Signal], lanes: LaneTable
 ) -> Iterator[Passage]:
     places = {link.row: first + k for k, link in enumerate(links)}
     numbers = {key: k for k, key in enumerate(signals)}

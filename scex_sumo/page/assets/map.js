@@ -7,6 +7,7 @@ const MAX_GHOSTS = 500; // drawn in a frame; more are thinned out
 const DASHED = 6; // px of a metre from which outlines are dashed: dashes take long to draw
 const SPARE = 1.5; // the ground is drawn as much larger than the map, so that it can move with a pair
 const ROAD_COLORS = ["road", "road", "mark", "border", "mark"]; // surface, area, marking, border, stop line
+const LIGHT_INKS = { G: "go", g: "go", y: "slow", Y: "slow", u: "slow", r: "stop", R: "stop" }; // SUMO's letters
 
 // Two maps share a view {x, y, scale}; `shown` names the future of a map in the state.
 function makeMap(run, state, canvas, view = {}, shown = "future") {
@@ -93,6 +94,7 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
     const spare = (SPARE - 1) / 2, [left, top] = [(groundAt[0] - x) * scale - spare * width, (y - groundAt[1]) * scale - spare * height];
     context.drawImage(ground, left, top, SPARE * width, SPARE * height);
     inMetres(pen);
+    drawLights(pen);
     if (future < 0 || isShown("ghosts")) drawGhosts(pen, future < 0 ? 0.75 : 0.25);
     drawOthers(pen);
     for (const v of vehicles) {
@@ -153,6 +155,13 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
     const { values } = arrays.others;
     for (let i = 2 * Math.round(state.step); i < values.length; i += 2 * frames) {
       paint(circle([values[i] * UNITS[0], values[i + 1] * UNITS[0]], Math.max(0.4, 3 / view.scale)), { fill: "likely" });
+    }
+  }
+
+  function drawLights({ paint }) { // bars at the ends of lanes, as they show at the time
+    for (const [ends, letters] of info.lights ?? []) {
+      const ink = LIGHT_INKS[letters[Math.round(state.step)]];
+      if (ink) paint(ends, { stroke: ink, width: Math.max(0.5, 3 / view.scale) });
     }
   }
 

@@ -31,9 +31,11 @@ from scex_sumo.page.report.tables import (
 from scex_sumo.reports.run_table import always_critical, extra_rows
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
+from scex_sumo.rules.lights import light_bars
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH, split_atoms
 
+SUMO_FILES = ".sumocfg", ".net.xml", ".net.xml.gz"  # of maps whose lights have phases
 FAR_M = 1e6  # place of vehicles that have left
 _AROUND_M = 60.0
 _WORST_SHARE = 0.1
@@ -68,7 +70,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     }
     left, right, low, high = tracks.box
     around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)
-    place = {"box": tracks.box, "road": road_paths(road_lines(_net(run), around))}
+    place = {"box": tracks.box, "road": road_paths(road_lines(_net(run), around)), "lights": _lights(run)}
     return info | place | {"packed": tracks.futures.tolist()}, arrays
 
 
@@ -164,6 +166,13 @@ def _net(run: Run) -> Any:
         return run.net.path
     except (ScexError, KeyError):  # no net: a report without a road
         return run.folder / "none.net.xml"
+
+
+def _lights(run: Run) -> list[tuple[list[list[float]], str]]:
+    """Return ends of the bars of lights, m, and the letters of all steps; none where lights are unknown."""
+    known = str(run.info["seed_scene"].get("map", "")).endswith(SUMO_FILES)
+    bars = light_bars(_net(run), int(run.info["steps"]), known=known)
+    return [(bar.ends.round(2).tolist(), bar.letters) for bar in bars]
 
 
 def metric_words(run: Run, column: str) -> dict[str, Any]:
