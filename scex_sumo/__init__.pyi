@@ -64,5 +64,10 @@ from .studies.rank.rank import rank as rank
 from .studies.under_test.results import UnderTest as UnderTest
 from .studies.validate.validate import Validation as Validation
 from .studies.validate.validate import validate as validate
+from .suites.catalogue import catalogue as catalogue
+from .suites.suite import Suite as Suite
+from .suites.suite import open_suite as open_suite
+from .suites.testing.suite_test import SuiteTest as SuiteTest
+from .suites.testing.suite_test import test_suite as test_suite
 
 __version__: str

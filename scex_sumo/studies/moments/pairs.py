@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.certainty.response.answer import SCHEMA, critical_responses
+from scex_sumo.certainty.response.answer import SCHEMA, critical_responses, either
 from scex_sumo.certainty.response.decision import PairResponse, pair_responses
-from scex_sumo.certainty.response.expected import expected_motion
+from scex_sumo.certainty.response.expected import Expected, expected_motion
+from scex_sumo.certainty.response.typology import conflict_of
 from scex_sumo.certainty.response.words import takes
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
@@ -18,6 +19,13 @@ from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 ROW: Final = ("person", "action", "value", "frequency", "response_s", "later", "factor", "delta_v", "kind")
 """Columns of the critical response that is told."""
 ROOM: Final = ("needed_braking", "time_to_react")
+PARAMETERS: Final = (
+    *("angle_deg", "apart_m", "speed_mps", "other_speed_mps", "acceleration_mps2", "other_acceleration_mps2"),
+    *("arrival_s", "other_arrival_s"),
+)
+"""Columns of a `Conflict`; those with ``other_`` are of the responder."""
+OWN: Final = ("own_probability", "own_severity")
+"""Columns of what the responder of a pair can avoid: contacts after an action of the initiator."""
 PAIRS: Final = pa.schema(
     [
         ("track_id", pa.int64()),  # of the initiator
@@ -32,6 +40,9 @@ PAIRS: Final = pa.schema(
         ("preventable", pa.bool_()),
         ("doubt", pa.string()),
         ("gap_m", pa.float64()),
+        ("conflict", pa.string()),  # of `typology.CONFLICTS`
+        *((name, pa.float64()) for name in PARAMETERS),
+        *((name, pa.float64()) for name in OWN),
     ]
 )
 
@@ -42,12 +53,30 @@ def pairs_of_moment(scene: SeedScene) -> pa.Table:
     ``severity`` is the expected number of severe injuries; ``to_test`` as `decide` has it; ``gap_m`` the
     least distance of the outlines, as far as the scene knows the recording.
     """
-    rows = [_row(pair) for pair in pair_responses(critical_responses(scene).to_pylist())]
-    table, scene = pa.Table.from_pylist(rows, schema=PAIRS), expected_motion(scene).scene
-    place = {int(track): v for v, track in enumerate(scene.track_ids)}
-    one, other = ([place[track] for track in table[name].to_pylist()] for name in ("track_id", "other_id"))
-    gaps = pa.array(_least_gaps(scene, one, other), pa.float64())
-    return table.set_column(table.schema.get_field_index("gap_m"), "gap_m", gaps)
+    responses, expected = critical_responses(scene).to_pylist(), expected_motion(scene)
+    rows = [_row(pair) for pair in pair_responses(responses)]
+    place = {int(track): v for v, track in enumerate(expected.scene.track_ids)}
+    one, other = ([place[row[name]] for row in rows] for name in ("track_id", "other_id"))
+    gaps = _least_gaps(expected.scene, one, other)
+    rows = [
+        {**row, **_conflict(expected, i, j), **_own(row, responses), "gap_m": gap}
+        for row, i, j, gap in zip(rows, one, other, gaps, strict=True)
+    ]
+    return pa.Table.from_pylist(rows, schema=PAIRS)
+
+
+def _conflict(expected: Expected, one: int, other: int) -> Mapping[str, Any]:
+    found = conflict_of(expected, one, other)
+    both = (found.speeds, found.accelerations, found.arrivals_s)
+    values = found.angle_deg, found.apart_m, *(value for pair in both for value in pair)
+    return {"conflict": found.kind, **dict(zip(PARAMETERS, values, strict=True))}
+
+
+def _own(row: Mapping[str, Any], responses: Sequence[Mapping[str, Any]]) -> Mapping[str, float]:
+    both = [row["track_id"], row["other_id"]]
+    own = [one for one in responses if [one["track_id"], one["other_id"]] == both]
+    values = either(one["probability"] for one in own), sum(one["expected_mais3"] for one in own)
+    return dict(zip(OWN, values, strict=True))
 
 
 def _row(pair: PairResponse) -> Mapping[str, Any]:

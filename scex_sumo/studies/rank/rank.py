@@ -145,6 +145,7 @@ def rank(
             "scex_sumo": __version__,
             "command": list(command) if command else None,
             **identity,
+            "roots": [str(Path(place).absolute()) for place in places],
             "seeds": len(ranking.refs),
             "failed": len(moments) - len(ranking.refs),
             "encounters": len(table),

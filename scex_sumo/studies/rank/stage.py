@@ -45,18 +45,31 @@ def stage_of(scene: SeedScene, row: Mapping[str, Any]) -> Stage:
     states, known = recorded(whole)
     stop = HISTORY_STEPS + 1 + _STEPS
     states, known = states[:, :stop], known[:, :stop]
-    before = whole.history[[one, other], :-1]
-    happens = States.concatenate([before, played(scene, row)], axis=1)
+    return stage_of_motion(whole, (one, other), played(scene, row), states, known)
+
+
+def stage_of_motion(
+    scene: SeedScene, both: tuple[int, int], motion: States, states: States, known: BoolArray
+) -> Stage:
+    """Return the stage of two vehicles, the first of which acts, with their motion (2, T) from now on.
+
+    Args:
+        scene: with a road; people are its last vehicles.
+        states: (V, T) shown beside it, from 1 s before the moment on; ``known`` (V, T): where there are any.
+    """
+    assert scene.road is not None
+    one, other = both
+    happens = States.concatenate([scene.history[[one, other], :-1], motion], axis=1)
     box = _box(happens)
     tracks, shown = [], []
     for v in np.flatnonzero((_inside(states, box) & known).any(axis=1)).tolist():
         kind = "ghost" if v in (one, other) else "vehicle"
         tracks.append(_outline(states[v], known[v]))
-        shown.append(outline_svg(kind, whole.length[v], whole.width[v]))
+        shown.append(outline_svg(kind, scene.length[v], scene.width[v]))
     for row_of, v in enumerate((one, other)):
         tracks.append(_outline(happens[row_of], np.ones(happens.shape[1], np.bool_)))
-        shown.append(outline_svg(("acts", "responds")[row_of], whole.length[v], whole.width[v]))
-    picture = scene_svg("the two vehicles, from above", box, lane_lines(whole.road, box), shown)
+        shown.append(outline_svg(("acts", "responds")[row_of], scene.length[v], scene.width[v]))
+    picture = scene_svg("the two vehicles, from above", box, lane_lines(scene.road, box), shown)
     return Stage(picture=picture, outlines=tracks, contact=happens.shape[1] - 1)
 
 

@@ -1,0 +1,222 @@
+"""Choice of cases: strata of kind and risk, clusters in each, and one case drawn of each cluster.
+
+Clusters of a stratum have nearly one size and gather round medoids in the space of standardised parameters.
+So the cases cover that space, and each candidate has a known probability to be chosen, whose inverse is the
+weight of the case: weighted sums over the cases estimate sums over all candidates without bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import UsageError
+from scex_sumo.suites.population import RISK_WORDS, Population
+
+EACH: Final = 2
+"""Least cases of a stratum: one has no variance."""
+_BY_RISK = 0.5  # share of the other cases that go to strata by the sum of P (Neyman); the rest by size
+_ROUNDS = 8  # of the medoids
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chosen:
+    """Chosen candidates, (n,) each, in the order of what they add.
+
+    Attributes:
+        index: into the population.
+        stratum: number of it; ``strata`` has their words, ``sizes`` their numbers of candidates.
+        weight: candidates for which a case stands.
+        spare: (n,) other candidates of the cluster, in random order.
+        novelty: distance in standardised parameters to the nearest case before it; 1 for the first of a kind.
+    """
+
+    index: IntArray
+    stratum: IntArray
+    weight: FloatArray
+    novelty: FloatArray
+    spare: Sequence[Sequence[int]]
+    strata: Sequence[str]
+    sizes: IntArray
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+
+def choose(population: Population, count: int, *, seed: int = 0, per_moment: bool = True) -> Chosen:
+    """Choose about ``count`` candidates; all if there are no more.
+
+    Args:
+        per_moment: at most one candidate of a moment, as long as its cluster has another one.
+
+    Raises:
+        UsageError: fewer than two cases.
+    """
+    if count < EACH:
+        raise UsageError(f"--count: got {count}, needs at least {EACH}")
+    rng, features = np.random.default_rng(seed), population.parameters()
+    stratum, words = strata_of(population, max(1, count // (2 * EACH)))
+    sizes = np.bincount(stratum, minlength=len(words))
+    chance = population.column("probability")
+    shares = allocation(sizes, [float(chance[stratum == h].sum()) for h in range(len(words))], count)
+    index, weight, spare, used = [], [], [], set[str]()
+    seeds = [row["seed"] for row in population.rows]
+    for h, cases in enumerate(shares.tolist()):
+        inside = np.flatnonzero(stratum == h)
+        cluster = clusters(features[inside], cases, rng)
+        for c in range(cases):
+            members = rng.permutation(inside[cluster == c]).tolist()
+            free = [k for k in members if not per_moment or seeds[k] not in used]
+            index.append((free or members)[0])
+            weight.append(float(len(members)))
+            spare.append([k for k in members if k != index[-1]])
+            used.add(seeds[index[-1]])
+    found = np.array(index, dtype=np.int64)
+    order, novelty = _by_novelty(features[found], np.array(population.kinds)[found])
+    return Chosen(
+        index=found[order],
+        stratum=stratum[found][order],
+        weight=np.array(weight)[order],
+        novelty=novelty,
+        spare=[spare[k] for k in order.tolist()],
+        strata=words,
+        sizes=sizes,
+    )
+
+
+def strata_of(population: Population, most: int) -> tuple[IntArray, list[str]]:
+    """Return the stratum (N,) of each candidate, and their words: kinds by class of risk.
+
+    The smallest of more than ``most`` strata joins the smallest of its kind, else that of its risk.
+    """
+    kinds, risk = population.kinds, population.risk.tolist()
+    groups: dict[frozenset[tuple[str, int]], int] = {}
+    for cell in zip(kinds, risk, strict=True):
+        groups[frozenset([cell])] = groups.get(frozenset([cell]), 0) + 1
+    least = max(EACH, len(population) // (4 * most))
+    while len(groups) > 1:
+        small = min(groups, key=lambda g: (groups[g], sorted(g)))
+        if len(groups) <= most and groups[small] >= least:
+            break
+        others = sorted(
+            (g for g in groups if g != small), key=lambda g: (_apart(small, g), groups[g], sorted(g))
+        )
+        groups[small | others[0]] = groups.pop(small) + groups.pop(others[0])
+    names = sorted(groups, key=lambda g: (-groups[g], sorted(g)))
+    number = {cell: h for h, group in enumerate(names) for cell in group}
+    stratum = np.array([number[cell] for cell in zip(kinds, risk, strict=True)], dtype=np.int64)
+    return stratum, [_words(group) for group in names]
+
+
+def _apart(one: frozenset[tuple[str, int]], other: frozenset[tuple[str, int]]) -> tuple[int, int]:
+    """Return how badly two strata fit: by their classes of risk, then whether they have no kind in common."""
+    risks = [[risk for _, risk in group] for group in (one, other)]
+    away = abs(max(risks[0]) - max(risks[1]))
+    same = bool({kind for kind, _ in one} & {kind for kind, _ in other})
+    return away, 0 if same else 1
+
+
+def _words(group: frozenset[tuple[str, int]]) -> str:
+    kinds, risks = sorted({kind for kind, _ in group}), sorted({risk for _, risk in group})
+    name = kinds[0] if len(kinds) == 1 else f"{len(kinds)} kinds ({', '.join(kinds)})"
+    return f"{name}, {' or '.join(RISK_WORDS[risk] for risk in risks)}"
+
+
+def allocation(sizes: IntArray, chances: Sequence[float], count: int) -> IntArray:
+    """Return the number of cases (H,) of each stratum.
+
+    Each has `EACH`, or all. Half of the others go by the sum of P (Neyman's allocation if the spread within a
+    stratum is like its mean), half by the root of the size.
+    """
+    least = np.minimum(sizes, EACH)
+    weight = _BY_RISK * _share(np.array(chances)) + (1 - _BY_RISK) * _share(np.sqrt(sizes))
+    found = least.astype(np.float64)
+    for _ in range(len(sizes) + 1):
+        open_ = found < sizes
+        left = min(count, int(sizes.sum())) - found.sum()
+        if left <= 1e-9 or not open_.any():
+            break
+        found = np.minimum(found + left * _share(np.where(open_, weight, 0.0)), sizes)
+    whole = np.floor(found + 1e-9).astype(np.int64)
+    rest = np.argsort(whole - found, kind="stable")[: max(0, round(float(found.sum())) - int(whole.sum()))]
+    whole[rest] += 1
+    return np.minimum(whole, sizes)
+
+
+def _share(values: FloatArray) -> FloatArray:
+    total = float(values.sum())
+    return np.asarray(values / total if total > 0 else np.full(len(values), 1 / max(len(values), 1)))
+
+
+def clusters(features: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
+    """Return the cluster (N,) of each point: medoids, with clusters of nearly one size.
+
+    Args:
+        features: (N, D).
+        count: at most N.
+    """
+    if count <= 1:
+        return np.zeros(len(features), dtype=np.int64)
+    medoid = [int(rng.integers(len(features)))]
+    far = np.linalg.norm(features - features[medoid[0]], axis=1)
+    while len(medoid) < count:
+        square = far**2
+        total = float(square.sum())
+        free = np.setdiff1d(np.arange(len(features)), medoid)
+        new = int(rng.choice(len(features), p=square / total)) if total > 0 else int(free[0])
+        medoid.append(new)
+        far = np.minimum(far, np.linalg.norm(features - features[new], axis=1))
+    centre = features[medoid]
+    for _ in range(_ROUNDS):
+        cluster = _balanced(features, centre)
+        middle = np.stack([features[cluster == c].mean(axis=0) for c in range(count)])
+        nearest = [
+            np.flatnonzero(cluster == c)[
+                np.argmin(np.linalg.norm(features[cluster == c] - middle[c], axis=1))
+            ]
+            for c in range(count)
+        ]
+        if np.array_equal(features[nearest], centre):
+            break
+        centre = features[nearest]
+    return cluster
+
+
+def _balanced(features: FloatArray, centre: FloatArray) -> IntArray:
+    """Assign points (N, D) to near centres (K, D), at most ⌈N / K⌉ and at least ⌊N / K⌋ to each."""
+    count, size = len(centre), len(features) / len(centre)
+    apart = np.linalg.norm(features[:, None] - centre, axis=2)
+    room = np.full(count, int(np.floor(size)))
+    spare = len(features) - int(room.sum())
+    cluster = np.full(len(features), -1, dtype=np.int64)
+    second = np.partition(apart, 1, axis=1)[:, 1]
+    for k in np.argsort(apart.min(axis=1) - second, kind="stable").tolist():  # the surest first
+        for c in np.argsort(apart[k], kind="stable").tolist():
+            if room[c] > 0 or (room[c] == 0 and spare > 0):
+                spare -= room[c] == 0
+                room[c] -= 1
+                cluster[k] = c
+                break
+    return cluster
+
+
+def _by_novelty(features: FloatArray, kinds: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return an order (n,) in which each case is the farthest from those before it, and that distance.
+
+    Cases of different kinds are at least 1 apart.
+    """
+    apart = np.linalg.norm(features[:, None] - features, axis=2)
+    apart = np.where(kinds[:, None] == kinds, apart, np.maximum(apart, 1.0))
+    order = [int(np.argmin(apart.sum(axis=1)))]
+    novelty, near = [1.0], apart[order[0]].copy()
+    near[order[0]] = -1.0
+    while len(order) < len(features):
+        order.append(int(np.argmax(near)))
+        novelty.append(float(near[order[-1]]))
+        near = np.minimum(near, apart[order[-1]])
+        near[order] = -1.0
+    return np.array(order, dtype=np.int64), np.array(novelty)

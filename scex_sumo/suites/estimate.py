@@ -1,0 +1,129 @@
+"""A suite's number: rates per hour of recorded traffic, estimated from weighted cases, with intervals.
+
+Stratified estimator: the sum of weight · y over the cases, over the recorded hours. Its variance is that
+within strata, as if their cases were drawn with replacement, times the share that was not drawn; it holds the
+variance of the futures, too. The interval is on the log scale with Student's t.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+
+LEVEL: Final = 0.95
+_NONE_SEEN = 3.0  # rule of three
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rate:
+    """Estimated rate per hour with its 95 % interval.
+
+    Attributes:
+        deviation: standard error.
+        freedom: degrees of freedom.
+    """
+
+    value: float
+    low: float
+    high: float
+    deviation: float
+    freedom: int
+
+    def to_json(self) -> Mapping[str, Any]:
+        """Return the values by name."""
+        return asdict(self)
+
+    def words(self) -> str:
+        """Return value and interval, two digits each."""
+        return f"{_number(self.value)} [{_number(self.low)}, {_number(self.high)}]"
+
+
+def _number(value: float) -> str:
+    return "0" if value == 0 else f"{value:.2g}"
+
+
+def total(
+    y: FloatArray, weight: FloatArray, stratum: IntArray, sizes: IntArray, drawn: FloatArray | None = None
+) -> tuple[float, float, int]:
+    """Return the estimated sum over the population, its variance, and the degrees of freedom.
+
+    Args:
+        y: (n,) of the cases.
+        weight: (n,) candidates for which a case stands; ``stratum`` (n,) too.
+        sizes: (H,) candidates of the strata.
+        drawn: (n,) variance of y by the futures of a case; counts in full where a stratum was taken whole.
+    """
+    each = weight * y
+    variance, freedom = 0.0, 0
+    for h in range(len(sizes)):
+        inside = stratum == h
+        count = int(inside.sum())
+        if count == 0:
+            continue
+        left = max(0.0, 1.0 - count / sizes[h])
+        if count > 1:
+            variance += left * count * float(np.var(each[inside], ddof=1))
+            freedom += count - 1
+        if drawn is not None:
+            variance += (1.0 - left) * float((weight[inside] ** 2 * drawn[inside]).sum())
+    return float(each.sum()), variance, max(freedom, 1)
+
+
+def rate(
+    y: FloatArray,
+    weight: FloatArray,
+    stratum: IntArray,
+    sizes: IntArray,
+    hours: float,
+    *,
+    most: FloatArray,
+    drawn: FloatArray | None = None,
+) -> Rate:
+    """Return the rate of events per hour.
+
+    Args:
+        most: (n,) largest value that y can have in each case; bounds a rate of which nothing was seen.
+    """
+    value, variance, freedom = total(y, weight, stratum, sizes, drawn)
+    deviation = math.sqrt(variance)
+    if value <= 0:
+        high = _NONE_SEEN / max(len(y), 1) * float((weight * most).sum())
+        return Rate(value=0.0, low=0.0, high=high / hours, deviation=0.0, freedom=freedom)
+    spread = math.exp(_student(freedom) * deviation / value)
+    low, high = value / spread, value * spread
+    return Rate(
+        value=value / hours, low=low / hours, high=high / hours, deviation=deviation / hours, freedom=freedom
+    )
+
+
+def difference(
+    d: FloatArray,
+    weight: FloatArray,
+    stratum: IntArray,
+    sizes: IntArray,
+    hours: float,
+    *,
+    drawn: FloatArray | None = None,
+) -> Rate:
+    """Return the difference of two rates by the (n,) paired differences of the cases; a plain interval."""
+    value, variance, freedom = total(d, weight, stratum, sizes, drawn)
+    half = _student(freedom) * math.sqrt(variance)
+    return Rate(
+        value=value / hours,
+        low=(value - half) / hours,
+        high=(value + half) / hours,
+        deviation=math.sqrt(variance) / hours,
+        freedom=freedom,
+    )
+
+
+def _student(freedom: int) -> float:
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, (1 + LEVEL) / 2))

@@ -1,0 +1,144 @@
+"""Page of a catalogue: coverage before and after, and the cases as cards that play."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.study import Column, card, page_table, table_place, write_study
+from scex_sumo.reports.run_table import counted
+from scex_sumo.studies.rank.stage import Stage
+from scex_sumo.suites.population import RISK_WORDS
+
+SCRIPTS: Final = ("loop.js", "stage.js", "cases.js")
+_KEYS: Final = (
+    "Mark cases and save the list: 'scex-sumo test SUITE --cases cases.txt' runs these alone. Without marks "
+    "the list has the cases that are shown. A click on a picture holds it."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CaseCard:
+    """What the page shows of a case.
+
+    Attributes:
+        row: the candidate, with name, kind, risk, weight and novelty.
+        words: the action.
+    """
+
+    row: Mapping[str, Any]
+    stage: Stage
+    words: str
+
+
+def write_catalogue_page(path: Path, info: Mapping[str, Any], cards: Sequence[CaseCard]) -> Path:
+    """Write the page of a suite and return its path."""
+    about = (
+        f"{counted(len(cards), 'case')} for {counted(info['candidates'], 'candidate')} in "
+        f"{info['encounters']} encounters of {info['hours']:.2g} h; {info['doubtful']} with doubtful data "
+        "left out. "
+        f"People collide {info['people']['collisions_per_hour']:.1g} times an hour in them."
+    )
+    filters = {
+        "kind": [row["kind"] for row in info["coverage"]],
+        "risk": [word for word in RISK_WORDS if any(_about(one)["risk"] == word for one in cards)],
+        "site": sorted({one.row["location"] for one in cards}),
+    }
+    parts = [
+        card("Coverage", _COVERAGE, coverage_table(info["coverage"])),
+        filter_bar(filters, _KEYS, save=True),
+        element("div.moments", *(_card(one) for one in cards), id="cards"),
+        card("All cases", table_place("all-cases")),
+    ]
+    data = [
+        {
+            "name": one.row["name"],
+            "outlines": one.stage.outlines,
+            "contact": one.stage.contact,
+            "about": _about(one),
+        }
+        for one in cards
+    ]
+    tables = {"all-cases": page_table(_COLUMNS, [one.row for one in cards])}
+    return write_study(path, "Catalogue", about, *parts, tables=tables, scripts=SCRIPTS, info={"cards": data})
+
+
+_COVERAGE: Final = (
+    "Candidates of each kind by P of a contact of people: all of the data set → cases of the suite. A click "
+    "shows the cases."
+)
+_COLUMNS: Final = (
+    Column("name", "case", "names"),
+    Column("conflict", "kind", "words"),
+    Column("location", "site", "words"),
+    Column("recording", "recording", "words"),
+    Column("time_s", "time", "seconds"),
+    Column("probability", "P(contact)", "real", "Of people"),
+    Column("weight", "stands for", "real", "Candidates of the data set"),
+    Column("novelty", "novelty", "real", "Distance to the nearest case before it"),
+)
+
+
+def _about(one: CaseCard) -> dict[str, str]:
+    row = one.row
+    return {"kind": row["kind"], "risk": RISK_WORDS[row["risk"]], "site": row["location"]}
+
+
+def coverage_table(rows: Iterable[Mapping[str, Any]]) -> Html:
+    """Return the table of kinds and risk, before and after; a cell asks for its cases."""
+    head = element("tr", element("th", "kind"), *(element("th", word) for word in RISK_WORDS))
+    body = []
+    for row in rows:
+        cells = []
+        for word, before, after in zip(RISK_WORDS, row["before"], row["after"], strict=True):
+            wanted = json.dumps({"kind": row["kind"], "risk": word})
+            words = f"{before} → {after}" if before else ""
+            cells.append(element("td", element("button", words, data_cell=wanted) if after else words))
+        body.append(element("tr", element("th", row["kind"]), *cells))
+    return element("div.scroll", element("table", element("thead", head), element("tbody", *body)))
+
+
+def filter_bar(filters: Mapping[str, Sequence[str]], words: str, *, save: bool) -> Html:
+    """Return the bar with a list of choices for each filter."""
+    lists = [
+        element(
+            "label",
+            f"{name} ",
+            element(
+                "select",
+                element("option", "all", value=""),
+                *(element("option", value, value=value) for value in values),
+                data_filter=name,
+            ),
+        )
+        for name, values in filters.items()
+    ]
+    button = [element("button", "save list", id="save")] if save else []
+    row = element("div.row", element("b", id="counts"), *lists, *button)
+    return element("section.card", row, element("p.soft", words), element("p.soft", id="said", role="status"))
+
+
+def _card(one: CaseCard) -> Html:
+    row = one.row
+    who = row["person"] or row["track_id"]
+    facts = [
+        f"{who} {one.words}; the function drives {row['other_id']}",
+        f"people touch: {once_in(row['probability'])}",
+        f"stands for {counted(round(row['weight']), 'candidate')}; adds {row['novelty']:.1f}",
+    ]
+    mark = element("label", element("input", type="checkbox", data_mark=True), " mark")
+    return element(
+        "article.card",
+        element("h2", element("b", row["name"][:3]), f" {row['kind']}"),
+        element("p.soft", f"{row['location']}, {row['recording']}, {row['time_s']:g} s"),
+        one.stage.picture,
+        element("ul", *(element("li", fact) for fact in facts)),
+        element("div.row", mark, element("code", f"cases/{row['name']}")),
+        id=row["name"],
+        tabindex="0",
+    )

@@ -1,0 +1,1 @@
+"""Test of a driving function on a suite: futures, verdicts, number, files for continuous integration."""

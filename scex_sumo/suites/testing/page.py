@@ -1,0 +1,100 @@
+"""Page of a test: kinds by verdict, and each case as a future that plays."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.study import Column, card, page_table, table_place, write_study
+from scex_sumo.suites.page import SCRIPTS, filter_bar
+from scex_sumo.suites.testing.outputs import case_words, number_lines
+from scex_sumo.suites.testing.result import FAILED, VERDICTS
+
+_COLUMNS: Final = (
+    Column("name", "case", "names"),
+    Column("kind", "kind", "words"),
+    Column("verdict", "verdict", "words"),
+    Column(lambda one: one.get("contacts"), "contacts", "real", "Futures in which the two touch"),
+    Column(lambda one: one.get("people_contacts"), "people", "real", "Expected contacts of people in them"),
+    Column(lambda one: one.get("p"), "p", "real", "Corrected after Holm"),
+    Column(lambda one: one.get("probability"), "P(contact)", "real"),
+    Column(lambda one: one.get("people"), "of people", "real"),
+    Column(lambda one: one.get("hardest_mps2"), "hardest braking", "real", "m/s²"),
+    Column(lambda one: one.get("ttc_s"), "least TTC", "real", "Median of the futures, s"),
+    Column("weight", "stands for", "real", "Candidates of the data set"),
+)
+_SHOWN: Final = (
+    "Each picture shows the most frequent future with a contact, else that in which they come nearest. "
+    "The function drives the blue vehicle. A click on a number of the table shows its cases."
+)
+
+
+def write_test_page(path: Path, result: Mapping[str, Any], records: Mapping[str, Mapping[str, Any]]) -> Path:
+    """Write the page of a test and return its path.
+
+    Args:
+        records: what the workers gave, by case: its picture.
+    """
+    cases = result["cases"]
+    counts = ", ".join(f"{result['verdicts'][name]} {name}" for name in VERDICTS)
+    filters = {"kind": sorted({one["kind"] for one in cases}), "verdict": list(VERDICTS)}
+    unseen = element("ul", *(element("li", words) for words in result["unseen"]))
+    number = element("ul", *(element("li", line) for line in number_lines(result)))
+    parts = [
+        card("The number", number),
+        card("Kinds by verdict", _verdicts(cases)),
+        filter_bar(filters, _SHOWN, save=True),
+        element("div.moments", *(_card(one, records[one["name"]]) for one in cases), id="cards"),
+        card("All cases", table_place("all-cases")),
+        card("What the suite cannot see", unseen),
+    ]
+    data = [_data(one, records[one["name"]]) for one in cases]
+    title = f"{result['function']} on {result['suite']}"
+    tables = {"all-cases": page_table(_COLUMNS, cases)}
+    return write_study(
+        path, title, f"{counts}.", *parts, tables=tables, scripts=SCRIPTS, info={"cards": data}
+    )
+
+
+def _data(one: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "name": one["name"],
+        "outlines": record.get("outlines"),
+        "contact": record.get("contact"),
+        "about": {"kind": one["kind"], "verdict": one["verdict"]},
+    }
+
+
+def _verdicts(cases: list[Mapping[str, Any]]) -> Html:
+    head = element("tr", element("th", "kind"), *(element("th", name) for name in VERDICTS))
+    body = []
+    for kind in sorted({one["kind"] for one in cases}):
+        own = [one["verdict"] for one in cases if one["kind"] == kind]
+        cells = []
+        for name in VERDICTS:
+            wanted, count = json.dumps({"kind": kind, "verdict": name}), own.count(name)
+            cells.append(element("td", element("button", str(count), data_cell=wanted) if count else ""))
+        body.append(element("tr", element("th", kind), *cells))
+    return element("div.scroll", element("table", element("thead", head), element("tbody", *body)))
+
+
+def _card(one: Mapping[str, Any], record: Mapping[str, Any]) -> Html:
+    picture = Html(record["picture"]) if "picture" in record else element("p.soft", "no future")
+    facts = [case_words(one)]
+    if one["verdict"] != FAILED:
+        facts.append(f"{one['action']}; touches another vehicle in {one['others']} futures")
+        facts.append(
+            f"hardest braking {one['hardest_mps2']:.1f} m/s², stands for {one['weight']:.0f} candidates"
+        )
+    return element(
+        "article.card",
+        element("h2", element("b", one["name"][:3]), f" {one['kind']}: {one['verdict']}"),
+        picture,
+        element("ul", *(element("li", fact) for fact in facts)),
+        element("label", element("input", type="checkbox", data_mark=True), " mark"),
+        id=one["name"],
+        tabindex="0",
+    )

@@ -1,0 +1,227 @@
+"""Test of a driving function on a suite: cases shared out to workers, resumed, judged and written."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.files import sha256_of, write_atomic
+from scex_sumo.base.progress import Progress, progress_of
+from scex_sumo.base.version import __version__
+from scex_sumo.behaviors.base import is_driven_by_sumo, layer_with
+from scex_sumo.behaviors.registry import ModelSpec, build, model_specs
+from scex_sumo.results.info import versions
+from scex_sumo.studies.moments.folder import Failure, StudyFolder
+from scex_sumo.studies.moments.workers import moment_workers
+from scex_sumo.suites.suite import SUITE, Case, Suite, open_suite
+from scex_sumo.suites.testing.outputs import junit_text, markdown_text
+from scex_sumo.suites.testing.page import write_test_page
+from scex_sumo.suites.testing.result import (
+    VERDICTS,
+    compared,
+    number_of,
+    read_result,
+    unseen,
+    with_verdicts,
+)
+from scex_sumo.suites.testing.tasks import run_case, task_of
+
+RESULT: Final = "test.json"
+PAGE: Final = "test.html"
+SUMMARY: Final = "summary.md"
+LIMIT_S: Final = 60.0
+_RECORDS = "records"
+_PICTURE = ("picture", "outlines", "contact")
+
+
+class TestFolder(StudyFolder):
+    """Folder of a test: a record for each case that has run."""
+
+    __test__ = False  # pytest
+    info, what = RESULT, "test"
+    another = "another test, of another suite or function"
+    evidence = (_RECORDS, PAGE)
+    trees, records = (), (_RECORDS,)
+    kept = (PAGE, SUMMARY)
+
+    def record(self, name: str) -> dict[str, Any] | None:
+        """Return the record of a case; None if it has not run."""
+        rows = self._kept(_RECORDS, name)
+        return None if rows is None else rows[0]
+
+    def keep(self, name: str, record: Mapping[str, Any]) -> None:
+        """Keep the record of a case."""
+        self._save(_RECORDS, name, [dict(record)])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SuiteTest:
+    """Result of a function on a suite.
+
+    Attributes:
+        result: content of ``test.json``.
+
+    Example:
+        >>> [name for name in scex.SuiteTest.__dataclass_fields__]
+        ['folder', 'result']
+    """
+
+    folder: Path
+    result: Mapping[str, Any]
+
+
+def test_suite(
+    suite: str | Path | Suite,
+    under_test: Any,
+    *,
+    out: str | Path,
+    futures: int | None = None,
+    cases: Sequence[str] | None = None,
+    workers: int = 1,
+    cluster: str | None = None,
+    time_limit: float = LIMIT_S,
+    against: str | Path | None = None,
+    junit: str | Path | None = None,
+    overwrite: bool = False,
+    command: Sequence[str] | None = None,
+    progress: Progress | bool | None = None,
+) -> SuiteTest:
+    """Run a driving function in the cases of a suite, and judge it against people.
+
+    Args:
+        suite: of `catalogue`, or its folder.
+        under_test: a model in any form that ``under_test`` of `extrapolate` takes.
+        out: folder of the result; an interrupted test goes on.
+        futures: of each case; None: those of the suite.
+        cases: names; None: all.
+        workers: processes of this machine; ``cluster``: a Dask scheduler instead.
+        time_limit: of a case, s.
+        against: ``test.json`` of another function, or an older one, on the same suite.
+        junit: file to write.
+        overwrite: replace another test in ``out``.
+
+    Raises:
+        UsageError: the function or an argument makes no sense.
+        ResultError: the suite is damaged, or the folder cannot be written.
+
+    Example:
+        >>> suite = scex.catalogue(scex.example_path("roundabout"), out="suite", count=2, every=9, formats=())
+        >>> scex.test_suite(suite, "constant_velocity", out="cv").result["verdicts"]["failed"]
+        0
+    """
+    started, suite = time.perf_counter(), suite if isinstance(suite, Suite) else open_suite(suite)
+    spec, futures = _spec(under_test), int(suite.info["futures"]) if futures is None else futures
+    if futures < 4:
+        raise UsageError(f"--futures: got {futures}, needs at least 4")
+    if not time_limit > 0:
+        raise UsageError(f"--time-limit: got {time_limit:g}, needs seconds above 0")
+    chosen, digest = _chosen(suite, cases), sha256_of(suite.folder / SUITE)
+    older = None if against is None else read_result(Path(against), digest)
+    identity = _identity(spec, digest, futures, time_limit)
+    with (
+        TestFolder(Path(out), identity, overwrite=overwrite) as folder,
+        progress_of(progress, "cases") as tick,
+    ):
+        records = _run(suite, chosen, spec, folder, futures, time_limit, (workers, cluster), tick)
+        rows = with_verdicts([_about(case, records[case.name]) for case in chosen])
+        result = {
+            "scex_sumo": __version__,
+            "command": list(command) if command else None,
+            "function": str(spec),
+            "suite": suite.folder.resolve().name,
+            "suite_digest": digest,
+            "futures": futures,
+            "verdicts": {name: sum(one["verdict"] == name for one in rows) for name in VERDICTS},
+            "number": number_of(suite, rows),
+            "unseen": unseen(suite, rows),
+            "cases": rows,
+            "versions": versions(),
+        }
+        result |= {"against": compared(result, older)} if older is not None else {}
+        write_test_page(folder.path / PAGE, result, records)
+        write_atomic(folder.path / SUMMARY, markdown_text(result).encode())
+        if junit is not None:
+            Path(junit).parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(Path(junit), junit_text(result).encode())
+        folder.finish(result | {"seconds": round(time.perf_counter() - started, 1)})
+    return SuiteTest(folder=Path(out), result=result)
+
+
+test_suite.__test__ = False  # type: ignore[attr-defined]  # pytest
+
+
+def _spec(given: Any) -> ModelSpec:
+    specs = model_specs(given)
+    if len(specs) != 1:
+        raise UsageError(f"--under-test {given}: names {len(specs)} models; give one")
+    model = build(specs[0], fallback=True)
+    if is_driven_by_sumo(model):
+        raise UsageError(f"--under-test {given}: SUMO drives it, which a suite does not run; give a function")
+    return specs[0]
+
+
+def _identity(spec: ModelSpec, digest: str, futures: int, limit_s: float) -> dict[str, Any]:
+    layer = layer_with(build(spec, fallback=True), "source_file")
+    file = None if layer is None else layer.source_file
+    source = sha256_of(file) if file is not None and file.is_file() else None
+    return {
+        "version": __version__,
+        "suite": digest,
+        "function": f"{spec} {spec.state}",
+        "source": source,
+        "futures": futures,
+        "time_limit_s": limit_s,
+    }
+
+
+def _chosen(suite: Suite, names: Sequence[str] | None) -> list[Case]:
+    known = {case.name: case for case in suite.cases}
+    for name in names or ():
+        if name not in known:
+            raise UsageError(f"--cases: no case {name!r} in {suite.folder}; it has {len(known)}")
+    return [case for case in suite.cases if names is None or case.name in names]
+
+
+def _run(
+    suite: Suite,
+    cases: Sequence[Case],
+    spec: ModelSpec,
+    folder: TestFolder,
+    futures: int,
+    limit_s: float,
+    where: tuple[int, str | None],
+    tick: Progress | None,
+) -> dict[str, dict[str, Any]]:
+    found = {case.name: record for case in cases if (record := folder.record(case.name)) is not None}
+    done, began = len(found), time.perf_counter()
+    if len(found) == len(cases):
+        return found
+    for case in cases:  # before workers start: all files are as they were
+        _ = case.content
+    tasks = (
+        task_of(case, spec, futures, seed=int(suite.info["seed"]), limit_s=limit_s)
+        for case in cases
+        if case.name not in found
+    )
+    with closing(moment_workers(run_case, *where)) as pool:
+        for task, record in pool.run(tasks):
+            now, name = time.perf_counter(), task.ref.moment
+            kept = {"reason": record.reason} if isinstance(record, Failure) else dict(record)
+            kept["seconds"], began = round(now - began, 2), now
+            found[name] = kept
+            folder.keep(name, kept)
+            done += 1
+            if tick is not None:
+                tick(done, len(cases))
+    return found
+
+
+def _about(case: Case, record: Mapping[str, Any]) -> dict[str, Any]:
+    own = {name: value for name, value in record.items() if name not in _PICTURE}
+    same = {name: case.about[name] for name in ("name", "kind", "risk", "site", "weight", "stratum")}
+    return {**same, "action": case.content["action"]["words"], **own}

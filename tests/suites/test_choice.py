@@ -1,0 +1,85 @@
+"""Choice of cases: weights sum to the population, the estimate is unbiased, kinds and risk are covered."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.suites.choice import EACH, allocation, choose, clusters, strata_of
+from tests.suites.populations import KINDS, population
+
+
+def test_weights_sum_to_the_candidates_in_each_stratum() -> None:
+    people = population(300)
+    chosen = choose(people, 30)
+    assert len(chosen) == 30 == len(set(chosen.index.tolist()))
+    stratum, _ = strata_of(people, 30 // (2 * EACH))
+    for h, size in enumerate(chosen.sizes.tolist()):
+        assert chosen.weight[chosen.stratum == h].sum() == pytest.approx(size)
+        assert set(stratum[chosen.index[chosen.stratum == h]]) == {h}
+
+
+def test_the_weighted_sum_is_unbiased() -> None:
+    """Over 100 choices the mean of the estimate is within three standard errors of the sum."""
+    people = population(120)
+    values = people.column("speed_mps") ** 2
+    sums = [
+        float((chosen.weight * values[chosen.index]).sum())
+        for chosen in (choose(people, 12, seed=k) for k in range(100))
+    ]
+    assert abs(np.mean(sums) - values.sum()) < 3 * np.std(sums) / np.sqrt(len(sums))
+
+
+def test_kinds_and_risk_are_strata_and_each_has_cases() -> None:
+    people = population(300)
+    chosen = choose(people, 48)
+    assert set(np.array(people.kinds)[chosen.index]) == set(KINDS)
+    assert all((chosen.stratum == h).sum() >= EACH for h in range(len(chosen.sizes)))
+
+
+def test_few_candidates_are_all_taken_with_weight_one() -> None:
+    chosen = choose(population(5), 50)
+    assert sorted(chosen.index.tolist()) == [0, 1, 2, 3, 4]
+    assert chosen.weight.tolist() == [1.0] * 5
+
+
+def test_a_moment_gives_one_case_where_its_cluster_has_another() -> None:
+    people = population(60)
+    rows = [row | {"seed": f"m{k // 2}"} for k, row in enumerate(people.rows)]
+    twice = population(60).__class__(**{**vars(people), "rows": rows})
+    chosen = choose(twice, 10)
+    seeds = [rows[k]["seed"] for k in chosen.index.tolist()]
+    assert len(set(seeds)) == len(seeds)
+
+
+def test_the_same_seed_gives_the_same_cases_and_another_one_others() -> None:
+    people = population(100)
+    assert choose(people, 10).index.tolist() == choose(people, 10).index.tolist()
+    assert choose(people, 10).index.tolist() != choose(people, 10, seed=1).index.tolist()
+
+
+def test_clusters_have_nearly_one_size_and_lie_together() -> None:
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.normal(c, 0.1, (10, 2)) for c in (0.0, 5.0, 10.0)])
+    cluster = clusters(points, 3, rng)
+    assert np.bincount(cluster).tolist() == [10, 10, 10]
+    assert all(len(set(cluster[k : k + 10])) == 1 for k in (0, 10, 20))
+    assert sorted(np.bincount(clusters(points[:29], 3, rng)).tolist()) == [9, 10, 10]
+
+
+def test_each_stratum_has_two_cases_or_all_and_the_riskier_one_more() -> None:
+    found = allocation(np.array([100, 100, 1]), [1e-3, 1e-6, 0.0], 20)
+    assert found.sum() == 20
+    assert found[0] > found[1] > found[2] == 1
+
+
+def test_novelty_is_the_distance_to_the_cases_before() -> None:
+    chosen = choose(population(50), 8)
+    assert chosen.novelty[0] == 1.0
+    assert (np.diff(chosen.novelty[1:]) <= 1e-9).all()
+
+
+def test_one_case_is_refused() -> None:
+    with pytest.raises(UsageError, match="--count: got 1, needs at least 2"):
+        choose(population(5), 1)
