@@ -24,7 +24,7 @@ from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.info import describe
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.studies.rank.pairs import recorded
+from scex_sumo.studies.moments.pairs import recorded
 from scex_sumo.studies.rank.stage import Stage, stage_of_motion
 from scex_sumo.suites.openlabel import openlabel_tags
 from scex_sumo.suites.population import PARAMETERS, RISK_WORDS

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError, one_line
 from scex_sumo.certainty.response.typology import CONFLICTS
-from scex_sumo.studies.rank.pairs import OWN, PARAMETERS
+from scex_sumo.studies.moments.pairs import OWN, PARAMETERS
 
 LEAST: Final = 1e-9
 """P of a contact from which a vehicle of an encounter is a candidate."""

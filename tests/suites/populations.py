@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.studies.rank.pairs import PARAMETERS
+from scex_sumo.studies.moments.pairs import PARAMETERS
 from scex_sumo.suites.population import Population
 
 KINDS = ("lead vehicle stopped", "merge", "head-on")
