@@ -74,7 +74,8 @@ def _column(title: str, form: str, hint: str, cells: Sequence[Any]) -> dict[str,
     if form in ("names", "words"):
         return column | {"kind": form}
     names = form == "text" and any(isinstance(cell, str) and cell[:1].isalpha() for cell in cells)
-    return column | {"as": form, "down": form in ("real", "percent")} | ({"kind": "names"} if names else {})
+    down = form in ("real", "percent", "often", "tenths")
+    return column | {"as": form, "down": down} | ({"kind": "names"} if names else {})
 
 
 class Column(NamedTuple):

@@ -86,5 +86,11 @@ def test_another_file_says_what_it_lacks(page: Any, tmp_path: Path) -> None:
     page.locator("#said", has_text="no column recording").wait_for()
 
 
+def test_the_table_says_how_often_people_collide_as_the_card_does(page: Any) -> None:
+    cell = page.locator("#all-encounters tbody tr:first-child td:nth-child(7)").inner_text()
+    assert cell.startswith("once in ")
+    assert page.locator("p.takes").first.inner_text().endswith(f": {cell}.")
+
+
 def test_the_two_vehicles_play_until_they_touch(page: Any) -> None:
     page.locator("rect.responds.hit").first.wait_for(state="attached", timeout=30_000)

@@ -92,4 +92,9 @@ const range = ({ low, high }) => { // as Interval.range of density.py
   return `${(100 * low).toFixed(digits)}–${(100 * high).toFixed(digits)} %`;
 };
 const short = (value, digits = 2) => isMissing(value) ? "–" : Number.isFinite(value) ? value.toFixed(digits) : "∞";
+function oneDigit(number) {
+  const size = 10 ** Math.floor(Math.log10(Math.max(number, 1)));
+  return String(Math.round(number / size) * size).replace(/\B(?=(\d{3})+$)/g, " ");
+}
+const onceIn = (share) => share > 0 ? share < 0.5 ? `once in ${oneDigit(1 / share)}` : `in ${(100 * share).toFixed(0)} %` : "never";
 const seconds = (step) => `${(step / 10).toFixed(1)} s`;

@@ -46,12 +46,6 @@ function partsOf(people, { action, gap, often, responses, left }) {
 }
 const responseProbability = (people, pair) => sum(partsOf(people, pair).map(([, part]) => part));
 
-function oneDigit(number) {
-  const size = 10 ** Math.floor(Math.log10(Math.max(number, 1)));
-  return String(Math.round(number / size) * size).replace(/\B(?=(\d{3})+$)/g, " ");
-}
-const onceIn = (share) => share > 0 ? share < 0.5 ? `once in ${oneDigit(1 / share)}` : `in ${(100 * share).toFixed(0)} %` : "never";
-
 const MAX_SHOWN_S = 4.5; // response time
 
 function responseCard(run, state, { people: counted, pairs }, jump, road) {

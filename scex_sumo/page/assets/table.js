@@ -2,7 +2,7 @@
 
 const FORMATS = {
   text: String, percent, percent2: (share) => `${(100 * share).toFixed(2)} %`, seconds: (s) => `${short(s, 1)} s`, metres: (m) => `${short(m, 1)} m`,
-  real: (value) => short(value, 3), times: (value) => `× ${value}`,
+  real: (value) => short(value, 3), tenths: (value) => short(value, 1), often: onceIn, times: (value) => `× ${value}`,
 };
 
 // A table is {columns: [{title, as, none, hint, kind, down}], rows: [{cells, ...}]}: `as` is one of the
