@@ -39,14 +39,17 @@ def export_command(
         str,
         Option(
             metavar="FORMAT",
-            help="interaction, interpret, fcd, openscenario, commonroad, scenarionet, omega-prime, osi, "
-            "sumo, ssm, collisions, mp4, gif; esmini and carla get openscenario, video is mp4.",
+            help="interaction, interpret, fcd, openscenario (openscenario-1.3), commonroad, scenarionet, "
+            "omega-prime, osi, sumo, ssm, collisions, mp4, gif; esmini and carla get openscenario.",
             autocompletion=_complete_formats,
         ),
     ] = "interaction",
     ego: Annotated[
         int | None,
-        Option(metavar="TRACK", help="Vehicle with the planning task: commonroad, scenarionet, interpret."),
+        Option(
+            metavar="TRACK",
+            help="Vehicle with the planning task (commonroad, scenarionet, interpret, openscenario).",
+        ),
     ] = None,
     map_path: Annotated[
         Path | None, Option("--map", metavar="MAP", help="Map of the run; default: its path in run.json.")

@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.tracks.road_users import road_user
@@ -20,7 +21,7 @@ from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
-_MINOR_VERSION = 2
+_DELAY, _SCALE = "{}_delay", "{}_time_scale"  # parameters of a vehicle
 _WHEELBASE = 0.58  # of the length, around the centre
 _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
     "motorcycle": ("motorbike", 1.5, 250.0),
@@ -46,13 +47,32 @@ _README = """# {name}: {count} future(s) for OpenSCENARIO players
   far ahead along the heading. Lengths and widths are as recorded; wheelbases are {axles:.0%} of the length,
   heights and masses are usual ones.
 - An entity `vehicle17` is track 17; its property `model` says which behaviour model drove it.
-- Pedestrians and cyclists stand where they appear first until they do, and are deleted after they were last
-  seen.
+- Parameters `vehicle17_delay` (s, 0) and `vehicle17_time_scale` (1; 0.9 is faster) shift the trajectories of
+  {pair}.
+{ego}- Pedestrians and cyclists stand where they appear first until they do, and are deleted after they were
+  last seen.
+"""
+
+_EGO = """- `vehicle{0}` is yours: it has a start and a goal (`AcquirePositionAction`), no trajectory. Time
+  0 is the seed scene.
 """
 
 
 def write_openscenario(request: Request) -> list[Path]:
-    """Write the road, a scenario for each future, and a README."""
+    """Write the road, a scenario of version 1.2 for each future, and a README.
+
+    With an ego time 0 is the seed scene, and the ego has its start and its goal, but no trajectory. The
+    trajectories of the pair that leads can be delayed and stretched by parameters.
+    """
+    return _write(request, minor=2)
+
+
+def write_openscenario_1_3(request: Request) -> list[Path]:
+    """Write what `write_openscenario` writes, in version 1.3."""
+    return _write(request, minor=3)
+
+
+def _write(request: Request, *, minor: int) -> list[Path]:
     with extra_for("OpenSCENARIO needs scenariogeneration", "formats"):
         from scenariogeneration import xosc
     road = request.folder / f"{request.road.name}.xodr"
@@ -60,16 +80,18 @@ def write_openscenario(request: Request) -> list[Path]:
     files = [road]
     for future in request.futures:
         file = request.folder / f"{request.file_stem(future)}.xosc"
-        write_atomic(file, _scenario_text(xosc, request, future, road.name).encode())
+        write_atomic(file, _scenario_text(xosc, request, future, road.name, minor).encode())
         files.append(file)
     readme = request.folder / "README.md"
     text = _README.format(
         name=request.name,
         count=len(request.futures),
-        minor=_MINOR_VERSION,
+        minor=minor,
         road=request.road.name,
-        moment=(LOGGED_HISTORY - 1) * STEP_S,
-        end=(LOGGED_HISTORY - 1 + int(request.run.info["steps"])) * STEP_S,
+        moment=(LOGGED_HISTORY - 1 - _first_frame(request)) * STEP_S,
+        end=(LOGGED_HISTORY - 1 - _first_frame(request) + int(request.run.info["steps"])) * STEP_S,
+        pair=" and ".join(map(str, _leading_pair(request))) or "no vehicle",
+        ego="" if request.ego is None else _EGO.format(request.ego),
         axles=_WHEELBASE,
         options="--traj_filter 0 --pline_interpolation segment",
     )
@@ -82,22 +104,48 @@ def axle_offset(kind: str, length: float) -> float:
     return 0.0 if _walks(kind) else round(_WHEELBASE * length / 2, 4)
 
 
-def _scenario_text(xosc: Any, request: Request, future: int, road_file: str) -> str:
-    entities, init = xosc.Entities(), xosc.Init()
-    models, steps, last = request.run.models_of(future), request.run.states(future).shape[1], 0.0
+def _first_frame(request: Request) -> int:
+    return 0 if request.ego is None else LOGGED_HISTORY - 1
+
+
+def _leading_pair(request: Request) -> tuple[int, ...]:
+    """Return the track ids whose trajectories have parameters: the pair asked for, else the first one."""
+    rows = request.run.encounters.slice(0, 1).to_pylist()
+    pair = request.encounter or [row[side] for row in rows for side in ("track_id", "other_id")]
+    return tuple(track for track in pair if track != request.ego)
+
+
+def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, minor: int) -> str:
+    entities, init, varied = xosc.Entities(), xosc.Init(), xosc.ParameterDeclarations()
+    begin, pair = _first_frame(request), _leading_pair(request)
+    models, steps, last = request.run.models_of(future), request.run.states(future).shape[1] - begin, 0.0
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
     at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)
     for one in request.participants(future):
         name = f"{'other' if one.vehicle is None else 'vehicle'}{one.label}"
         model = "recorded" if one.vehicle is None else models[one.vehicle]
         entities.add_scenario_object(name, _entity(xosc, one, model))
-        there = np.flatnonzero(one.present)  # straight lines bridge gaps in a track
-        places, times = _vertices(xosc, one, one.states[there]), STEP_S * there.astype(np.float64)
+        states = one.states[begin:]
+        there = np.flatnonzero(one.present[begin:])  # straight lines bridge gaps in a track
+        if not len(there):
+            continue
+        places, times = _vertices(xosc, one, states[there]), STEP_S * there.astype(np.float64)
         last = max(last, float(times[-1]))
         init.add_init_action(name, xosc.TeleportAction(places[0]))
-        speed = xosc.AbsoluteSpeedAction(round(float(one.states.speed[there[0]]), 6), at_once)
+        speed = xosc.AbsoluteSpeedAction(round(float(states.speed[there[0]]), 6), at_once)
         init.add_init_action(name, speed)
-        act.add_maneuver_group(_follow(xosc, name, times, places, ends=int(there[-1]) + 1 < steps))
+        if one.label == request.ego:
+            init.add_init_action(name, xosc.AcquirePositionAction(places[-1]))
+            continue
+        timing: tuple[Any, Any] = (1, 0)
+        if one.label in pair:
+            timing = f"${_SCALE.format(name)}", f"${_DELAY.format(name)}"
+            for parameter, value in zip((_SCALE, _DELAY), ("1", "0"), strict=True):
+                varied.add_parameter(xosc.Parameter(parameter.format(name), xosc.ParameterType.double, value))
+        leaves = int(there[-1]) + 1 < steps
+        act.add_maneuver_group(_follow(xosc, name, times, places, timing, ends=leaves))
+    if not act.maneuvergroup:
+        raise UsageError(f"--ego {request.ego}: nobody else is there; leave it out")
     story = xosc.Story("future")
     story.add_act(act)
     board = xosc.StoryBoard(init, _at(xosc, "end", last, point="stop"))
@@ -105,12 +153,12 @@ def _scenario_text(xosc: Any, request: Request, future: int, road_file: str) -> 
     scenario = xosc.Scenario(
         request.file_stem(future),
         "scex-sumo",
-        xosc.ParameterDeclarations(),
+        varied,
         entities,
         board,
         xosc.RoadNetwork(roadfile=road_file),
         xosc.Catalog(),
-        osc_minor_version=_MINOR_VERSION,
+        osc_minor_version=minor,
         creation_date=_written(request.run.folder / "run.json"),
     )
     root = scenario.get_element()
@@ -166,13 +214,15 @@ def _vertices(xosc: Any, one: Participant, states: States) -> list[Any]:
     return [xosc.WorldPosition(round(a, 6), round(b, 6), 0.0, round(h, 8), 0.0, 0.0) for a, b, h in rows]
 
 
-def _follow(xosc: Any, name: str, times: FloatArray, places: list[Any], *, ends: bool) -> Any:
+def _follow(
+    xosc: Any, name: str, times: FloatArray, places: list[Any], timing: tuple[Any, Any], *, ends: bool
+) -> Any:
     maneuver = xosc.Maneuver(f"{name} moves")
     if len(places) > 1:
         line = xosc.Trajectory(f"{name} trajectory", False)
         line.add_shape(xosc.Polyline([round(t, 6) for t in times.tolist()], places))
         action = xosc.FollowTrajectoryAction(
-            line, xosc.FollowingMode.position, xosc.ReferenceContext.absolute, 1, 0
+            line, xosc.FollowingMode.position, xosc.ReferenceContext.absolute, *timing
         )
         event = xosc.Event(f"{name} follows", xosc.Priority.override)
         event.add_trigger(_at(xosc, f"{name} starts", float(times[0])))

@@ -37,6 +37,7 @@ EXPORTERS: Final = Registry(
         "interpret": "scex_sumo.exporters.tracks:write_interpret",
         "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
         "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
+        "openscenario-1.3": "scex_sumo.exporters.openscenario:write_openscenario_1_3",
         "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
         "ssm": "scex_sumo.exporters.conflicts:write_ssm",
         "collisions": "scex_sumo.exporters.conflicts:write_collisions",

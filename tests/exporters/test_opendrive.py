@@ -2,9 +2,11 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
@@ -121,6 +123,24 @@ def test_a_border_that_ends_in_a_hook_ends_at_its_tip() -> None:
     )
     road = Road(name="hook", lanes={1: lane})
     assert off(road, OpenDrive(opendrive_text(road))).max() < 0.12
+
+
+def test_crosswalks_stop_lines_and_priorities_are_there() -> None:
+    road = read_map(example_path("urban_intersection"))
+    root = ET.fromstring(opendrive_text(road))
+    walks = {one.area_id: one.outline for one in road.areas if one.kind == "crosswalk"}
+    assert {int(e.get("id", "0")) for e in root.iter("object")} == set(walks)
+    for e in root.iter("object"):
+        corners = [(float(c.get("u", "nan")), float(c.get("v", "nan"))) for c in e.iter("cornerLocal")]
+        outline = shapely.Polygon(walks[int(e.get("id", "0"))])
+        assert shapely.Polygon(corners).area == pytest.approx(outline.area, rel=1e-3)
+    types = {e.get("type") for e in root.iter("signal")}
+    assert "294" in types
+    driven = {e.get("id"): e.get("junction") for e in root.iter("road")}
+    for junction in root.iter("junction"):
+        for e in junction.iter("priority"):
+            assert {driven[e.get("high")], driven[e.get("low")]} == {junction.get("id")}
+    assert list(root.iter("priority"))
 
 
 def test_lanes_side_by_side_make_one_road_and_a_straight_one_is_straight() -> None:

@@ -52,7 +52,9 @@ def test_trajectories_are_followed_in_position_mode_with_absolute_times(files: l
     header = root.find("FileHeader")
     assert header is not None and (header.get("revMajor"), header.get("revMinor")) == ("1", "2")
     modes = {e.get("followingMode") for e in root.iter("TrajectoryFollowingMode")}
-    timing = {(e.get("domainAbsoluteRelative"), float(e.get("scale", "0"))) for e in root.iter("Timing")}
+    usual = {f"${e.get('name')}": e.get("value", "") for e in root.iter("ParameterDeclaration")}
+    scales = [(e.get("domainAbsoluteRelative"), e.get("scale", "0")) for e in root.iter("Timing")]
+    timing = {(domain, float(usual.get(scale, scale))) for domain, scale in scales}
     assert modes == {"position"} and timing == {("absolute", 1.0)}
     assert {e.get("priority") for e in root.iter("Event")} == {"override"}
 
@@ -67,3 +69,45 @@ def test_the_readme_says_how_to_play_slow_vehicles_and_names_the_road(files: lis
 def test_who_walks_has_no_axles() -> None:
     assert axle_offset("pedestrian", 0.6) == 0.0
     assert 1.0 < axle_offset("car", 4.5) < 2.0
+
+
+def test_the_ego_has_start_and_goal_and_no_trajectory_and_time_begins_at_the_seed_scene(
+    run: Run, tmp_path: Path
+) -> None:
+    ego = int(run.scene.track_ids[0])
+    files = EXPORTERS.load("openscenario")(Request(run=run, futures=(1,), out=tmp_path, ego=ego))
+    root, states = ET.parse(files[1]).getroot(), run.states(1)
+    actors = {e.get("entityRef") for e in root.iter("EntityRef")}
+    assert (
+        actors >= {f"vehicle{track}" for track in run.scene.track_ids[1:]} and f"vehicle{ego}" not in actors
+    )
+    (init,) = (e for e in root.iter("Private") if e.get("entityRef") == f"vehicle{ego}")
+    goal = init.find(".//AcquirePositionAction/Position/WorldPosition")
+    assert goal is not None
+    back = axle_offset(run.scene.types[0], float(run.scene.length[0]))
+    assert float(goal.get("x", "nan")) == pytest.approx(
+        states.x[0, -1] - back * np.cos(states.heading[0, -1]), abs=1e-5
+    )
+    boxes = box_centres(files[1], np.zeros(1))
+    for v, track in enumerate(run.scene.track_ids[1:], 1):
+        x, y, _ = boxes[f"vehicle{track}"][0]
+        assert np.hypot(x - run.scene.now.x[v], y - run.scene.now.y[v]) < 0.001
+    assert f"`vehicle{ego}` is yours" in files[-1].read_text()
+
+
+def test_parameters_delay_and_stretch_the_trajectories_of_the_pair(run: Run, tmp_path: Path) -> None:
+    pair = tuple(int(track) for track in run.scene.track_ids[:2])
+    files = EXPORTERS.load("openscenario-1.3")(
+        Request(run=run, futures=(0,), out=tmp_path, encounter=(pair[0], pair[1]))
+    )
+    root = ET.parse(files[1]).getroot()
+    header = root.find("FileHeader")
+    assert header is not None and header.get("revMinor") == "3"
+    declared = {e.get("name"): e.get("value") for e in root.iter("ParameterDeclaration")}
+    assert declared == {
+        f"vehicle{track}_{name}": value
+        for track in pair
+        for name, value in (("time_scale", "1"), ("delay", "0"))
+    }
+    used = {(e.get("scale"), e.get("offset")) for e in root.iter("Timing")}
+    assert {(f"$vehicle{t}_time_scale", f"$vehicle{t}_delay") for t in pair} <= used

@@ -1,12 +1,11 @@
-"""OpenDRIVE 1.7 file of a road: borders of its lanes, and its rules."""
+"""OpenDRIVE 1.7 file of a road: borders and marks of its lanes, with its rules."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
-import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.version import __version__
@@ -14,14 +13,14 @@ from scex_sumo.converters.lanelet.projection import to_local, utm_zone
 from scex_sumo.exporters.opendrive.network import Piece, RoadLink, connections, road_network
 from scex_sumo.exporters.opendrive.reference import Curve
 from scex_sumo.exporters.opendrive.ribbons import Section
-from scex_sumo.road import Lane, Regulation, Road
+from scex_sumo.exporters.opendrive.rules import exact as _exact
+from scex_sumo.exporters.opendrive.rules import metres as _m
+from scex_sumo.exporters.opendrive.rules import placed_crosswalks, placed_signals, priorities
+from scex_sumo.road import Lane, Road
 
 LANE_CODE = "scex_sumo_lane"  # user data of a lane: its id in the map
 _TYPES = {"vehicle": "driving", "bus": "bus", "bicycle": "biking", "pedestrian": "sidewalk"}
 _MARK_M = 0.12
-_STEP_M = 0.5  # between tried places of a signal
-_LIGHT = ("1000001", "OpenDRIVE")
-_YIELD, _STOP, _PRIORITY = ("205", "DE"), ("206", "DE"), ("306", "DE")
 
 
 def opendrive_text(road: Road) -> str:
@@ -32,10 +31,10 @@ def opendrive_text(road: Road) -> str:
     pieces = road_network(road.lanes)
     root = ET.Element("OpenDRIVE")
     root.append(_header(road))
-    signals = _placed_signals(road, pieces)
+    objects, signals = placed_crosswalks(road, pieces), placed_signals(road, pieces)
     for piece in pieces:
-        root.append(_road(piece, road.lanes, signals.get(piece.number, ())))
-    root.extend(_junctions(pieces))
+        root.append(_road(piece, road.lanes, objects.get(piece.number, ()), signals.get(piece.number, ())))
+    root.extend(_junctions(pieces, priorities(road, pieces)))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=False).join(
         ('<?xml version="1.0" encoding="UTF-8"?>\n', "\n")
@@ -67,7 +66,9 @@ def projection_text(origin: tuple[float, float]) -> str:
     )
 
 
-def _road(piece: Piece, lanes: Mapping[int, Lane], signals: Sequence[ET.Element]) -> ET.Element:
+def _road(
+    piece: Piece, lanes: Mapping[int, Lane], objects: Sequence[ET.Element], signals: Sequence[ET.Element]
+) -> ET.Element:
     members = [i for section in piece.ribbon.sections for i in section.group]
     road = ET.Element(
         "road",
@@ -89,8 +90,9 @@ def _road(piece: Piece, lanes: Mapping[int, Lane], signals: Sequence[ET.Element]
     _plan_view(ET.SubElement(road, "planView"), piece.ribbon.curve)
     ET.SubElement(ET.SubElement(road, "elevationProfile"), "elevation", s="0", a="0", b="0", c="0", d="0")
     _lanes(ET.SubElement(road, "lanes"), piece, lanes)
-    if signals:
-        ET.SubElement(road, "signals").extend(signals)
+    for tag, elements in (("objects", objects), ("signals", signals)):
+        if elements:
+            ET.SubElement(road, tag).extend(elements)
     return road
 
 
@@ -177,7 +179,7 @@ def _mark(lane: ET.Element, *, crossed: bool) -> None:
     )
 
 
-def _junctions(pieces: Sequence[Piece]) -> list[ET.Element]:
+def _junctions(pieces: Sequence[Piece], first: Iterable[tuple[int, int, int]]) -> list[ET.Element]:
     junctions: dict[int, ET.Element] = {}
     for number, incoming, connecting in connections(pieces):
         if number not in junctions:
@@ -195,70 +197,7 @@ def _junctions(pieces: Sequence[Piece]) -> list[ET.Element]:
         assert connecting.before is not None
         for lane, other in connecting.before.lanes:
             ET.SubElement(connection, "laneLink", {"from": str(other), "to": str(lane)})
+    for number, high, low in first:
+        if number in junctions:
+            ET.SubElement(junctions[number], "priority", high=str(high), low=str(low))
     return list(junctions.values())
-
-
-def _m(value: float) -> str:
-    return f"{value:.4f}".rstrip("0").rstrip(".")
-
-
-def _exact(value: float) -> str:
-    return f"{value:.10g}"
-
-
-def _placed_signals(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
-    signals: dict[int, list[ET.Element]] = {}
-    seen: set[tuple[int, tuple[str, str]]] = set()
-    for rule in road.regulations:
-        for i, kind in _wanted(rule):
-            if i not in road.lanes or (i, kind) in seen:
-                continue
-            seen.add((i, kind))
-            piece, section, s = _where(pieces, road.lanes[i], rule)
-            n = section.group.index(i)
-            signal = ET.Element(
-                "signal",
-                s=_exact(s),
-                t=_exact(float(np.interp(s, section.s, section.offsets[:, n + 1]))),
-                id=str(len(seen)),
-                name=f"{rule.kind} {rule.element_id}",
-                dynamic="yes" if kind is _LIGHT else "no",
-                orientation="+",
-                zOffset="2.5",
-                country=kind[1],
-                type=kind[0],
-                subtype="-1",
-                height="0.7",
-                width="0.7",
-            )
-            ET.SubElement(signal, "validity", fromLane=str(-n - 1), toLane=str(-n - 1))
-            signals.setdefault(piece.number, []).append(signal)
-    return signals
-
-
-def _wanted(rule: Regulation) -> list[tuple[int, tuple[str, str]]]:
-    if rule.kind == "traffic_light":
-        return [(i, _LIGHT) for i in rule.lanes]
-    if rule.kind in ("stop", "all_way_stop"):
-        return [(i, _STOP) for i in rule.yielding or rule.lanes]
-    return [(i, _YIELD) for i in rule.yielding] + [(i, _PRIORITY) for i in rule.priority]
-
-
-def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece, Section, float]:
-    line = shapely.LineString(lane.centreline)
-    place = lane.centreline[-1]
-    for points in rule.stop_lines:
-        if len(points) > 1 and shapely.LineString(points).intersects(line):
-            crossing = shapely.LineString(points).intersection(line).representative_point()
-            place = np.array([crossing.x, crossing.y])
-            break
-    options = [(p, x) for p in pieces for x in p.ribbon.sections if lane.lane_id in x.group]
-    near = [_nearest(piece, section, place) for piece, section in options]
-    best = int(np.argmin([gap for _, gap in near]))
-    return *options[best], near[best][0]
-
-
-def _nearest(piece: Piece, section: Section, place: FloatArray) -> tuple[float, float]:
-    s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
-    gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
-    return float(s[gap.argmin()]), float(gap.min())

@@ -1,0 +1,145 @@
+"""Rules of a road in OpenDRIVE: lights, signs, stop lines, crosswalks, priorities in junctions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.exporters.opendrive.network import Piece
+from scex_sumo.exporters.opendrive.ribbons import Section
+from scex_sumo.road import Area, Lane, Regulation, Road
+
+_STEP_M = 0.5  # between tried places of a signal
+_FAR_M = 15.0  # from a crosswalk to the middle of its road
+_LIGHT = ("1000001", "OpenDRIVE")
+_YIELD, _STOP, _STOP_LINE, _PRIORITY = ("205", "DE"), ("206", "DE"), ("294", "DE"), ("306", "DE")
+
+
+def metres(value: float) -> str:
+    """Return a length with at most four decimals."""
+    return f"{value:.4f}".rstrip("0").rstrip(".")
+
+
+def exact(value: float) -> str:
+    """Return a number with ten digits."""
+    return f"{value:.10g}"
+
+
+def priorities(road: Road, pieces: Sequence[Piece]) -> list[tuple[int, int, int]]:
+    """Return junction, road with priority, and road that gives way, of the right of way inside junctions."""
+    inside = {i: p for p in pieces if p.junction is not None for x in p.ribbon.sections for i in x.group}
+    rows = [
+        (high.junction, high.number, low.number)
+        for rule in road.regulations
+        for first in rule.priority
+        for second in rule.yielding
+        if (high := inside.get(first)) and (low := inside.get(second)) and high.junction == low.junction
+    ]
+    return [(j, high, low) for j, high, low in dict.fromkeys(rows) if j is not None and high != low]
+
+
+def placed_crosswalks(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
+    """Return the crosswalks of each road, by its number: an outline at the road that is nearest."""
+    objects: dict[int, list[ET.Element]] = {}
+    driven = [p for p in pieces if any(i in road.vehicle_lanes for i in p.ribbon.sections[0].group)]
+    for area in road.areas if driven else ():
+        if area.kind != "crosswalk":
+            continue
+        middle = shapely.Polygon(area.outline).centroid
+        near = [_nearest(p, x, np.array([middle.x, middle.y])) for p in driven for x in p.ribbon.sections]
+        best = int(np.argmin([gap for _, gap in near]))
+        if near[best][1] < _FAR_M:
+            piece = [p for p in driven for _ in p.ribbon.sections][best]
+            objects.setdefault(piece.number, []).append(_crosswalk(area, piece, near[best][0]))
+    return objects
+
+
+def _crosswalk(area: Area, piece: Piece, s: float) -> ET.Element:
+    place, along = (rows[0] for rows in piece.ribbon.curve.at(np.array([s])))
+    element = ET.Element(
+        "object",
+        type="crosswalk",
+        id=str(area.area_id),
+        name=f"crosswalk {area.area_id}",
+        s=exact(s),
+        t="0",
+        zOffset="0",
+        orientation="none",
+        hdg="0",
+        pitch="0",
+        roll="0",
+    )
+    outlines = ET.SubElement(element, "outlines")
+    outline = ET.SubElement(outlines, "outline", id="0", closed="true", outer="true")
+    for x, y in area.outline - place:
+        u, v = x * along[0] + y * along[1], y * along[0] - x * along[1]
+        ET.SubElement(outline, "cornerLocal", u=metres(u), v=metres(v), z="0", height="0")
+    return element
+
+
+def placed_signals(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
+    """Return lights, signs and stop lines of each road, by its number."""
+    signals: dict[int, list[ET.Element]] = {}
+    seen: set[tuple[int, tuple[str, str]]] = set()
+    for rule in road.regulations:
+        for i, kind in _wanted(rule):
+            if i not in road.lanes or (i, kind) in seen:
+                continue
+            seen.add((i, kind))
+            piece, section, s = _where(pieces, road.lanes[i], rule)
+            n = section.group.index(i)
+            signal = ET.Element(
+                "signal",
+                s=exact(s),
+                t=exact(float(np.interp(s, section.s, section.offsets[:, n + 1]))),
+                id=str(len(seen)),
+                name=f"{rule.kind} {rule.element_id}",
+                dynamic="yes" if kind is _LIGHT else "no",
+                orientation="+",
+                zOffset="2.5",
+                country=kind[1],
+                type=kind[0],
+                subtype="-1",
+                height="0.7",
+                width="0.7",
+            )
+            ET.SubElement(signal, "validity", fromLane=str(-n - 1), toLane=str(-n - 1))
+            signals.setdefault(piece.number, []).append(signal)
+    return signals
+
+
+def _wanted(rule: Regulation) -> list[tuple[int, tuple[str, str]]]:
+    if rule.kind == "traffic_light":
+        return _all(rule, rule.lanes, _LIGHT)
+    if rule.kind in ("stop", "all_way_stop"):
+        return _all(rule, rule.yielding or rule.lanes, _STOP)
+    return _all(rule, rule.yielding, _YIELD) + [(i, _PRIORITY) for i in rule.priority]
+
+
+def _all(rule: Regulation, lanes: Sequence[int], kind: tuple[str, str]) -> list[tuple[int, tuple[str, str]]]:
+    kinds = (kind, _STOP_LINE) if rule.stop_lines else (kind,)
+    return [(i, one) for i in lanes for one in kinds]
+
+
+def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece, Section, float]:
+    line = shapely.LineString(lane.centreline)
+    place = lane.centreline[-1]
+    for points in rule.stop_lines:
+        if len(points) > 1 and shapely.LineString(points).intersects(line):
+            crossing = shapely.LineString(points).intersection(line).representative_point()
+            place = np.array([crossing.x, crossing.y])
+            break
+    options = [(p, x) for p in pieces for x in p.ribbon.sections if lane.lane_id in x.group]
+    near = [_nearest(piece, section, place) for piece, section in options]
+    best = int(np.argmin([gap for _, gap in near]))
+    return *options[best], near[best][0]
+
+
+def _nearest(piece: Piece, section: Section, place: FloatArray) -> tuple[float, float]:
+    s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
+    gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
+    return float(s[gap.argmin()]), float(gap.min())
