@@ -37,7 +37,6 @@ EXPORTERS: Final = Registry(
         "interpret": "scex_sumo.exporters.tracks:write_interpret",
         "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
         "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
-        "openscenario-1.3": "scex_sumo.exporters.openscenario:write_openscenario_1_3",
         "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
         "ssm": "scex_sumo.exporters.conflicts:write_ssm",
         "collisions": "scex_sumo.exporters.conflicts:write_collisions",
@@ -47,6 +46,7 @@ EXPORTERS: Final = Registry(
         "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
         "omega-prime": "scex_sumo.exporters.osi:write_omega_prime",
         "osi": "scex_sumo.exporters.osi:write_osi",
+        "openscenario-1.3": "scex_sumo.exporters.openscenario:write_openscenario_1_3",
         # Names of tools, for what they read.
         "esmini": "scex_sumo.exporters.openscenario:write_openscenario",
         "carla": "scex_sumo.exporters.openscenario:write_openscenario",
