@@ -11,9 +11,9 @@ from likely_samples import HUMAN, STEPS, Samples
 from scipy.optimize import minimize
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.behaviors.driving.paths import driven_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.models.idm import HABIT_STEPS
+from scex_sumo.humans.driven_line import driven_paths
 from scex_sumo.humans.lanes import change_features
 from scex_sumo.humans.observations import (
     keep_features,

@@ -11,8 +11,9 @@ from calibrate import AHEAD, OFF_PATH_M, path_taken, present
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, driven_paths
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.humans.driven_line import driven_paths
 from scex_sumo.humans.lanes import lanes_beside, lanes_occupied
 from scex_sumo.humans.observations import (
     View,

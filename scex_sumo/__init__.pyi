@@ -16,7 +16,6 @@ from .converters.maps import read_map as read_map
 from .converters.net.convert import convert as convert
 from .converters.net.sumo_net import SumoNet as SumoNet
 from .converters.registries import Recording as Recording
-from .converters.tracks.build import track_rows as track_rows
 from .converters.tracks.rows import TrackTable as TrackTable
 from .evaluation.recordings import LoadedRecording as LoadedRecording
 from .evaluation.recordings import load_recording as load_recording
@@ -29,6 +28,7 @@ from .extrapolation.extrapolate import extrapolate as extrapolate
 from .extrapolation.extras import Extra as Extra
 from .extrapolation.extras import Work as Work
 from .extrapolation.settings import RunSettings as RunSettings
+from .formats.build import track_rows as track_rows
 from .learned.scene_graph.graph import SceneGraph as SceneGraph
 from .learned.scene_graph.graph import scene_graph as scene_graph
 from .learned.training.attention import plot_attention as plot_attention

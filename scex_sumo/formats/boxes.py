@@ -15,10 +15,10 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import InputError, TrackError, reason_of
-from scex_sumo.converters.tracks.build import track_table
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
+from scex_sumo.formats.build import track_table
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S
 

@@ -23,6 +23,7 @@ from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chose
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
 from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds
 from scex_sumo.humans.attention import attention_of, kept_clear, yielding
+from scex_sumo.humans.driven_line import redrawn
 from scex_sumo.humans.lanes import change_offsets, change_shares, lanes_beside
 from scex_sumo.humans.observations import (
     LEADER_MOVES,
@@ -109,8 +110,8 @@ class LikelyDriver:
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
-            return chosen_paths(history, road, who, self.profile.path, driven=True)  # type: ignore[arg-type]
-        paths, _ = chosen_paths(history, road, who, 0, driven=True)
+            return chosen_paths(history, road, who, self.profile.path, redraw=redrawn)  # type: ignore[arg-type]
+        paths, _ = chosen_paths(history, road, who, 0, redraw=redrawn)
         edges = path_edges(history.scene, paths, self.human)
         draw = uniforms(history.route_draw[who.future, who.vehicle], 1, PATH)[:, 0]
         row = paths.first[who.vehicle]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.tracks.build import track_rows
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
+from scex_sumo.formats.build import track_rows
 from scex_sumo.formats.from_car import within_map
 from scex_sumo.road import Lane, Road
 

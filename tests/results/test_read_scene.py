@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from scex_sumo.converters.datasets.recordings import recorded_scene
 from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
 from scex_sumo.converters.datasets.writer import write_tracks
-from scex_sumo.converters.tracks.build import track_table
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
+from scex_sumo.formats.build import track_table
 from scex_sumo.results.states import read_scene
 from scex_sumo.scene import Obstacles, SeedScene
 from tests.converters.datasets.test_writer import same

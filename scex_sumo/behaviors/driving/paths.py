@@ -5,6 +5,7 @@ A path depends on the vehicle's pose in the seed scene and is the same in all fu
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -16,7 +17,6 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.driving.driven_line import driven_lines, room_of
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
 from scex_sumo.geometry.polylines import arc_lengths, length_of, nearest
 from scex_sumo.geometry.rectangles import seen_from
@@ -35,6 +35,7 @@ COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 PathChoice: TypeAlias = (
     int | Literal["straight", "random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
 )
+Redraw: TypeAlias = Callable[[Road, Sequence["PathLine"], FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,18 +105,18 @@ def chosen_paths(
     path: PathChoice,
     *,
     beside: bool = False,
-    driven: bool = False,
+    redraw: Redraw | None = None,
 ) -> tuple[SeedPaths, IntArray]:
     """Return paths long enough for the present step, and the (n,) rows that vehicles follow.
 
     Args:
-        beside: as in `seed_paths`, so ``driven``.
+        beside: as in `seed_paths`, so ``redraw``.
     """
     # The length depends on the step alone, not on the batch. It doubles, so that all tables of a future
     # together need memory in proportion to its steps.
     further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
     horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
-    paths = seed_paths(history.scene, road, given_path(path), horizon, beside, driven)
+    paths = seed_paths(history.scene, road, given_path(path), horizon, beside, redraw)
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.future, who.vehicle])
 
 
@@ -126,7 +127,7 @@ def seed_paths(
     given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
     horizon_s: float = FIRST_HORIZON_S,
     beside: bool = False,
-    driven: bool = False,
+    redraw: Redraw | None = None,
 ) -> SeedPaths:
     """Tabulate the candidate paths of a seed scene.
 
@@ -134,10 +135,11 @@ def seed_paths(
         given: lane ids or points of one path for all vehicles.
         horizon_s: time for which the fastest vehicle stays on its table, s.
         beside: the path of a vehicle off the mapped lanes is parallel to that of a vehicle near it on them.
-        driven: paths are the lines that people drive (`driven_line`) instead of smoothed centrelines.
+        redraw: gives other lines than smoothed centrelines, of road, paths, (P, N, 2) smoothed and raw
+            centrelines.
     """
     smooth = _smooth_lines(scene, road, given, horizon_s, beside)
-    paths = _tabulate(road, smooth, driven)
+    paths = _tabulate(road, smooth, redraw)
     if not scene.intentions:
         return paths
     factor = [1.0 if known is None else known.speed_factor for known in scene.intentions]
@@ -160,7 +162,7 @@ def _smooth_lines(
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
     candidates = candidate_paths(road, scene) if given is None else None
-    lines: list[list[_Line]] = []
+    lines: list[list[PathLine]] = []
     for v in range(scene.vehicles):
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         if candidates is None:
@@ -168,7 +170,7 @@ def _smooth_lines(
             options = [_given(road, given, pose, ahead)]
         else:
             options = [
-                _Line(
+                PathLine(
                     *centreline(road, p.lanes, p.s, BEHIND_M, ahead),
                     p.lanes,
                     p.probability,
@@ -193,13 +195,10 @@ def _smooth_lines(
     return _SmoothLines(lines=every, count=count, raw=raw, smooth=smooth, limit=limit)
 
 
-def driven_paths(scene: SeedScene, road: Road) -> SeedPaths:
-    """Tabulate the lines that people drive, as `chosen_paths` does first."""
-    return seed_paths(scene, road, None, FIRST_HORIZON_S, False, True)
-
-
 @dataclass(frozen=True)
-class _Line:
+class PathLine:
+    """Centreline of a path before it is smoothed, and the lane under each of its points."""
+
     points: FloatArray
     owner: IntArray | None
     lanes: tuple[int, ...]
@@ -216,20 +215,22 @@ class _SmoothLines:
     ``raw``, ``smooth`` are (K, N, 2), m.
     """
 
-    lines: list[_Line]
+    lines: list[PathLine]
     count: IntArray
     raw: FloatArray
     smooth: FloatArray
     limit: FloatArray
 
 
-def _straight(pose: tuple[float, float, float], ahead: float) -> _Line:
+def _straight(pose: tuple[float, float, float], ahead: float) -> PathLine:
     x, y, heading = pose
     s = np.array([-BEHIND_M, ahead])
-    return _Line(np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]), None, (), on_road=False)
+    return PathLine(
+        np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]), None, (), on_road=False
+    )
 
 
-def _beside(scene: SeedScene, lines: list[list[_Line]], v: int) -> list[_Line]:
+def _beside(scene: SeedScene, lines: list[list[PathLine]], v: int) -> list[PathLine]:
     """Return the path of a vehicle off the lanes, parallel to the straightest one of a vehicle near it."""
     x, y, cos, _, _ = seen_from(scene.now[v], scene.now).T
     near = (np.abs(x) < BESIDE_M[0]) & (np.abs(y) < BESIDE_M[1]) & (cos > BESIDE_COS)
@@ -245,7 +246,7 @@ def _beside(scene: SeedScene, lines: list[list[_Line]], v: int) -> list[_Line]:
     step = np.gradient(points, axis=0)
     normal = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
     k = int(BEHIND_M / DS_M)
-    return [_Line(points + normal[k] @ (place - points[k]) * normal, None, (), on_road=False)]
+    return [PathLine(points + normal[k] @ (place - points[k]) * normal, None, (), on_road=False)]
 
 
 def _given(
@@ -253,7 +254,7 @@ def _given(
     given: tuple[int, ...] | tuple[tuple[float, float], ...],
     pose: tuple[float, float, float],
     ahead: float,
-) -> _Line:
+) -> PathLine:
     if isinstance(given[0], tuple):
         points = np.array(given, dtype=np.float64)
         owner: IntArray | None = None
@@ -271,12 +272,12 @@ def _given(
     cut = np.vstack([ends[:1], points[inside], ends[1:]])
     if owner is not None:
         owner = np.concatenate([owner[inside][:1], owner[inside], owner[inside][-1:]])
-    return _Line(cut, owner, ids)
+    return PathLine(cut, owner, ids)
 
 
-def _tabulate(road: Road, made: _SmoothLines, driven: bool) -> SeedPaths:
+def _tabulate(road: Road, made: _SmoothLines, redraw: Redraw | None) -> SeedPaths:
     lines, count, samples = made.lines, made.count, made.raw.shape[1]
-    smooth = _driven(road, lines, made.smooth.copy(), made.raw) if driven else made.smooth
+    smooth = made.smooth if redraw is None else redraw(road, lines, made.smooth.copy(), made.raw)
     even = np.stack([resample(line, samples, DS_M) for line in smooth])
     centre = even.reshape(-1, 2).mean(axis=0)
     some = even[:, ::COARSE] - centre
@@ -299,22 +300,13 @@ def _tabulate(road: Road, made: _SmoothLines, driven: bool) -> SeedPaths:
     )
 
 
-def _driven(road: Road, lines: list[_Line], smooth: FloatArray, raw: FloatArray) -> FloatArray:
-    """Return the driven lines of the paths that lie on lanes, and the others as they are."""
-    known, at = [k for k, line in enumerate(lines) if line.owner is not None], DS_M * np.arange(raw.shape[1])
-    if known:
-        room = np.stack([room_of(road, lines[k].points, lines[k].owner, at) for k in known])  # type: ignore[arg-type]
-        smooth[known] = driven_lines(smooth[known], raw[known], room, DS_M)
-    return smooth
-
-
-def _shares(lines: list[_Line]) -> FloatArray:
+def _shares(lines: list[PathLine]) -> FloatArray:
     """Return the share of each path of a vehicle in random draws: an intended one has all."""
     intended = np.array([float(line.intended) for line in lines])
     return intended if intended.any() else np.array([line.share for line in lines])
 
 
-def _straightest(lines: list[_Line]) -> int:
+def _straightest(lines: list[PathLine]) -> int:
     """Return the index of the intended path, else of the straightest from the most probable lane."""
     if any(line.intended for line in lines):
         return next(k for k, line in enumerate(lines) if line.intended)

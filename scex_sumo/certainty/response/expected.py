@@ -15,11 +15,12 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, driven_paths
+from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.certainty.response.blocked import Lines
 from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.humans.driven_line import driven_paths
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 DRIVER: Final = "likely_driver:spread=0:inattention=0"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from lanelet2 import io, projection, traffic_rules
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, UsageError, one_line
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.importing import Registry
 from scex_sumo.converters.lanelet.drawing import areas, markings
 from scex_sumo.converters.lanelet.file import (
     Findings,
@@ -30,14 +32,16 @@ from scex_sumo.converters.lanelet.lanes import (
     join_lanes,
     related_lanes,
 )
-from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, recorded_origin
+from scex_sumo.converters.lanelet.origin import STRAY_M, Place, distance_m, map_origin, recorded_origin
 from scex_sumo.converters.lanelet.regulations import regulations, unnamed
-from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
 from scex_sumo.road import Georeference, Lane, MapLoss, Regulation, Road
 
+REPAIRS = Registry(group="scex_sumo.map_repairs", kind="repair of Lanelet2 maps")
+"""``elements`` that Lanelet2 would drop, misread or crash on; ``subtypes`` that it does not know; ``stops``
+and lights that no lanelet names."""
 MAX_FROM_ORIGIN_M = 100_000.0
 _LOAD_ERROR = re.compile(
     r"Error (?:parsing primitive|reading primitive with id) (-?\d+)(?: from file)?: (.*)"
@@ -81,7 +85,9 @@ def read_road(
     if not map_file.of_type("lanelet"):
         raise MapError(f"{path}: no lanelets (relations with type=lanelet); name a Lanelet2 .osm map")
     drawn, unread = map_file.of_type("lanelet").keys(), map_file.unread
-    map_file, mended = repair(map_file)
+    mended = bool(map_file.notes)
+    if not is_whole(map_file):
+        map_file, mended = REPAIRS.load("elements")(map_file)
     notes = list(map_file.notes)
     origin = _origin(path, map_file, origin, own_corner, notes)
     traffic = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
@@ -114,6 +120,29 @@ def read_road(
     )
 
 
+def is_whole(map_file: MapFile) -> bool:
+    """Return whether Lanelet2 certainly reads all elements as they are drawn; else a repair looks at them."""
+    nodes, ways, relations = map_file.nodes, map_file.ways, map_file.relations
+    known: dict[str, Mapping[int, object]] = {"node": nodes, "way": ways, "relation": relations}
+    middle = map_file.middle
+    lines = [[nodes.get(node) for node in way.nodes] for way in ways.values()]
+    ends = {node for way in ways.values() for node in way.nodes[:1] + way.nodes[-1:]}
+    lanelets = map_file.of_type("lanelet").values()
+    bounds = {(r.refs("left", "way"), r.refs("right", "way"), r.tags.get("subtype", "")) for r in lanelets}
+    drawn = {i for left, right, _ in bounds for i in left + right}
+    return (
+        all(m.ref in known[m.kind] and m.role != "centerline" for r in relations.values() for m in r.members)
+        and not any(distance_m((n.lat, n.lon), middle) > STRAY_M for n in nodes.values())
+        and all(line and None not in line for line in lines)
+        and not any(p in (line[0], q) for line in lines for p, q in pairwise(line[1:]))
+        and len({nodes[node] for node in ends}) == len(ends)
+        and len(bounds) == len(lanelets)
+        and all(len(left) == len(right) == 1 and left != right for left, right, _ in bounds)
+        and all("area" not in ways[i].tags for i in drawn)
+        and all(len({(nodes[n].lat, nodes[n].lon) for n in ways[i].nodes}) > 1 for i in drawn)
+    )
+
+
 def _regulations(
     map_file: MapFile, lanes: Mapping[int, Lane], lines: Points
 ) -> tuple[tuple[Regulation, ...], list[int], list[int]]:
@@ -122,9 +151,9 @@ def _regulations(
     loose, bare = unnamed(rules, map_file, lines)
     if not loose and not bare:
         return rules, [], []
-    from scex_sumo.converters.lanelet.attach import attach
-
-    return attach(rules, loose, bare, lanes, map_file, lines)
+    attached: tuple[tuple[Regulation, ...], list[int], list[int]]
+    attached = REPAIRS.load("stops")(rules, loose, bare, lanes, map_file, lines)
+    return attached
 
 
 def _georeference(origin: Place) -> Georeference | None:
@@ -183,10 +212,7 @@ def _load(
     roads, undriven = dict[str, set[int]](), dict[str, set[int]]()
     changed = replace(map_file, relations={i: r for i, r in map_file.relations.items() if i not in flat})
     if not all(rules.canPass(v.lanelet) for v in usable):
-        from scex_sumo.converters.lanelet.unknown import as_roads, unknown_subtypes
-
-        roads, undriven = unknown_subtypes(usable, rules, map_file)
-        changed = as_roads(changed, set().union(*roads.values()))
+        roads, undriven, changed = REPAIRS.load("subtypes")(usable, rules, map_file, changed)
     if flat or roads:
         map_file = changed
         lanelet_map, errors = _parse(map_file, origin, True)

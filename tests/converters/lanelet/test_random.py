@@ -10,6 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+from scex_sumo.converters.lanelet.file import read_map_file
+from scex_sumo.converters.lanelet.reader import is_whole
+from scex_sumo.formats.lanelet.repair import repair
 from tests.converters.maps import DASHED, ROAD, Lanelet, Line, area, draw_map, rule, straight
 
 MAPS = 150
@@ -127,6 +130,19 @@ def add_tag(root: ET.Element, rng: random.Random) -> None:
     ET.SubElement(rng.choice(list(root)), "tag", k=key, v=value)
 
 
+def write_damaged(folder: Path) -> list[Path]:
+    """Maps with 1 to 12 random defects."""
+    paths = []
+    for seed in range(MAPS):
+        rng = random.Random(seed)
+        root = intersection()
+        for _ in range(rng.choice([1, 2, 4, 12])):
+            rng.choice(DAMAGE)(root, rng)
+        paths.append(folder / f"{seed}.osm")
+        paths[-1].write_bytes(ET.tostring(root))
+    return paths
+
+
 DAMAGE: list[Callable[[ET.Element, random.Random], None]] = [
     remove,
     remove_part,
@@ -141,16 +157,16 @@ DAMAGE: list[Callable[[ET.Element, random.Random], None]] = [
 
 
 def test_damaged_maps_give_a_sound_road_or_a_clear_error(tmp_path: Path) -> None:
-    paths = []
-    for seed in range(MAPS):
-        rng = random.Random(seed)
-        root = intersection()
-        for _ in range(rng.choice([1, 2, 4, 12])):
-            rng.choice(DAMAGE)(root, rng)
-        paths.append(tmp_path / f"{seed}.osm")
-        paths[-1].write_bytes(ET.tostring(root))
+    paths = write_damaged(tmp_path)
     command = [sys.executable, "-c", READ, *map(str, paths)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, f"exit {done.returncode} after {done.stdout[-200:]!r}: {done.stderr[-900:]}"
     # Damage is mostly light: reading most of the maps is part of the claim.
     assert int(done.stdout.rsplit(None, 1)[-1]) > 0.8 * MAPS
+
+
+def test_maps_that_are_whole_need_no_repair(tmp_path: Path) -> None:
+    maps = [read_map_file(path) for path in write_damaged(tmp_path)]
+    whole = [map_file for map_file in maps if map_file.nodes and is_whole(map_file)]
+    assert [repair(map_file)[0].notes for map_file in whole] == [map_file.notes for map_file in whole]
+    assert 0.1 * MAPS < len(whole) < 0.9 * MAPS

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.behaviors.driving.driven_line import CLEAR_M, driven_lines, room_of
 from scex_sumo.behaviors.driving.smoothing import resample
 from scex_sumo.geometry.polylines import length_of
+from scex_sumo.humans.driven_line import CLEAR_M, driven_lines, room_of
 from tests.behaviors import roads
 
 RADIUS = 15.0

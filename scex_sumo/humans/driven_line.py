@@ -7,14 +7,18 @@ spring draws it to the centreline.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.paths import DS_M, FIRST_HORIZON_S, PathLine, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.smoothing import gaussian
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.road import Road
+from scex_sumo.scene import SeedScene
 
 EVERY = 4  # samples of a path per knot of the band
 STIFF_M = 6.0  # length over which the band rounds a kink
@@ -22,6 +26,20 @@ SPRING = 1.2  # with room, the band moves inwards by (this times half the width)
 CLEAR_M = 1.4  # of the line from the bounds of its lanes
 SWEEPS, STEP = 40, 2.0  # of the alternating direction method of multipliers, and its step
 ROUND_M = 1.0  # of a Gaussian filter of the knots' shifts
+
+
+def driven_paths(scene: SeedScene, road: Road) -> SeedPaths:
+    """Tabulate the lines that people drive, as `chosen_paths` does first."""
+    return seed_paths(scene, road, None, FIRST_HORIZON_S, False, redrawn)
+
+
+def redrawn(road: Road, lines: Sequence[PathLine], smooth: FloatArray, raw: FloatArray) -> FloatArray:
+    """Return the driven lines of the paths that lie on lanes, and the others as they are; see `Redraw`."""
+    known, at = [k for k, line in enumerate(lines) if line.owner is not None], DS_M * np.arange(raw.shape[1])
+    if known:
+        room = np.stack([room_of(road, lines[k].points, lines[k].owner, at) for k in known])  # type: ignore[arg-type]
+        smooth[known] = driven_lines(smooth[known], raw[known], room, DS_M)
+    return smooth
 
 
 @owner_cache

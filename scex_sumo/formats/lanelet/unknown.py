@@ -24,14 +24,15 @@ _TRACKS = {"tram", "rail", "railway", "train", "subway", "light_rail"}
 
 
 def unknown_subtypes(
-    vertices: list[Vertex], rules: Rules, map_file: MapFile
-) -> tuple[dict[str, set[int]], dict[str, set[int]]]:
+    vertices: list[Vertex], rules: Rules, map_file: MapFile, kept: MapFile
+) -> tuple[dict[str, set[int]], dict[str, set[int]], MapFile]:
     """Find the lanelets of unknown subtype or location: those that are roads, and the others.
 
     A road is as wide as a car needs and connected to a known road, directly or over others.
 
     Returns:
-        Lanelet ids of the roads, and of the others, each by the unknown tag in words.
+        Lanelet ids of the roads, and of the others, each by the unknown tag in words; and the map ``kept``
+        with the roads tagged as such, in towns if their location is unknown.
     """
     driven = {v.lanelet_id for v in vertices if rules.canPass(v.lanelet)}
     unknown = {
@@ -51,11 +52,10 @@ def unknown_subtypes(
     while fresh := {unknown[i] for i in roads} - words:
         words |= fresh
         roads |= _reached({i for i in connected if unknown[i] in fresh}, linked) & wide
-    return _by_word(unknown, roads), _by_word(unknown, set(unknown) - roads)
+    return _by_word(unknown, roads), _by_word(unknown, set(unknown) - roads), _as_roads(kept, roads)
 
 
-def as_roads(map_file: MapFile, lanelets: Iterable[int]) -> MapFile:
-    """Return the map with some lanelets tagged as roads, in towns if their location is unknown."""
+def _as_roads(map_file: MapFile, lanelets: Iterable[int]) -> MapFile:
     relations = dict(map_file.relations)
     for i in lanelets:
         tags = {**relations[i].tags, "subtype": "road"}
