@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -125,7 +126,7 @@ def printed_columns() -> list[Column]:
         Column("time_s", "time", "seconds"),
         Column(lambda row: once_in(row["probability"]), "people collide", "words"),
         Column("takes", "what it takes", "words"),
-        Column("needed_braking", "braking", ".1f"),
+        Column(_braking, "braking", "text"),
         Column(lambda row: once_in(row["severity"]), "severe injury", "words"),
         Column(_times_usual, "usual", "words"),
         Column(stress_words, "stress", "text"),
@@ -138,6 +139,11 @@ def stress_words(row: Row) -> str | None:
     if drawn is None:
         return None
     return f"{drawn:.0%}" + ("" if fitted is None else f" ({100 * fitted:.2g} % fitted)")
+
+
+def _braking(row: Row) -> str | None:
+    needed = row["needed_braking"]
+    return None if needed is None else f"{needed:.1f}" if math.isfinite(needed) else "∞"
 
 
 def pair_words(row: Row) -> str:
