@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from pickle import dumps, loads
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -40,6 +41,9 @@ from scex_sumo.certainty.response.critical import (
 )
 from scex_sumo.certainty.response.expected import Expected, expected_motion
 from scex_sumo.certainty.response.people import left_at, time_gaps
+from scex_sumo.converters.net.convert import converted
+from scex_sumo.extrapolation.job import ruled
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import Rectangles
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
@@ -174,9 +178,11 @@ class Samples:
 def expected_of(loaded: LoadedRecording, every_s: float) -> list[Expected]:
     """Return the expected motion of moments with 3 s recorded after them."""
     found = []
+    with TemporaryDirectory() as folder:
+        net = converted(loaded.road, Path(folder) / "map.net.xml")
     for moment in recording_moments(loaded, every_s=every_s):
         try:
-            scene = seed_at(loaded, moment.time_s)
+            scene, _ = ruled(seed_at(loaded, moment.time_s), net, RunSettings())
         except TrackError:
             continue
         if scene.future is not None and scene.future.shape[1] >= AHEAD:

@@ -99,11 +99,16 @@ class Job:
 
 def ruled(scene: SeedScene, net: SumoNet, settings: RunSettings) -> tuple[SeedScene, SumoNet]:
     """Return the scene of a job with the rules of its road, and the net with notes on them."""
-    road = scene.road
-    if not settings.obeys or road is None or not (road.regulations or road.net or signals_of(scene)):
+    if not settings.obeys or not has_rules(scene):
         return replace(scene, rules=None), net
     scene, notes = RULES.load("reading")(scene, net)
     return scene, replace(net, notes=(*net.notes, *notes))
+
+
+def has_rules(scene: SeedScene) -> bool:
+    """Whether the road of a scene has rules, or its recording has lights."""
+    road = scene.road
+    return road is not None and bool(road.regulations or road.net or signals_of(scene))
 
 
 def batches_of(futures: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:

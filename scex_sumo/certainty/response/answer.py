@@ -13,6 +13,7 @@ import pyarrow as pa
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.certainty.response.actions import (
     ACTIONS,
     BRAKES,
@@ -38,7 +39,10 @@ from scex_sumo.certainty.response.expected import expected_motion
 from scex_sumo.certainty.response.maps import MAPPED, maps_of
 from scex_sumo.certainty.response.people import People, later_than, people_of, probabilities
 from scex_sumo.certainty.response.room import Meeting, needed_braking, needed_swerve, time_to_react
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.extrapolation.job import has_rules, ruled
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.outcomes import injury_probability, masses, struck_injury_probability
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of as scene_doubts
@@ -77,7 +81,16 @@ def critical_responses(scene: SeedScene, *, file: str | Path | None = None) -> p
         >>> scex.critical_responses(scene).column_names[:3]
         ['track_id', 'other_id', 'person']
     """
-    return responses_and_maps(scene, None if file is None else Path(file))[0]
+    return responses_and_maps(with_rules(scene), None if file is None else Path(file))[0]
+
+
+def with_rules(scene: SeedScene) -> SeedScene:
+    """Return a scene with the rules of its road, as a run has it."""
+    if scene.rules is not None or scene.road is None or not has_rules(scene):
+        return scene
+    with TemporaryFolder() as folder:
+        net = converted(scene.road, Path(folder) / "map.net.xml", keep=True)
+        return ruled(scene, net, RunSettings())[0]
 
 
 @owner_cache

@@ -64,12 +64,12 @@ def run_moment(task: RankTask, road: bytes | None = None) -> pa.Table | MomentPa
 
 
 def _run(task: RankTask, scene: SeedScene, road: bytes) -> pa.Table | MomentPart | ExactScore:
+    models, run, net = built(task.settings.models), task.settings.run, net_of(road, task.settings.cache)
+    scene, net = ruled(scene, net, run)
     if is_pairs(task.futures):
         return pairs_of_moment(scene)
-    models, run, net = built(task.settings.models), task.settings.run, net_of(road, task.settings.cache)
     if task.futures.start == 0:
         models.try_on(scene, seed=run.seed)
-    scene, net = ruled(scene, net, run)
     count = task.futures.stop if task.drawn is None else task.settings.futures
     drawn = models.draw(scene.track_ids, futures=count, seed=run.seed, design=run.design)
     same = compared(net, task.ref)

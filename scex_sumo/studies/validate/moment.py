@@ -163,7 +163,7 @@ def _forecast(task: ForecastTask, scene: SeedScene, packed: bytes) -> Forecast:
         seen=_futures_table(asked.columns, [(numbers, seen.values, seen.collided)]),
         vehicles=position_forecasts(scene, futures.states, seen.states, straight.states, judged, rng),
         encounters=gap_forecasts(scene, futures.states, seen.states, straight.states, after, judged, rng),
-        **({"pairs": pairs_of_moment(scene)} if task.settings.usual else {}),
+        **({"pairs": pairs_of_moment(ruled(scene, net, asked)[0])} if task.settings.usual else {}),
         realism=pa.table({"realism": [realism_score(likelihood)], **{k: [v] for k, v in likelihood.items()}}),
     )
 
