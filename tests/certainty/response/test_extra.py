@@ -16,17 +16,22 @@ import pytest
 from rich.console import Console
 
 import scex_sumo as scex
-from scex_sumo.certainty.response.answer import any_collision, once_in
+from scex_sumo.certainty.response.answer import any_collision, once_in, responses_and_maps
 from scex_sumo.certainty.response.critical import HARD_MPS
 from scex_sumo.certainty.response.decision import pair_responses
 from scex_sumo.certainty.response.people import SHIPPED, people_of
 from scex_sumo.certainty.response.usual import AT_SITE
 from scex_sumo.certainty.response.words import told
 from scex_sumo.commands.answers import run_answer
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.reports.run_table import print_summary
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.outcomes import injury_probability
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, States
+from scex_sumo.studies.moments.folder import MomentRef
+from scex_sumo.studies.moments.run import MomentTask, pack_road
+from scex_sumo.studies.rank.futures import PAIRS_ROUND, RankTask, run_moment
+from scex_sumo.studies.rank.scores import RankSettings
 from tests.certainty.queues import queues
 
 
@@ -118,6 +123,26 @@ def test_the_row_of_the_summary_has_the_digits_of_the_sentences(run: scex.Run) -
     (row,) = (line for line in lines if line.startswith("│ people collide"))
     assert [cell.strip() for cell in row.split("│")[2:8]] == ["–", "–", "–", said, "–", "–"]
     assert any(f"a collision about {said} such moments" in line for line in lines)
+
+
+def test_python_and_a_ranking_have_the_p_of_a_run(tmp_path: Path) -> None:
+    """All know the rules of the road, which decide here whether a vehicle waits."""
+    scene = scex.read_seed(scex.example_path("urban_intersection"), time=5.0)
+    options = {"futures": 2, "models": "standard_driver", "exact": False, "report": False, "reference": None}
+    told = scex.extrapolate(scene, out=tmp_path / "out", **options).table("response.parquet").to_pylist()
+    assert rows(scene) == told
+    assert responses_and_maps(scene, None)[0].to_pylist() != told  # without rules
+    name = {"moment": "m", "location": "here", "recording": "r", "case": "", "time_s": 5.0, "vehicles": 9}
+    task = MomentTask(
+        ref=MomentRef(**name),
+        scene=dataclasses.replace(scene, road=None),
+        road=pack_road(scene.road),
+        futures=PAIRS_ROUND,
+        settings=RankSettings(run=RunSettings(futures=2, models="standard_driver")),
+    )
+    pairs = run_moment(RankTask.of(task, spare=0))
+    found = [one.probability for one in pair_responses(told)]
+    assert pairs["probability"].to_pylist() == pytest.approx(found)
 
 
 def test_none_leaves_it_out(tmp_path: Path) -> None:
