@@ -148,10 +148,11 @@ class _Teller:
     def write(self, config: Path, *, ssm: bool) -> Path:
         """Write tables and page, and return the page's path."""
         from scex_sumo.live.device import conflicts_of, leads_of
-        from scex_sumo.live.folder import write_leads, write_page, write_risks
+        from scex_sumo.live.folder import write_configuration, write_leads, write_page, write_risks
         from scex_sumo.live.session import SSM
 
         write_risks(self._out, self.risks)
+        write_configuration(self._out, config)
         leads = leads_of(conflicts_of(self._out / SSM), self.risks) if ssm else []
         write_leads(self._out, leads)
         skipped = 0 if self.watch is None else self.watch.skipped

@@ -57,7 +57,7 @@ class Lead:
 def conflicts_of(file: Path) -> list[Conflict]:
     """Return the conflicts in a file of the SSM device with trajectories, each pair's first, by time."""
     found: dict[frozenset[str], Conflict] = {}
-    for conflict in _elements(file):
+    for conflict in elements_of(file):
         pair = frozenset((conflict.get("ego", ""), conflict.get("foe", "")))
         for what, begin_s, value in _exceeded(conflict):
             if pair not in found or begin_s < found[pair].begin_s:
@@ -65,7 +65,8 @@ def conflicts_of(file: Path) -> list[Conflict]:
     return sorted(found.values(), key=lambda one: one.begin_s)
 
 
-def _elements(file: Path) -> Iterator[ElementTree.Element]:
+def elements_of(file: Path) -> Iterator[ElementTree.Element]:
+    """Yield the conflicts of a file of the SSM device, up to its end or where it was cut."""
     try:
         for _, element in ElementTree.iterparse(file):
             if element.tag == "conflict":
@@ -76,9 +77,9 @@ def _elements(file: Path) -> Iterator[ElementTree.Element]:
 
 
 def _exceeded(conflict: ElementTree.Element) -> Iterator[tuple[str, float, float]]:
-    times = _numbers(conflict, "timeSpan")
+    times = numbers_of(conflict, "timeSpan")
     for what, worse in (("TTC", min), ("DRAC", max)):
-        values = _numbers(conflict, f"{what}Span")
+        values = numbers_of(conflict, f"{what}Span")
         limit = LIMITS[what]
         over = [
             (time_s, value)
@@ -92,7 +93,8 @@ def _exceeded(conflict: ElementTree.Element) -> Iterator[tuple[str, float, float
         yield "PET", float(pet.get("time", "nan")), float(pet.get("value", ""))
 
 
-def _numbers(conflict: ElementTree.Element, tag: str) -> list[float]:
+def numbers_of(conflict: ElementTree.Element, tag: str) -> list[float]:
+    """Return the numbers of a conflict's time series; NaN where the device has none."""
     span = conflict.find(tag)
     text = "" if span is None else span.get("values", "")
     return [math.nan if word == "NA" else float(word) for word in text.split()]

@@ -8,13 +8,15 @@ import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
+from xml.etree import ElementTree
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scex_sumo.base.files import replacing
+from scex_sumo.base.files import replacing, write_atomic
 from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.formats.sumo.scenario import options_of
 from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST
 from scex_sumo.live.risk import PairRisk, Risk
@@ -109,9 +111,23 @@ def worst_moments(risks: Sequence[Risk]) -> list[tuple[Risk, PairRisk]]:
     return found
 
 
+def write_configuration(folder: Path, config: Path) -> Path:
+    """Write the configuration with absolute paths, which ``run`` and ``rank`` simulate again; return it."""
+    root = ElementTree.Element("configuration")
+    for name, value in options_of(config).items():
+        files = [config.absolute().parent / part for part in value.split(",")]
+        if all(file.is_file() for file in files):
+            value = ",".join(map(str, files))
+        ElementTree.SubElement(root, name, value=value)
+    path = folder / config.name
+    if path.resolve() != config.resolve():
+        write_atomic(path, ElementTree.tostring(root, encoding="utf-8"))
+    return path
+
+
 def command_of(config: Path, folder: Path, risk: Risk, pair: PairRisk) -> list[str]:
     """Return the words of the command that makes the report of a moment."""
-    words = ["run", str(config), "--time", f"{risk.time_s:g}"]
+    words = ["run", str(folder / config.name), "--time", f"{risk.time_s:g}"]
     if len(risk.vehicles) >= BUSIEST:
         words.append(f"--region={pair.x:.0f},{pair.y:.0f},{_REGION_M:g}")
     return [*words, "-o", str(folder / MOMENTS / f"{risk.time_s:g}")]

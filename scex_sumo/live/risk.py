@@ -89,6 +89,14 @@ class PairRisk:
         """Both names, in the order of the arrow."""
         return self.hits, self.other
 
+    @property
+    def either(self) -> float:
+        """P that the two collide as people or as drivers of the stress test do, as if independent.
+
+        It orders pairs where drivers may be worse than people, see docs/live.md.
+        """
+        return either((self.human_like, self.stress or 0.0))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Risk:

@@ -25,7 +25,6 @@ from scex_sumo.world.session import load_sumo, silence
 from scex_sumo.world.tiles import template_of
 
 SSM: Final = "ssm.xml"
-FCD: Final = "fcd.xml.gz"
 _SSM_OPTIONS: Final = {
     "probability": "1",
     "measures": "TTC DRAC PET",
@@ -58,6 +57,10 @@ class Session:
     ssm: bool = True
     follow: bool = False
     ghosts: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("config", "out"):  # SUMO runs in another folder
+            object.__setattr__(self, name, getattr(self, name).absolute())
 
     def run(self, begin: Begin, told: Told) -> str | None:
         """Run the simulation; return why it ended early, None if it did not.
@@ -104,7 +107,7 @@ class Session:
         before_s = (self.begin_s or 0.0) - sumo.simulation.getDeltaT()
         if before_s > sumo.simulation.getTime():
             sumo.simulationStep(before_s)
-        watch = Watch(sumo, net_of(self.config).absolute())
+        watch = Watch(sumo, net_of(self.config))
         painter = Painter(sumo, follow=self.follow, ghosts=self.ghosts) if self.gui else None
 
         def take(risk: Risk) -> None:
@@ -115,6 +118,7 @@ class Session:
         begin(watch, take)
         early = None
         try:
+            watch.get_ready()
             self._steps(sumo, watch, painter)
         except KeyboardInterrupt:
             early = f"stopped at {watch.time_s:g} s"
@@ -144,11 +148,8 @@ class Session:
                     start_s -= early_s
 
     def _outputs(self) -> list[str]:
-        words = ["--fcd-output", str(self.out.absolute() / FCD)]
-        if self.ssm:
-            words += ["--device.ssm.file", str(self.out.absolute() / SSM)]
-            words += [w for name, value in _SSM_OPTIONS.items() for w in (f"--device.ssm.{name}", value)]
-        return words
+        options = {**_SSM_OPTIONS, "file": str(self.out / SSM)} if self.ssm else {}
+        return [word for name, value in options.items() for word in (f"--device.ssm.{name}", value)]
 
     def _window(self, folder: Path) -> list[str]:
         frame = frame_of(template_of(net_of(self.config)).bounds, [(0, 0)], [])

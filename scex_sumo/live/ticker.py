@@ -8,12 +8,13 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 from scex_sumo.base.errors import ScexError, TrackError, UsageError, reason_of, warn_notes
 from scex_sumo.extrapolation.pool import Pool, WorkersDied
 from scex_sumo.live.focus import Focus
-from scex_sumo.live.moment import Moment
+from scex_sumo.live.moment import Moment, road_of
 from scex_sumo.live.risk import Question, Risk, assess
 
 _EARLY_S: Final = 1e-6  # SUMO's times are rounded
@@ -35,6 +36,7 @@ class Ticker:
         *,
         question: Question,
         focus: Focus,
+        net: Path,
         wait: bool,
         workers: int,
     ) -> None:
@@ -51,8 +53,7 @@ class Ticker:
         self._pools = deque(Pool(1) for _ in range(workers))
         self._running: deque[tuple[Pool, Future[Risk]]] = deque()
         self._told: set[str] = set()
-        for pool in self._pools:
-            pool.submit(_get_ready, where=_WHERE)
+        self._starts = [pool.submit(partial(road_of, net), where=_WHERE) for pool in self._pools]
         self._end = weakref.finalize(self, _close, tuple(self._pools))
 
     def close(self) -> None:
@@ -60,6 +61,11 @@ class Ticker:
         self._end()
         self._running.clear()
         self._pools.clear()
+
+    def get_ready(self) -> None:
+        """Wait until the processes have started and read the net."""
+        for start in self._starts:
+            start.exception()
 
     def step(self, time_s: float, moment: Callable[[Focus], Moment]) -> None:
         """Take up finished moments, and the present one if it is due; call it after each step."""
@@ -118,10 +124,6 @@ class Ticker:
         if note not in self._told:
             self._told.add(note)
             warn_notes([note])
-
-
-def _get_ready() -> None:
-    """Import what moments need; its being imported with this module is enough."""
 
 
 def _close(pools: Any) -> None:

@@ -175,7 +175,9 @@ class Watch:
         asked = Question(**question)
         asked.check()
         self.close()
-        self._ticker = Ticker(seconds, callback, question=asked, focus=focus, wait=wait, workers=workers)
+        self._ticker = Ticker(
+            seconds, callback, question=asked, focus=focus, net=self._net, wait=wait, workers=workers
+        )
 
     def risk(self) -> Risk | None:
         """Return the risk of the last moment that is finished, with its age; None before the first one."""
@@ -189,6 +191,11 @@ class Watch:
     def skipped(self) -> int:
         """Number of moments that `every` skipped, because all processes worked."""
         return 0 if self._ticker is None else self._ticker.skipped
+
+    def get_ready(self) -> None:
+        """Wait until the processes of `every` have started, which takes some seconds."""
+        if self._ticker is not None:
+            self._ticker.get_ready()
 
     def finish(self) -> None:
         """Wait for the moments that are being assessed."""

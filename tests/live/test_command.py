@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.formats.sumo.scenario import net_of
 from tests.command import scex
 from tests.formats.sumo.simulations import Simulation, write_grid
 
@@ -21,15 +24,18 @@ def test_a_configuration_is_watched_to_its_end_and_none_of_its_files_is_written(
     grid: Simulation, tmp_path: Path
 ) -> None:
     own = ["--from", 20, "--to", 23.05, "--futures", 2, "--models", "constant_velocity", "--busiest", 4]
-    done = scex("watch", grid.config, *own, "--workers", 1, "-o", "w", "--json", cwd=tmp_path)
+    config = os.path.relpath(grid.config, tmp_path)
+    done = scex("watch", config, *own, "--workers", 1, "-o", "w", "--json", cwd=tmp_path)
     assert not done.returncode and not done.stderr, done.stderr
     answer = json.loads(done.stdout)
     assert answer["moments"] == 4 and answer["skipped"] == 0
     files = {file.name for file in (tmp_path / "w").iterdir()}
-    assert files == {"risk.parquet", "leads.parquet", "watch.html", "ssm.xml", "fcd.xml.gz"}
+    assert files == {"risk.parquet", "leads.parquet", "watch.html", "ssm.xml", "mine.sumocfg"}
     times = set(pq.read_table(tmp_path / "w" / "risk.parquet")["time_s"].to_pylist())
     assert times <= {20.0, 21.0, 22.0, 23.0} and {worst["time_s"] for worst in answer["worst"]} <= times
     assert not (grid.config.parent / "trips.xml").exists()
+    (again,) = find_recordings(tmp_path / "w")  # for `rank` and `run`
+    assert net_of(again.map_path).samefile(grid.net)
 
 
 def test_what_cannot_be_watched_is_told_in_one_line(grid: Simulation, tmp_path: Path) -> None:

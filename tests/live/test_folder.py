@@ -82,7 +82,7 @@ def test_the_page_links_each_moment_to_the_report_that_its_command_makes(tmp_pat
     assert "<script>:" not in page and "once in 5 000" in page
     words = command_of(Path("mine.sumocfg"), Path("out/watch"), *worst_moments(risks)[0])
     assert words == [
-        *("run", "mine.sumocfg", "--time", "2.5", "--region=7,-3,40"),
+        *("run", "out/watch/mine.sumocfg", "--time", "2.5", "--region=7,-3,40"),
         *("-o", "out/watch/moments/2.5"),
     ]
     assert "No moment was assessed" in write_page(tmp_path, Path("m.sumocfg"), [], [], "").read_text()
