@@ -36,7 +36,7 @@ from scex_sumo.scene import SeedScene, States
 
 STEPS: Final = len(TIME_S) - 1
 """Steps of a case: as long as contact is looked for in critical responses."""
-NEAR: Final = 8
+NEAR: Final = 6
 """Vehicles, besides the two, that react; those farther away move as expected."""
 _LEAST = 1e-9
 _GRID_S = np.arange(0.0, 6.5, 0.1)
@@ -185,7 +185,7 @@ def situation_of(scene: SeedScene, initiator: int, responder: int) -> Situation:
     rows = np.flatnonzero(np.repeat(kept, LEVELS))
     return Situation(
         expected=expected,
-        scene=replace(expected.scene, obstacles=None, intentions=(), rules=None),
+        scene=_bare(expected.scene),
         people=people,
         initiator=i,
         responder=j,
@@ -196,6 +196,13 @@ def situation_of(scene: SeedScene, initiator: int, responder: int) -> Situation:
         late=late[kept],
         critical=response[rows].min(axis=1),
     )
+
+
+def _bare(scene: SeedScene) -> SeedScene:
+    """Return a scene without what drivers would see beside the vehicles; the same object without any."""
+    if scene.obstacles is None and not scene.intentions and scene.rules is None:
+        return scene
+    return replace(scene, obstacles=None, intentions=(), rules=None)
 
 
 def _near(expected: Expected, i: int, j: int) -> list[int]:

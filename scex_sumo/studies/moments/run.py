@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from scex_sumo.base.errors import TrackError, UsageError, reason_of
 from scex_sumo.base.files import TemporaryFolder, writing
@@ -156,10 +156,13 @@ class MomentTask:
     """Some futures of one moment, to be run.
 
     Attributes:
+        may_be_late: a moment that is out of its time fails alone; else the study ends.
         scene: its seed scene, without the road.
         road: packed; None if the workers get it separately.
         version: of the package that made the task.
     """
+
+    may_be_late: ClassVar[bool] = False
 
     ref: MomentRef
     scene: SeedScene

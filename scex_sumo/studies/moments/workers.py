@@ -14,6 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from scex_sumo.base.errors import MissingExtraError, ScexError, UsageError, one_line, reason_of
+from scex_sumo.base.time_limit import OutOfTimeError
 from scex_sumo.base.version import __version__
 from scex_sumo.extrapolation.pool import WorkersDied
 from scex_sumo.extrapolation.workers import Workers
@@ -73,6 +74,10 @@ class LocalWorkers:
         ):
             try:
                 yield task, future.result()
+            except OutOfTimeError as error:
+                if not task.may_be_late:
+                    raise
+                yield task, Failure.of(task.ref, reason_of(error))
             except WorkersDied as error:
                 _, ends = error.args
                 died = f"its worker died {len(ends)} times ({', '.join(ends)})"

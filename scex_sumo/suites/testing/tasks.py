@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import lru_cache
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -37,11 +38,16 @@ class CaseTask(MomentTask):
         limit_s: time of the case.
     """
 
+    may_be_late: ClassVar[bool] = True
+
     initiator: int
     responder: int
     spec: ModelSpec
     seed: int
     limit_s: float
+
+
+_packed = lru_cache(maxsize=4)(pack_road)
 
 
 def task_of(case: Case, spec: ModelSpec, futures: int, *, seed: int, limit_s: float) -> CaseTask:
@@ -59,7 +65,7 @@ def task_of(case: Case, spec: ModelSpec, futures: int, *, seed: int, limit_s: fl
     return CaseTask(
         ref=ref,
         scene=dataclasses.replace(scene, road=None),
-        road=pack_road(scene.road),
+        road=_packed(scene.road),
         futures=range(futures),
         settings=StudySettings(),
         initiator=int(content["other"]["track_id"]),

@@ -1,0 +1,209 @@
+"""``scex-sumo catalogue`` and ``scex-sumo test`` as a user meets them: made, opened, tested, wrong."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import scex_sumo as scex
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.studies.moments.folder import Failure
+from scex_sumo.suites.testing.tasks import run_case, task_of
+from tests.command import scex as command
+
+FUNCTIONS = '''
+import time
+
+import numpy as np
+
+import scex_sumo as scex
+
+
+class Straight:
+    """Goes straight on."""
+
+    def plan(self, history, road, who, rng):
+        now = history.now[who.future, who.vehicle]
+        way = 0.1 * now.speed[:, None] * np.arange(1, 31)
+        x, y = (v[:, None] + way * f(now.heading)[:, None] for v, f in ((now.x, np.cos), (now.y, np.sin)))
+        whole = np.ones_like(way)
+        return scex.Plan(x=x, y=y, heading=now.heading[:, None] * whole, speed=now.speed[:, None] * whole)
+
+
+class Nan(Straight):
+    def plan(self, history, road, who, rng):
+        made = super().plan(history, road, who, rng)
+        made.x[:] = np.nan if history.step else made.x
+        return made
+
+
+class Short(Straight):
+    def plan(self, history, road, who, rng):
+        made = super().plan(history, road, who, rng)
+        if history.step < 10:
+            return made
+        parts = {name: getattr(made, name)[:, :3] for name in ("x", "y", "heading", "speed")}
+        return scex.Plan(**parts)
+
+
+class Slow(Straight):
+    def plan(self, history, road, who, rng):
+        if history.step:
+            time.sleep(60)
+        return super().plan(history, road, who, rng)
+
+
+class Crash(Straight):
+    def plan(self, history, road, who, rng):
+        if history.step:
+            raise RuntimeError("no route")
+        return super().plan(history, road, who, rng)
+'''
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with a suite of two cases, of a recording that is not there any more, and functions."""
+    folder = tmp_path_factory.mktemp("suites")
+    source = Path(scex.example_path("urban_intersection"))
+    (folder / "recordings").mkdir()
+    for file in (source.with_suffix(".osm"), source.with_suffix(".csv")):
+        shutil.copyfile(file, folder / "recordings" / file.name)
+    done = command("catalogue", folder / "recordings", "--count", "2", "--every", "9", "-o", folder / "suite")
+    assert done.returncode == 0, done.stderr
+    assert "cases for" in done.stdout
+    shutil.rmtree(folder / "recordings")
+    shutil.rmtree(folder / "suite" / "ranking")
+    (folder / "functions.py").write_text(FUNCTIONS)
+    yield folder
+
+
+def run(place: Path, *arguments: object) -> Any:
+    return command("test", place / "suite", *arguments, cwd=place)
+
+
+def read(place: Path, out: str) -> dict[str, Any]:
+    return dict(json.loads((place / out / "test.json").read_text()))
+
+
+def test_a_suite_opens_without_the_recordings(place: Path) -> None:
+    suite = scex.open_suite(place / "suite")
+    assert suite.weight.sum() == suite.info["candidates"] == suite.sizes.sum()
+    for case in suite.cases:
+        situation = case.situation()
+        assert situation.human_like == pytest.approx(case.about["probability"], rel=1e-9)
+    assert {row["kind"] for row in suite.info["exposure"]} >= {case.about["kind"] for case in suite.cases}
+    assert (place / "suite" / "LICENCE.md").read_text().count("urban_intersection") == 1
+
+
+def test_cases_have_tags_and_files_for_simulators(place: Path) -> None:
+    for case in scex.open_suite(place / "suite").cases:
+        label = json.loads((case.folder / "openlabel.json").read_text())["openlabel"]
+        assert label["metadata"]["schema_version"] == "1.0.0"
+        assert {one["ontology_uid"] for one in label["tags"].values()} <= set(label["ontologies"])
+        ET.fromstring((case.folder / "picture.svg").read_text())
+        assert [file.suffix for file in sorted((case.folder / "openscenario").iterdir())].count(".xosc") == 2
+        assert len(list((case.folder / "sumo").rglob("future.sumocfg"))) == 2
+
+
+def test_commonroad_io_reads_the_cases(place: Path) -> None:
+    reader = pytest.importorskip("commonroad.common.file_reader")
+    for file in sorted((place / "suite" / "cases").rglob("commonroad/*.xml")):
+        scenario, problems = reader.CommonRoadFileReader(str(file)).open()
+        assert len(scenario.lanelet_network.lanelets) > 0
+        assert len(problems.planning_problem_dict) == 1
+
+
+def test_sumo_reads_the_cases(place: Path) -> None:
+    libsumo = pytest.importorskip("libsumo")
+    file = min((place / "suite" / "cases").rglob("future.sumocfg"))
+    libsumo.start(["sumo", "-c", str(file), "--no-warnings", "--duration-log.disable"])
+    try:
+        libsumo.simulationStep()
+        assert libsumo.vehicle.getIDCount() > 0
+    finally:
+        libsumo.close()
+
+
+def test_a_function_is_judged_and_the_files_for_ci_are_written(place: Path) -> None:
+    out = ("-o", place / "straight", "--junit", place / "straight.xml", "--futures", "24")
+    done = run(place, "--under-test", "functions:Straight", *out)
+    assert done.returncode == 0, done.stderr
+    result = read(place, "straight")
+    assert sum(result["verdicts"].values()) == len(result["cases"]) == 2
+    assert result["verdicts"]["failed"] == 0
+    rate = result["number"]["collisions_per_hour"]
+    assert rate["low"] <= rate["value"] <= rate["high"]
+    assert len(ET.parse(place / "straight.xml").getroot()[0]) == 2
+    assert (place / "straight" / "summary.md").read_text().startswith("## functions:Straight on suite: ")
+    assert "collisions an hour: " in done.stdout
+    again = run(place, "--under-test", "functions:Straight", *out)
+    assert {**read(place, "straight"), "seconds": 0, "command": 0} == {**result, "seconds": 0, "command": 0}
+    assert again.returncode == 0
+    listed = place / "cases.txt"
+    listed.write_text(result["cases"][0]["name"] + "\n")
+    against = ("--against", place / "straight" / "test.json", "--cases", listed, "--futures", "24")
+    done = run(place, "--under-test", "likely_driver", *against, "-o", place / "likely")
+    assert "against functions:Straight: " in done.stdout
+    assert len(read(place, "likely")["cases"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("function", "reason"), [("Nan", "not finite"), ("Short", "(1, 3)"), ("Crash", "no route")]
+)
+def test_a_bad_function_fails_its_case_with_the_reason(
+    place: Path, function: str, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(place))
+    case = scex.open_suite(place / "suite").cases[0]
+    (spec,) = scex.parse_models(f"functions:{function}")
+    found = run_case(task_of(case, spec, 8, seed=0, limit_s=600.0))
+    assert isinstance(found, Failure)
+    assert reason in found.reason
+
+
+def test_a_function_without_end_fails_its_case_and_the_test(place: Path) -> None:
+    """It sleeps, so that the worker has to end."""
+    name = scex.open_suite(place / "suite").cases[0].name
+    options = ("--cases", name, "--futures", "8", "-o", place / "slow", "--time-limit", "2")
+    done = run(place, "--under-test", "functions:Slow", *options, "--fail-if", "failed > 0")
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].endswith("fails by --fail-if failed > 0 (it is 1)")
+    (case,) = read(place, "slow")["cases"]
+    assert (case["verdict"], "did not return within 2 s" in case["reason"]) == ("failed", True)
+    assert "Traceback" not in done.stderr
+
+
+def test_wrong_input_is_one_line(place: Path, tmp_path: Path) -> None:
+    def refused(folder: Path, **options: Any) -> str:
+        with pytest.raises((ResultError, UsageError)) as error:
+            scex.test_suite(
+                folder, options.pop("under_test", "constant_velocity"), out=tmp_path / "out", **options
+            )
+        return str(error.value)
+
+    suite = place / "suite"
+    assert "no suite (suite.json is missing)" in refused(tmp_path)
+    assert "--cases: no case 'x'" in refused(suite, cases=["x"])
+    assert "SUMO drives it" in refused(suite, under_test="sumo:EIDM")
+    assert "names 2 models" in refused(suite, under_test="standard_driver,constant_velocity")
+    assert "--futures: got 2" in refused(suite, futures=2)
+    copy = tmp_path / "copy"
+    shutil.copytree(suite, copy)
+    info = json.loads((copy / "suite.json").read_text())
+    (copy / "suite.json").write_text(json.dumps(info | {"format": "scex-sumo suite 0"}))
+    assert "this version reads 'scex-sumo suite 1'" in refused(copy)
+    (copy / "suite.json").write_text(json.dumps(info | {"cases": []}))
+    assert "the suite has no case" in refused(copy)
+    shutil.copyfile(suite / "suite.json", copy / "suite.json")
+    seed = copy / "cases" / info["cases"][0]["name"] / "seed.csv"
+    seed.write_text(seed.read_text()[:-9])
+    assert "seed.csv: was changed since the suite was made" in refused(copy)
+    seed.unlink()
+    assert "seed.csv: is missing since the suite was made" in refused(copy)
