@@ -19,7 +19,7 @@ from scex_sumo.converters.tracks.check import MISSING
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
 
-FUTURE_STEPS = 50
+FUTURE_STEPS = 80
 """Steps of the recorded future that a seed scene keeps."""
 
 

@@ -29,6 +29,7 @@ def validate_command(
         str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")
     ] = "all",
     usual: Annotated[bool, Option("--usual", help="What is usual there: critical responses, too.")] = False,
+    steps: Annotated[int, Option(help="Steps of 0.1 s of a future: 30, or 50, 80.")] = 30,
     seed: Seed = 0,
     workers: Processes = 1,
     cluster: Cluster = None,
@@ -93,8 +94,23 @@ def _print_scores(done: Validation) -> None:
         Column("coverage", "within 5-95 %", ".0%"),
     ]
     about = "skill: 1 perfect, 0 as good as the base rate, the seed moment, constant velocity"
-    pieces = (events, "events", about), (pairs, "pairs of vehicles", None), (values, "values", None)
-    for name, (columns, title, caption) in zip(("events", "pairs", "values"), pieces, strict=True):
+    places = [
+        Column("second", "after [s]"),
+        Column(lambda row: "yes" if row["moving"] else "no", "moving", "names"),
+        Column("vehicles", "vehicles"),
+        Column("error_of_mean_m", "error [m]", ".2f"),
+        Column("constant_velocity_error_m", "const. vel.", ".2f"),
+        Column(lambda row: row["error_of_mean_m"] / row["constant_velocity_error_m"], "ratio", ".2f"),
+        Column("along_coverage", "along within 5-95 %", ".0%"),
+        Column("across_coverage", "across", ".0%"),
+    ]
+    pieces = {
+        "events": (events, "events", about),
+        "pairs": (pairs, "pairs of vehicles", None),
+        "values": (values, "values", None),
+        "positions": (places, "places, error of the futures' mean", None),
+    }
+    for name, (columns, title, caption) in pieces.items():
         rows = done.tables[name].to_pylist()
         print_columns(columns, rows, console, title, caption, breaks=(" base rate", " moment", " vel."))
     if "encounters" in done.tables:

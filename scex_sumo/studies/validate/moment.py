@@ -73,13 +73,18 @@ class ValidationSettings(StudySettings):
             found = split_moments(found, Split())[self.part]  # type: ignore[index]
         else:  # from the first that can be judged on: a recording shorter than ``every`` has one, too
             found = [moment for moment in found if moment.case or moment.complete]
+        last_s = loaded.table.vehicles.stamps_ms[-1] / 1000 - STEP_S * self.run.steps if found else 0.0
         moments: list[Moment] = []
         for moment in found:
+            if not moment.case and self.run.steps > FIRST_STEPS and moment.time_s > last_s + 1e-6:
+                continue  # nobody is recorded to the end of so long futures
             if not moments or moment.case or moment.time_s >= moments[-1].time_s + self.every - 1e-6:
                 moments.append(moment)
         return moments
 
 
+FIRST_STEPS = 30  # that all moments are recorded for
+FIRST_STEPS = 30  # that vehicles of all moments are recorded for
 RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
 COMPARED = (RECORDED, CONSTANT_VELOCITY, SEED_MOMENT)
 """Rows beside the futures: what happened, constant velocity, the first step of constant velocity."""

@@ -16,7 +16,6 @@ from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.formats.cleaning.smooth import smooth
 from scex_sumo.scene import SeedScene, States
 
-STEPS = 30 + PLAN_STEPS  # after the seed scene: as far as a plan of the last second reaches
 SMOOTHED_M = 0.3  # white noise that smoothing takes for granted: a time of 0.8 s
 MOVING_MPS = 0.5  # who is slower stands: its box creeps, or is held
 REPLAN = 5  # steps
@@ -29,29 +28,31 @@ class BoxNoise:
     """Pieces of the errors of boxes: along their way, m, across it, m, of heading, rad, of speed, m/s.
 
     Attributes:
-        moving: (D, 61, 4) of vehicles that move all the time; empty if there are too few.
-        standing: (D, 61, 4) of vehicles that stand; empty if there are too few.
+        moving: (D, H + 1, 4) of vehicles that move all the time; empty if there are too few.
+        standing: (D, H + 1, 4) of vehicles that stand; empty if there are too few.
     """
 
     moving: FloatArray
     standing: FloatArray
 
 
-def box_noise(rows: TrackRows, until_s: float) -> BoxNoise:
+def box_noise(rows: TrackRows, until_s: float, steps: int = 30) -> BoxNoise:
     """Return the errors of the boxes of a recording.
 
     Args:
         rows: vehicles at 10 Hz.
         until_s: later rows count only if the others give too few pieces.
+        steps: of futures; pieces reach as far as their last plan, H steps.
     """
-    none = np.empty((0, STEPS + 1, 4))
+    steps += PLAN_STEPS
+    none = np.empty((0, steps + 1, 4))
     if not len(rows):
         return BoxNoise(moving=none, standing=none)
     noise = _errors(rows)
     begin, end = rows.pieces
-    starts = [np.arange(b, e - STEPS + 1, APART_ROWS) for b, e in zip(begin, end, strict=True)]
+    starts = [np.arange(b, e - steps + 1, APART_ROWS) for b, e in zip(begin, end, strict=True)]
     first = np.concatenate([np.empty(0, dtype=np.int64), *starts])
-    whole = first[:, None] + np.arange(STEPS + 1)
+    whole = first[:, None] + np.arange(steps + 1)
     moves = np.asarray(rows.speed[whole] > MOVING_MPS)
     early = rows.timestamp_ms[whole[:, -1]] <= 1000 * until_s
 
@@ -83,7 +84,7 @@ def as_recorded(scene: SeedScene, driven: Rollout, noise: BoxNoise, rng: np.rand
     vehicles that move or stand as it does. Tracks go on along the last plan.
     """
     count, steps, vehicles = driven.states.shape
-    piece = np.zeros((count, vehicles, STEPS + 1, 4))
+    piece = np.zeros((count, vehicles, steps + PLAN_STEPS + 1, 4))
     moves = scene.now.speed > MOVING_MPS
     for kind, pieces in ((moves, noise.moving), (~moves, noise.standing)):
         if len(pieces):

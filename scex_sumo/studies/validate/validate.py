@@ -84,6 +84,7 @@ def validate(
     min_vehicles: int = 2,
     part: str = ALL,
     usual: bool = False,
+    steps: int = 30,
     seed: int = 0,
     workers: int = 1,
     cluster: str | None = None,
@@ -98,6 +99,7 @@ def validate(
         out: folder of the validation; an interrupted one goes on.
         every: as of `scex_sumo.studies.validate.moment.ValidationSettings`, like the next two.
         usual: calculate what is usual at each site: critical responses of all moments.
+        steps: of 0.1 s of each future.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
         overwrite: replace another validation in ``out``, or a finished one.
@@ -116,7 +118,7 @@ def validate(
     """
     started = time.perf_counter()
     settings = ValidationSettings(
-        run=RunSettings(models=models, futures=futures, seed=seed),
+        run=RunSettings(models=models, futures=futures, steps=steps, seed=seed),
         every=every,
         min_vehicles=min_vehicles,
         part=part,
@@ -198,7 +200,7 @@ def _run(
     def chosen(loaded: LoadedRecording) -> Sequence[Moment]:
         rows, split = loaded.table.vehicles, Split()
         known = len(rows) and rows.stamps_ms[0] + (1 - split.validation - split.test) * np.ptp(rows.stamps_ms)
-        noise[loaded.recording.name] = box_noise(rows, float(known) / 1000)
+        noise[loaded.recording.name] = box_noise(rows, float(known) / 1000, settings.run.steps)
         return settings.moments(loaded)
 
     futures = range(settings.futures)

@@ -1,4 +1,4 @@
-"""Forecasts of positions after 1, 2, 3 s and of gaps of encounters, against the recording."""
+"""Forecasts of positions after 1 to 8 s and of gaps of encounters, against the recording."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import along_tracks
 from scex_sumo.studies.validate.scores import covered, crps, rank_among
 
-SECONDS = (1, 2, 3)
+SECONDS = (1, 2, 3, 5, 8)
 MOVING_MPS = 0.5
 ENCOUNTER_M = 10.0  # a pair that comes this near in some future is an encounter
 

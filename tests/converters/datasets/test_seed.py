@@ -34,7 +34,7 @@ def test_a_moment_has_its_last_second_and_its_recorded_future(tmp_path: Path) ->
     assert scene.future is not None
     assert scene.future_valid is not None
     assert scene.future_valid.sum() == 39  # frames 21 to 59
-    np.testing.assert_allclose(scene.future.x[0], 121.0 + np.arange(50))  # goes on after the recording's end
+    np.testing.assert_allclose(scene.future.x[0], 121.0 + np.arange(80))  # goes on after the recording's end
     assert scene.notes == ()
     assert (scene.length[0], scene.width[0]) == (4.5, 1.8)
 
@@ -217,7 +217,7 @@ def test_pedestrians_present_at_the_moment_are_obstacles(tmp_path: Path) -> None
     assert obstacles is not None
     assert obstacles.ids == ("2",)
     assert obstacles.types == ("pedestrian",)
-    assert obstacles.states.shape == (1, 61)
+    assert obstacles.states.shape == (1, 91)
     assert obstacles.present[0, :5].tolist() == [False] * 5
     assert obstacles.present[0, 5:].all()
     np.testing.assert_allclose(obstacles.states.x[0], 1.0 + 0.1 * np.arange(61))  # goes on after frame 30

@@ -51,7 +51,7 @@ def test_vehicles_are_where_sumo_has_them(grid: Simulation, scene: SeedScene) ->
             [scene.now.speed[v], scene.length[v], scene.width[v]], [speed, length, width]
         )
     assert set(scene.types) == {"car", "truck"} and scene.recorded_steps.max() == 10
-    assert scene.future is not None and scene.future.shape[1] == 50
+    assert scene.future is not None and scene.future.shape[1] == 80
 
 
 def test_progress_of_the_simulation_is_told(grid: Simulation) -> None:

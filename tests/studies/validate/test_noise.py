@@ -8,10 +8,11 @@ import pytest
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.scene import States
-from scex_sumo.studies.validate.noise import STEPS, as_recorded, box_noise
+from scex_sumo.studies.validate.noise import as_recorded, box_noise
 from tests.behaviors import roads
 
 SIGMA = (0.2, 0.1)  # m, along and across
+STEPS = 60  # 3 s, and a plan of 3 s
 
 
 def tracks(count: int, rows: int, noise: float = 1.0, speed: float = 10.0) -> TrackRows:
@@ -41,6 +42,7 @@ def tracks(count: int, rows: int, noise: float = 1.0, speed: float = 10.0) -> Tr
 def test_the_errors_of_boxes_are_what_a_track_differs_by_from_its_smooth_course() -> None:
     noise = box_noise(tracks(12, 100), np.inf).moving
     assert noise.shape[1:] == (STEPS + 1, 4)
+    assert box_noise(tracks(12, 100), np.inf, 50).moving.shape[1:] == (STEPS + 21, 4)
     # Smoothing over 0.8 s leaves the most of it.
     assert noise[:, 10:50, :2].std(axis=(0, 1)) == pytest.approx(SIGMA, rel=0.15)
     assert np.abs(noise[:, :, 2:]).max() < 1e-6
