@@ -38,12 +38,12 @@ from scex_sumo.humans.observations import (
     start_features,
     stop_features,
 )
-from scex_sumo.humans.parameters import HumanParameters, human_parameters
+from scex_sumo.humans.parameters import HumanParameters, human_parameters, simulated
 from scex_sumo.humans.population import drawn_variation, lateral_offsets, spread_factor, students, uniforms
 from scex_sumo.humans.seed_state import estimated_history, heading_scatter
 from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers, acceleration, demanded
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
 if TYPE_CHECKING:
     from scex_sumo.rules.holds import Obeyed
@@ -95,7 +95,8 @@ class LikelyDriver:
         paths, row = self._paths(history, road, who)
         now = history.now[who.future, who.vehicle]
         s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
-        view = View(history=history, who=who, paths=paths, row=row, s=s, human=self.human)
+        human = human_of(history.scene, self.human)
+        view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
         draws = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, DRIVER)
         drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
         leaders = leaders_of(view, offsets[:, 0])
@@ -112,7 +113,7 @@ class LikelyDriver:
         if self.profile.path != "fitted":
             return chosen_paths(history, road, who, self.profile.path, redraw=redrawn)  # type: ignore[arg-type]
         paths, _ = chosen_paths(history, road, who, 0, redraw=redrawn)
-        edges = path_edges(history.scene, paths, self.human)
+        edges = path_edges(history.scene, paths, human_of(history.scene, self.human))
         draw = uniforms(history.route_draw[who.future, who.vehicle], 1, PATH)[:, 0]
         row = paths.first[who.vehicle]
         last = row + paths.count[who.vehicle] - 1
@@ -132,7 +133,7 @@ class LikelyDriver:
         return obedience(view, rows.reshape(history.now.shape), self.profile.spread)
 
     def _drivers(self, view: View, draws: FloatArray) -> Drivers:
-        human, spread, observed, row = self.human, self.profile.spread, view.observed, view.row
+        human, spread, observed, row = view.human, self.profile.spread, view.observed, view.row
         shown, vehicle, (least, most) = view.shown, view.who.vehicle, human.headway_range_s
         speed = shown.speed[vehicle]
         headway = np.exp(human.headway_log[0] + spread * human.headway_log[1] * ndtri(draws[:, HEADWAY]))
@@ -150,6 +151,7 @@ class LikelyDriver:
             sudden=shown.sudden[vehicle],
             variation=drawn_variation(speed, mean[row], unsure[row], spread * normal, human),
             crawl=crawl,
+            limit=observed.limit[row],
             pull=np.where(speed < human.standing_mps, pull, 1.0),
             stop_s=self._stops(view, draws[:, STOP]),
         )
@@ -157,7 +159,7 @@ class LikelyDriver:
 
     def _stops(self, view: View, draw: FloatArray) -> FloatArray:
         """Return (n,) times in which creeping vehicles come to rest, s; inf for others."""
-        human, spread, vehicle = self.human, min(self.profile.spread, 1.0), view.who.vehicle
+        human, spread, vehicle = view.human, min(self.profile.spread, 1.0), view.who.vehicle
         speed, acceleration = view.shown.speed[vehicle], view.shown.acceleration[vehicle]
         gap, leader = view.observed.gap[view.row], view.observed.leader_speed[view.row]
         features = stop_features(speed, acceleration, gap, leader, human)
@@ -169,7 +171,7 @@ class LikelyDriver:
 
     def _offsets(self, view: View, road: Road, draws: FloatArray) -> FloatArray:
         """Return (n, 31) wanted offsets from the path now and after each step, m, left positive."""
-        human, spread, step = self.human, self.profile.spread, view.history.step
+        human, spread, step = view.human, self.profile.spread, view.history.step
         deviation = spread * students(draws[:, SIDE])[:, 0]
         choice = draws[:, CHANGE] if spread else np.full(len(draws), 0.5)
         left, right = change_shares(view.scene, road, view.paths, human)[view.row].T
@@ -183,7 +185,7 @@ class LikelyDriver:
 
     def _waits(self, view: View, leaders: Leaders, obeyed: Obeyed | None) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""
-        human, history, who = self.human, view.history, view.who
+        human, history, who = view.human, view.history, view.who
         speed = history.states.speed[who.future, who.vehicle]
         now, before = speed[:, -1], speed[:, -2] if history.step else speed[:, -1]
         stands = (now < human.standing_mps) & (now - before < human.starting_mps)
@@ -205,6 +207,11 @@ class LikelyDriver:
 
         near, moves = leaders.gap < human.queue_m, features[:, LEADER_MOVES] > 0
         return waits_for(obeyed, view, waits_s, np.where(near, moves, obeyed.released))
+
+
+def human_of(scene: SeedScene, human: HumanParameters) -> HumanParameters:
+    """Return the parameters of the drivers of a scene."""
+    return simulated(human) if scene.intentions else human
 
 
 def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from the training parts of INTERACTION, TAF-BW, MONA and NGSIM. The file may set
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -181,6 +181,19 @@ class HumanParameters:
             name: np.array(value) if isinstance(value, list) else value for name, value in given.items()
         }
         return cls(**values)
+
+
+@cache
+def simulated(human: HumanParameters) -> HumanParameters:
+    """Return the parameters for traffic of SUMO, which has no habits: it drives as its default type may.
+
+    Source: SUMO's documentation: accel, decel of passenger cars; netconvert's junctions.limit-turn-speed.
+    """
+    idm = replace(
+        human.idm, max_acceleration=2.6, curve_acceleration=5.5, curve_deceleration=4.5, habit_memory=0.0
+    )
+    braking = np.array([np.log(4.5), human.braking_log[1]])
+    return replace(human, idm=idm, braking_log=braking, habit_s=0.5, sudden_s=0.3)
 
 
 @cache

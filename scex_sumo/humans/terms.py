@@ -34,6 +34,7 @@ class Drivers:
     sudden: Values = 0.0  # that of the last step beyond the lasting one, m/s²
     variation: FloatArray | None = None  # (n, 3) drawn accelerations, m/s²
     crawl: Values = 0.0  # speed at which a standing vehicle creeps, m/s
+    limit: Values | None = None  # speed limit in the seed scene, m/s; None: as now
     pull: Values = 1.0  # factor on accelerations from standing
     stop_s: Values = np.inf  # time in which a creeping vehicle comes to rest, s; inf: it does not
 
@@ -129,11 +130,13 @@ def lowest(*terms: FloatArray) -> FloatArray:
 def free(now: Situation, human: HumanParameters) -> FloatArray:
     """Return the acceleration towards the desired speed, m/s²: a_max·(1 - (v/v0)⁴).
 
-    v0 starts from the shown motion, see `desired_speed`. The motion of a standing vehicle is no habit.
+    v0 starts from the shown motion, see `desired_speed`: where the limit is another one, from as large a
+    share of it. The motion of a standing vehicle is no habit.
     """
-    shown, limit = (now.driver.speed, now.driver.acceleration), now.limit
-    desired = desired_speed(human.idm, limit, now.speed, *shown, now.time_s)
-    desired = np.where(shown[0] < human.standing_mps, limit, desired)
+    speed, limit = now.driver.speed, now.limit
+    share = 1.0 if now.driver.limit is None else limit / now.driver.limit
+    desired = desired_speed(human.idm, limit, now.speed, share * speed, now.driver.acceleration, now.time_s)
+    desired = np.where(speed < human.standing_mps, limit, desired)
     wanted: FloatArray = human.idm.max_acceleration * free_share(now.speed, desired)
     return np.maximum(wanted, -human.idm.max_deceleration)
 

@@ -11,7 +11,7 @@ import pytest
 
 from scex_sumo.behaviors.models.idm import IdmParameters, idm_acceleration
 from scex_sumo.humans import parameters, terms
-from scex_sumo.humans.parameters import HumanParameters, human_parameters
+from scex_sumo.humans.parameters import HumanParameters, human_parameters, simulated
 from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers
 
 HUMAN = human_parameters()
@@ -35,6 +35,17 @@ def situation(speed: list[float], *, expects: dict[str, Any] | None = None, **gi
 def test_at_the_limit_nobody_accelerates_and_a_standing_vehicle_fully() -> None:
     # The motion of a standing vehicle is no habit: it aims at the limit at once.
     assert terms.free(situation([20.0, 0.0]), HUMAN) == pytest.approx([0.0, 1.61], abs=0.1)
+
+
+def test_a_driver_at_the_limit_of_a_turn_speeds_up_to_that_of_the_road_behind_it() -> None:
+    # 10 m/s in the seed scene: below a limit of 20 that is a habit, at a limit of 10 it is not.
+    habit, turned = (terms.free(situation([10.0], limit=np.full(1, there)), HUMAN) for there in (20.0, 10.0))
+    assert habit == pytest.approx(0.0, abs=0.3)
+    assert turned == pytest.approx(1.61 * (1 - 0.5**4), abs=0.1)
+
+
+def test_drivers_of_sumo_start_as_fast_as_its_default_type() -> None:
+    assert terms.free(situation([0.0]), simulated(HUMAN)) == pytest.approx([2.6])
 
 
 def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:

@@ -220,7 +220,7 @@ def test_pedestrians_present_at_the_moment_are_obstacles(tmp_path: Path) -> None
     assert obstacles.states.shape == (1, 91)
     assert obstacles.present[0, :5].tolist() == [False] * 5
     assert obstacles.present[0, 5:].all()
-    np.testing.assert_allclose(obstacles.states.x[0], 1.0 + 0.1 * np.arange(61))  # goes on after frame 30
+    np.testing.assert_allclose(obstacles.states.x[0], 1.0 + 0.1 * np.arange(91))  # goes on after frame 30
 
 
 def test_repairs_are_said_in_one_line_and_can_be_switched_off(tmp_path: Path) -> None:
