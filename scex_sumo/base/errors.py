@@ -57,6 +57,10 @@ class SimulationError(ScexError):
     """SUMO refused or lost something that it should simulate."""
 
 
+class OutOfTimeError(SimulationError):
+    """Users' code that did not return in time."""
+
+
 class ResultError(ScexError):
     """A result folder that cannot be written, read or resumed."""
 

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 from scex_sumo.base.errors import MissingExtraError, UsageError
 
 _PACKAGE = Path(__file__).resolve().parents[1]
+end_process = os._exit  # which `staying` replaces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,18 +91,18 @@ def extra_for(need: str, extra: str) -> Iterator[None]:
 @contextmanager
 def staying() -> Iterator[None]:
     """Turn ``os._exit`` of others' code into SystemExit: it would end the process without a line."""
-    leave, process = os._exit, os.getpid()
+    before, process = os._exit, os.getpid()
 
     def refuse(status: int) -> NoReturn:
         if os.getpid() != process:  # one that the code has forked
-            leave(status)
+            end_process(status)
         raise SystemExit(f"os._exit({status})")
 
     os._exit = refuse
     try:
         yield
     finally:
-        os._exit = leave
+        os._exit = before
 
 
 def import_object(path: str, *, hint: str = "", own: bool = False) -> Any:

@@ -12,12 +12,12 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.evaluation.blocks import Block, blocks
+from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PAPER, MetricParameters
 from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
 from scex_sumo.metrics.extrema import Worst, scene_sums
-from scex_sumo.metrics.pair_values import evaluate_pairs
 from scex_sumo.metrics.registry import Metric, metrics_named
 from scex_sumo.results.outcomes import after_collision
 from scex_sumo.results.worst import other_ids

@@ -18,8 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from scex_sumo.base.errors import SimulationError, UsageError, last_words
-from scex_sumo.base.time_limit import OutOfTimeError
+from scex_sumo.base.errors import OutOfTimeError, SimulationError, UsageError, last_words
 
 OnStep: TypeAlias = Callable[[int], None]
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]

@@ -14,7 +14,13 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.projection import clipped
-from scex_sumo.behaviors.models.idm import IdmParameters, desired_speed, free_share, leader_share
+from scex_sumo.behaviors.models.idm import (
+    IdmParameters,
+    desired_speed,
+    free_share,
+    holding_acceleration,
+    leader_share,
+)
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.humans.population import node_weights
 from scex_sumo.scene import STEP_S
@@ -165,8 +171,7 @@ def holding(now: Situation, human: HumanParameters) -> FloatArray:
     profile = IdmParameters.of(human.idm, time_headway=np.zeros(1), comfort_deceleration=now.driver.braking)
     line = replace(profile, minimum_gap=human.line_gap_m)
     gap = np.broadcast_to(np.asarray(now.hold, dtype=np.float64), now.speed.shape)
-    slowing = human.idm.max_acceleration * (1 - leader_share(line, now.speed, gap, np.zeros_like(gap)))
-    return np.where(np.isfinite(gap), np.maximum(slowing, -human.idm.max_deceleration), np.inf)
+    return holding_acceleration(line, now.speed, gap)
 
 
 def curve(now: Situation, human: HumanParameters) -> FloatArray:

@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.drawing import extras_text
 from scex_sumo.converters.net.sumo_net import WrittenNet, lane_table
 from scex_sumo.geometry.polylines import length_of
+from scex_sumo.lanelet2sumo.drawing import extras_text
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme, Walks
 from scex_sumo.lanelet2sumo.plan.layout import plan_net
 from scex_sumo.lanelet2sumo.text import net_text

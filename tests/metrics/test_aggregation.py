@@ -9,10 +9,10 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, UsageError
+from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.metrics.pair_values import evaluate_pairs
 from scex_sumo.metrics.pairs.leaders import preset_named
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.registry import COLUMNS, METRICS, Metric

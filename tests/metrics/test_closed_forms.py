@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.metrics.pair_values import evaluate_pairs
 from tests.metrics.scenes import one_scene, paths_of, with_speeds
 
 # Closed forms in double precision: only rounding is left.

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
+from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.metrics.pair_values import evaluate_pairs
 from scex_sumo.metrics.registry import columns_of, metrics_named
 from tests.metrics.scenes import one_scene, random_run
 from tests.metrics.straight import closed_forms, straight

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.metrics.pair_values import evaluate_pairs
 from scex_sumo.scene import STEP_S, States
 from tests.metrics.scenes import one_scene, random_run
 

@@ -21,9 +21,9 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.errors import InputError, UsageError
+from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics import registry
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.metrics.pair_values import evaluate_pairs
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.registry import (
     COLUMNS,

@@ -7,10 +7,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, track_pairs
-from scex_sumo.metrics.pair_values import evaluate_pairs
 from scex_sumo.metrics.pairs.leaders import preset_named
 from tests.metrics.scenes import find_encounters, random_run
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -165,6 +164,14 @@ def leader_share(
     return share
 
 
+def holding_acceleration(
+    profile: IdmProfile | IdmParameters, speed: FloatArray, gap: FloatArray
+) -> FloatArray:
+    """Return (n,) accelerations that end at places to stop, m/s²: a_max·(1 - (s*/s)²); inf without."""
+    slowing = profile.max_acceleration * (1 - leader_share(profile, speed, gap, np.zeros_like(gap)))
+    return np.where(np.isfinite(gap), np.maximum(slowing, -profile.max_deceleration), np.inf)
+
+
 class IdmDriver(DrivesAlong):
     """Follows its path at the desired speed and keeps its distance to the leader.
 
@@ -253,12 +260,11 @@ def stopping(accelerate: Accelerate, profile: IdmProfile, way: FloatArray) -> Ac
     """Return accelerations of drivers that stop after ways (n,), m, as behind a leader that stands there."""
     braking = LINE_BRAKING * profile.comfort_deceleration
     to_line = replace(profile, minimum_gap=LINE_GAP_M, time_headway=0.0, comfort_deceleration=braking)
-    share = partial(leader_share, to_line, leader_speed=np.zeros_like(way))
 
     def accelerate_and_stop(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-        slowing = profile.max_acceleration * (1 - share(speed=v, gap=way - travelled))
-        slowing = np.where(np.isfinite(way), slowing, np.inf)
-        return np.minimum(accelerate(step, v, travelled, s), np.maximum(slowing, -profile.max_deceleration))
+        return np.minimum(
+            accelerate(step, v, travelled, s), holding_acceleration(to_line, v, way - travelled)
+        )
 
     return accelerate_and_stop
 

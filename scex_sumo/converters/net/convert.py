@@ -18,9 +18,7 @@ from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet, Writ
 from scex_sumo.road import MapLoss, Road
 from scex_sumo.scene import STEP_S
 
-NETS = Registry(
-    group="scex_sumo.nets", kind="net writer", builtin={"copy": "scex_sumo.converters.net.copy:copy_net"}
-)
+NETS = Registry(group="scex_sumo.nets", kind="net writer")
 """Net writers: functions ``write(road, signals)`` that return a `WrittenNet`."""
 DEFAULT_WRITER = "lanelet2sumo"
 

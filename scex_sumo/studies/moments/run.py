@@ -13,9 +13,8 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from scex_sumo.base.errors import TrackError, UsageError, reason_of
+from scex_sumo.base.errors import OutOfTimeError, TrackError, UsageError, reason_of
 from scex_sumo.base.files import TemporaryFolder, writing
-from scex_sumo.base.time_limit import OutOfTimeError
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.converters.net.convert import converted

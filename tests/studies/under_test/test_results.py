@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.extrapolation.settings import read_under_test
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.metrics.pair_values import evaluate_pairs
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.results.encounters import QUESTIONS, SCHEMA
 from scex_sumo.results.run import Run

@@ -6,7 +6,6 @@ Native code, such as a TorchScript module, cannot be interrupted: a process of t
 from __future__ import annotations
 
 import ctypes
-import os
 import sys
 import threading
 import time
@@ -14,15 +13,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from scex_sumo.base.errors import SimulationError, last_words
+from scex_sumo.base.errors import OutOfTimeError, last_words
+from scex_sumo.base.importing import end_process
 
 QUIET_S = 2.0  # after which a line says that the run waits
 RETURN_S = 5.0  # for Python code to end by the error that is raised in it
 _TICK_S = 0.25
-
-
-class OutOfTimeError(SimulationError):
-    """Users' code that did not return in time."""
 
 
 class _Interrupt(BaseException):
@@ -43,8 +39,6 @@ _calls: dict[int, _Call] = {}  # by thread
 _lock = threading.Lock()
 _told: set[str] = set()
 _watcher: list[threading.Thread] = []
-
-_end = os._exit  # which is replaced while users' code runs
 
 
 @contextmanager
@@ -101,4 +95,4 @@ def _give_up(words: str) -> None:
         last_words[-1](words)
         sys.stderr.flush()
     finally:
-        _end(1)
+        end_process(1)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.converters.net.drawing import extras_text
+from scex_sumo.lanelet2sumo.drawing import extras_text
 from scex_sumo.road import Area, Marking, Regulation
 from tests.converters.sumo_roads import lane, load, road
 

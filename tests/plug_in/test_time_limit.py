@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.base import time_limit
-from scex_sumo.base.time_limit import OutOfTimeError
+from scex_sumo.base.errors import OutOfTimeError
 from scex_sumo.extrapolation.pool import in_other_process
+from scex_sumo.plug_in import time_limit
 from scex_sumo.scenarios import example_path
 from tests.command import scex
 
@@ -75,7 +75,7 @@ def test_a_process_of_the_user_goes_on(capsys: pytest.CaptureFixture[str], impat
 DRIVER = """
 import time
 
-import scex_sumo.base.time_limit as t
+import scex_sumo.plug_in.time_limit as t
 import scex_sumo.plug_in.fallback as f
 
 t.QUIET_S, t.RETURN_S, f.MAX_CALL_S, f.MAX_VEHICLE_S = 0.5, 0.25, 1.0, 0.0
