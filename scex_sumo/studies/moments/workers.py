@@ -13,8 +13,14 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
-from scex_sumo.base.errors import MissingExtraError, ScexError, UsageError, one_line, reason_of
-from scex_sumo.base.time_limit import OutOfTimeError
+from scex_sumo.base.errors import (
+    MissingExtraError,
+    OutOfTimeError,
+    ScexError,
+    UsageError,
+    one_line,
+    reason_of,
+)
 from scex_sumo.base.version import __version__
 from scex_sumo.extrapolation.pool import WorkersDied
 from scex_sumo.extrapolation.workers import Workers
