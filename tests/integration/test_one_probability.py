@@ -15,8 +15,9 @@ from rich.console import Console
 import scex_sumo
 from scex_sumo.certainty.evidence import write_evidence
 from scex_sumo.commands.answers import run_answer
+from scex_sumo.metrics.events import EVENTS
 from scex_sumo.page.report.contents import report_contents
-from scex_sumo.reports.run_table import print_summary
+from scex_sumo.reports.run_table import expected_injuries, print_summary
 from scex_sumo.results.probability import Encounter
 from scex_sumo.results.run import Run
 from tests.command import scex
@@ -96,6 +97,25 @@ def test_a_pair_is_the_same_in_each_place(run: Run, worst: Encounter) -> None:
     found = json.loads(told("encounters", run.folder, "--json"))["encounters"]
     (answer,) = (row for row in found if {row["track_id"], row["other_id"]} == set(worst.pair))
     assert answer["exact_collision"] == worst.collision.exact
+
+
+def test_severe_injuries_are_those_of_1000_futures_in_each_place(run: Run) -> None:
+    injuries = expected_injuries(run)
+    assert injuries is not None
+    said, console = f"{1000 * injuries:.2f}", Console(file=StringIO(), width=250)
+    print_summary(run, console)
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    (row,) = (line for line in lines if line.startswith("│ severe injuries [‰]"))
+    assert f" {said} " in row
+    assert f">{said} severe injuries (MAIS 3+" in write_evidence(run).read_text()
+    assert report_contents(run)[0]["collision"]["injuries"] == pytest.approx(injuries)
+
+
+def test_no_event_of_a_pair_is_rarer_than_its_collision(run: Run) -> None:
+    for row in run.encounters.to_pylist():
+        pair = run.encounter(row["track_id"], row["other_id"])
+        for event in EVENTS:
+            assert pair.probability(event).estimate.value >= pair.collision.estimate.value, (row, event)
 
 
 def test_a_collision_that_counts_as_pet_is_said_to(run: Run, worst: Encounter) -> None:
