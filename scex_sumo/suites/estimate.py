@@ -45,7 +45,8 @@ class Rate:
 
 
 def _number(value: float) -> str:
-    return "0" if value == 0 else f"{value:.2g}"
+    digits = float(f"{value:.2g}")
+    return f"{digits:,.0f}".replace(",", " ") if abs(digits) >= 100 else f"{digits:g}"
 
 
 def total(

@@ -233,7 +233,7 @@ def outcomes_of(
     end = np.minimum(np.minimum(contact, other), TIME_S[-1])
     until = end[:, None] + 1e-9 >= TIME_S
     speed = states.speed[:, j]
-    braking = -np.gradient(speed, STEP_S, axis=1)
+    braking = np.maximum(-np.gradient(speed, STEP_S, axis=1), 0.0)
     closing = -np.gradient(apart[:, ::2], STEP_S, axis=1)
     gap = np.maximum(apart[:, ::2], 1e-2)
     counts = until & (closing > 1e-9)

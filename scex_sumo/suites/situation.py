@@ -100,8 +100,9 @@ class Situation:
 
     def words(self, row: int) -> str:
         """Return the action of a row in words."""
-        action = ACTIONS[int(self.cases.action[row])]
-        return action.words.format(f"{self.cases.value[row]:g}").replace(" or more", "")
+        action, value = ACTIONS[int(self.cases.action[row])], float(self.cases.value[row])
+        words = action.words.format(f"{value:g}").replace(" or more", "")
+        return words if value else words.partition(",")[0]
 
     def responses(self, row: IntArray, survival: FloatArray) -> FloatArray:
         """Return response times (m,) of people after the actions of rows (m,), s; inf where none is needed.

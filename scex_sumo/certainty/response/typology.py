@@ -37,10 +37,10 @@ CONFLICTS: Final = (
 """Kinds, in the order of the docs."""
 
 _STANDS_MPS, _SLOWER_MPS, _BRAKES_MPS2 = 0.5, 0.5, -0.5
-_IN_LINE_M = 1.8  # of the centre of a leader from the follower's line
+_IN_LINE_M = 2.0  # of the centre of a leader from the follower's line, now and a second ago
 _IN_LINE_RAD, _ALONG_RAD, _OPPOSED_RAD = np.deg2rad(45.0), np.deg2rad(30.0), np.deg2rad(135.0)
 _TURNS_RAD = np.deg2rad(30.0)
-_TOGETHER_M = 2.0  # between lines that come together
+_TOGETHER_M, _CROSS_M = 2.0, 1.0  # between lines that come together, and that cross
 _BEYOND_M = 15.0  # way after that place, by which it is known whether the lines part again
 _SECOND = round(1.0 / STEP_S)
 _ROADSIDE = ("pedestrian", "bicycle")
@@ -153,6 +153,7 @@ def _person_kind(expected: Expected, one: int, turn: float) -> str | None:
 
 def _kind(expected: Expected, both: tuple[int, int], ways: list[_Way], place: tuple[int, int]) -> str:
     now = abs(wrap(ways[0].heading[0] - ways[1].heading[0]))
+    came = max(now, abs(wrap(ways[0].before - ways[1].before)))
     for lead, follower in ((0, 1), (1, 0)):
         if _leads(expected, both[lead], ways[follower]):
             return _lead_kind(expected, both[lead], both[follower])
@@ -161,20 +162,23 @@ def _kind(expected: Expected, both: tuple[int, int], ways: list[_Way], place: tu
     points = np.array([*here, *((way.x[0], way.y[0]) for way in ways)])
     assert expected.scene.road is not None
     _, meets, *stands = places_of(expected.scene.road, points)
-    if "ring" in (*stands, meets) and stands != ["ring", "ring"]:
+    circles = meets == "ring" and now < _OPPOSED_RAD
+    if stands != ["ring", "ring"] and (circles or "ring" in stands):
         return ENTRY
     if now < _ALONG_RAD:
         return MERGE if meets == "merge" else LANE_CHANGE
-    return _across(now, turned, _go_on_together(ways, place))
+    crosses = _least_apart(*ways) < _CROSS_M
+    return _across(came, turned, together=_go_on_together(ways, place), crosses=crosses)
 
 
 def _leads(expected: Expected, lead: int, way: _Way) -> bool:
-    """Whether a vehicle is now on the way of another one, and in its direction."""
-    now = expected.scene.now
-    apart = np.hypot(way.x - now.x[lead], way.y - now.y[lead])
+    """Whether a vehicle is on the way of another one, came along it, and goes in its direction."""
+    states = expected.scene.history[lead]
+    apart, past = (np.hypot(way.x - states.x[k], way.y - states.y[k]) for k in (-1, -1 - _SECOND))
     nearest = int(np.argmin(apart))
-    turn = abs(wrap(now.heading[lead] - way.heading[nearest]))
-    return bool(nearest > 0 and apart[nearest] < _IN_LINE_M and turn < _IN_LINE_RAD)
+    turn = abs(wrap(states.heading[-1] - way.heading[nearest]))
+    inside = max(apart[nearest], past.min()) < _IN_LINE_M
+    return bool(nearest > 0 and inside and turn < _IN_LINE_RAD)
 
 
 def _lead_kind(expected: Expected, lead: int, follower: int) -> str:
@@ -197,14 +201,22 @@ def _go_on_together(ways: list[_Way], place: tuple[int, int]) -> bool:
     return bool(along and np.hypot(x - x2, y - y2) < 2 * _TOGETHER_M)
 
 
-def _across(now: float, turned: list[float], together: bool) -> str:
-    """Return the kind of two vehicles of different headings, by their turns, positive to the left."""
+def _least_apart(one: _Way, other: _Way) -> float:
+    return float(np.hypot(one.x[:, None] - other.x, one.y[:, None] - other.y).min())
+
+
+def _across(came: float, turned: list[float], *, together: bool, crosses: bool) -> str:
+    """Return the kind of two vehicles of different headings, by their turns, positive to the left.
+
+    Args:
+        came: angle between their headings now or a second ago, rad.
+    """
     straight = [abs(turn) < _TURNS_RAD for turn in turned]
     left = [turn >= _TURNS_RAD for turn in turned]
     if together:
         return MERGE if all(straight) else INTO_PATH
-    if now >= _OPPOSED_RAD:
-        return ACROSS_OPPOSITE if any(left) else HEAD_ON
+    if came >= _OPPOSED_RAD:
+        return ACROSS_OPPOSITE if any(left) and crosses else HEAD_ON
     if any(left):
         return ACROSS_LATERAL
     return CROSSING if all(straight) else INTO_PATH

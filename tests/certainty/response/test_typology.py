@@ -64,6 +64,17 @@ def test_a_leader_is_told_by_what_it_does(speed: float, before: float, word: str
     assert kind(found) == f"lead vehicle {word}"
 
 
+def test_who_only_crosses_the_way_does_not_lead() -> None:
+    """It is 20 m ahead now, and was 6 m beside the way a second ago."""
+    assert not kind(scene((20.0, 0.0, 40.0, 10.0), (0.0, 0.0, 0.0, 10.0))).startswith("lead")
+
+
+def test_two_who_pass_each_other_after_a_turn_do_not_cross() -> None:
+    found = scene((30.0, 3.5, 180.0, 6.0), (0.0, 0.0, 0.0, 6.0))
+    found.scene.history.heading[1, :-1] -= np.deg2rad(60.0)
+    assert kind(found) == "head-on"
+
+
 @pytest.mark.parametrize(
     ("vehicles", "turns", "expected"),
     [
