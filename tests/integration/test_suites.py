@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -178,6 +180,26 @@ def test_a_function_without_end_fails_its_case_and_the_test(place: Path) -> None
     (case,) = read(place, "slow")["cases"]
     assert (case["verdict"], "did not return within 2 s" in case["reason"]) == ("failed", True)
     assert "Traceback" not in done.stderr
+
+
+def test_the_workflow_of_the_docs_runs(place: Path) -> None:
+    """All that is no service of the host: the test, its status and its summary."""
+    yaml = pytest.importorskip("yaml")
+    text = (Path(__file__).parents[2] / "docs" / "catalogue.md").read_text()
+    workflow = yaml.safe_load(text.split("```yaml")[1].split("```")[0])
+    lines = [step["run"] for step in workflow["jobs"]["driver"]["steps"] if "run" in step]
+    assert lines[0] == "pip install scex-sumo"
+    (place / "my_driver.py").write_text("from functions import Straight as Driver\n")
+    name = scex.open_suite(place / "suite").cases[0].name
+    words = [*shlex.split(lines[1])[1:], "--cases", name, "--futures", "8"]
+    done = command(*words, cwd=place)
+    result = read(place, "out/test")
+    bad = result["verdicts"]["worse"] + result["verdicts"]["failed"]
+    assert done.returncode == (1 if bad else 0)
+    assert (place / "out" / "junit.xml").is_file()
+    summary = place / "step.md"
+    subprocess.run(lines[2], shell=True, cwd=place, env={"GITHUB_STEP_SUMMARY": str(summary)}, check=True)
+    assert summary.read_text() == (place / "out" / "test" / "summary.md").read_text()
 
 
 def test_wrong_input_is_one_line(place: Path, tmp_path: Path) -> None:
