@@ -14,8 +14,9 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.extras import ExtraResults, Row, extra_types
-from scex_sumo.results.parts import Part
+from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.run import Run
+from scex_sumo.scene import States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,8 +29,13 @@ class Work:
         progress: counts the steps of a further run of this size, see `Extra.repeats`.
 
     Example:
-        >>> scex.Work.__dataclass_fields__["part"].type  # its states: (futures, steps, vehicles)
-        'Part'
+        >>> class Standing(scex.Extra):
+        ...     def after(self, work):
+        ...         return [scex.Row(name="standing", value=int((work.states.speed[:, -1] < 0.1).sum()))]
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
+        >>> stopped = dict(models="emergency_brake", futures=1, reference=None, report=False)
+        >>> scex.extrapolate(scene, **stopped, extra=[Standing()]).info["rows"][-1]["value"]
+        14
     """
 
     job: Job
@@ -39,6 +45,11 @@ class Work:
     extras: Sequence[Extra] = ()
     settled: Any = None
     progress: Progress | None = None
+
+    @property
+    def states(self) -> States:
+        """States of all futures at all steps, (futures, steps, vehicles), read from the result folder."""
+        return Parts(self.job.folder).states()
 
     @property
     def is_reference(self) -> bool:

@@ -106,6 +106,10 @@ class Parts:
         some = self._taken(slice(0, futures), ("values", "defined"))
         return some["values"], some["defined"]
 
+    def states(self) -> States:
+        """Return the states of all finished futures, (C, T, V)."""
+        return States(**self._taken(slice(None), _STATES))
+
     def read(self, first: int, stop: int, *, plans: bool = True) -> Part:
         """Return futures ``first`` to ``stop - 1`` in order; they must be there."""
         part = slice(*np.searchsorted(self.futures, (first, stop)))

@@ -18,12 +18,12 @@ import scex_sumo as scex
 
 @dataclass(frozen=True, kw_only=True)
 class Speeding(scex.Extra):
-    """Share of the vehicles that drive faster than a limit in the first step."""
+    """Share of the vehicles that drive faster than a limit in the last step."""
 
     fast: float = scex.option("Speed above which a vehicle is fast, m/s.", 8.0, metavar="V")
 
     def after(self, work):
-        speed = work.part.states.speed[:, 0]
+        speed = work.states.speed[:, -1]
         return [scex.Row(name="fast vehicles", value=100 * float(np.mean(speed > self.fast)), unit="%")]
 '''
 RUN = ("run", example_path("urban_intersection"), "--futures", 4, "--steps", 5, "--models", "rules")
