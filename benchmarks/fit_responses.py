@@ -36,7 +36,8 @@ HORIZON_S, WINDOW_S = 3.0, 1.5
 SPEED_EDGES = (4.0, 8.0)
 LEADER = (8.0, 2.0, 1.5)  # a leader is within 8 m + 2 s, and 1.5 m to the side
 MOST_FACTOR = 30.0  # beyond it a frequency is not known at all
-SPREAD_MPS2 = 0.2  # of a responder's acceleration beside the expected one; of .15 to .5 the best in training
+# Of a responder's acceleration beside the expected one: the best in training, of -.5 to .25 and .1 to .8.
+MEAN_MPS2, SPREAD_MPS2 = -0.5, 0.5
 TAIL = 10  # largest values beyond which the tail is fitted
 EXCEEDANCES = 60
 FREQUENT = 20  # near misses of training from which their sum counts in the fit
@@ -241,14 +242,14 @@ def expected_number(samples: Samples, people: People, event: str = "contact") ->
     return np.bincount(samples.action, weights=sure, minlength=len(ACTIONS))
 
 
-def predicted(samples: Samples, people: People, event: str, spread: float = SPREAD_MPS2) -> FloatArray:
+def predicted(samples: Samples, people: People, event: str) -> FloatArray:
     """Return (p,) probability of a near miss of each pair: through an action, or as expected.
 
     Beside its expected motion a responder has an acceleration of its own, normally distributed.
     """
     none = np.zeros(len(samples.pair_moment))
     np.add.at(none, samples.pair, np.log1p(-np.minimum(chances(samples, people, event), 0.999)))
-    weight = np.exp(-((VARIES_MPS2 / spread) ** 2) / 2)
+    weight = np.exp(-(((VARIES_MPS2 - MEAN_MPS2) / SPREAD_MPS2) ** 2) / 2)
     usual = samples.usual[:, list(NEAR).index(event)] @ (weight / weight.sum())
     return np.asarray(1 - np.exp(none) * (1 - usual))
 
