@@ -180,13 +180,13 @@ def expected_of(loaded: LoadedRecording, every_s: float) -> list[Expected]:
     found = []
     with TemporaryDirectory() as folder:
         net = converted(loaded.road, Path(folder) / "map.net.xml")
-    for moment in recording_moments(loaded, every_s=every_s):
-        try:
-            scene, _ = ruled(seed_at(loaded, moment.time_s), net, RunSettings())
-        except TrackError:
-            continue
-        if scene.future is not None and scene.future.shape[1] >= AHEAD:
-            found.append(expected_motion(scene))
+        for moment in recording_moments(loaded, every_s=every_s):
+            try:
+                scene, _ = ruled(seed_at(loaded, moment.time_s), net, RunSettings())
+            except TrackError:
+                continue
+            if scene.future is not None and scene.future.shape[1] >= AHEAD:
+                found.append(expected_motion(scene))
     return found
 
 
