@@ -83,7 +83,7 @@ def write_ranking_page(
             scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
             command, report = _command(run, task.ref), folder / REPORTS / f"{task.ref.moment}.html"
             rows = [row for row in top if row["seed"] == task.ref.moment]
-            weights = fitted and fitted.of(run.recording(task.ref))
+            weights = None if fitted is None else fitted.of(run.recording(task.ref))
             ran = _write_report(task, scene, command, report, pool, rows, weights)
             for row in rows:
                 shares[row["rank"]] = row[FITTED]
