@@ -154,7 +154,8 @@ class Session:
     def _window(self, folder: Path) -> list[str]:
         frame = frame_of(template_of(net_of(self.config)).bounds, [(0, 0)], [])
         settings = folder / "view.xml"
-        write_view_settings(settings, frame, delay_ms=0, lights=True, text_px=TEXT_PX)
+        true_size = self.follow or self.ghosts  # the view is near, and ghosts have their size
+        write_view_settings(settings, frame, delay_ms=0, lights=True, text_px=TEXT_PX, true_size=true_size)
         return [
             "--gui-settings-file",
             str(settings),

@@ -338,6 +338,7 @@ def write_view_settings(
     pause_s: float | None = None,
     lights: bool = False,
     text_px: float | None = None,
+    true_size: bool = False,
 ) -> None:
     """Write sumo-gui's view settings.
 
@@ -346,7 +347,8 @@ def write_view_settings(
         chosen: ids of selected vehicles only.
         snapshots: times in s and file names.
         lights: show traffic lights, as bars at the ends of lanes.
-        text_px: size of texts at any zoom, with vehicles in their size; None: that of the frame, in m.
+        text_px: size of texts at any zoom; None: that of the frame, in m.
+        true_size: vehicles are not exaggerated.
     """
     pictures = "".join(f'    <snapshot file="{name}" time="{time:.2f}"/>\n' for time, name in snapshots)
     if pause_s is not None:
@@ -363,7 +365,7 @@ def write_view_settings(
         text_constant=int(text_px is not None),
         delay=delay_ms,
         viewport='    <viewport zoom="{:.2f}" x="{:.2f}" y="{:.2f}" angle="0"/>\n'.format(*frame.viewport),
-        exaggeration=frame.exaggeration if text_px is None else 1.0,
+        exaggeration=1.0 if true_size else frame.exaggeration,
         snapshots=pictures,
     )
     path.write_text(text, encoding="utf-8")
