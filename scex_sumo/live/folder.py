@@ -97,9 +97,8 @@ def _write(path: Path, table: pa.Table) -> Path:
 def worst_moments(risks: Sequence[Risk]) -> list[tuple[Risk, PairRisk]]:
     """Return the moments with the most probable collisions, each with its pair; see `APART_S`."""
     found: list[tuple[Risk, PairRisk]] = []
-    led = [(risk, risk.worst) for risk in risks if risk.worst is not None and risk.worst.human_like > 0]
-    for risk, pair in sorted(led, key=lambda one: -one[1].human_like):  # type: ignore[union-attr]
-        assert pair is not None
+    led = [(risk, pair) for risk in risks if (pair := risk.worst) is not None and pair.human_like > 0]
+    for risk, pair in sorted(led, key=lambda one: -one[1].human_like):
         near = (
             set(pair.names) == set(other.names) and abs(risk.time_s - then.time_s) < APART_S
             for then, other in found

@@ -86,9 +86,7 @@ class Moment:
             TrackError: no vehicle is there.
             MapError: the net cannot be read.
         """
-        if all(
-            kind == "pedestrian" for kind, *_ in map(self.recorded.users.get, self.recorded.frames[-1][1])
-        ):
+        if not self.motorised:
             time_s = self.recorded.frames[-1][0]
             raise TrackError(f"no vehicle on the road at {time_s:g} s; step the simulation first")
         table, findings = repaired(*self.recorded.tracks(self.net), SCENARIO)

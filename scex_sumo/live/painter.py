@@ -107,7 +107,7 @@ class Painter:
         self._followed = pair.names
 
     def _draw_ghosts(self, risk: Risk) -> None:
-        wanted = {}
+        wanted: dict[str, list[list[float]]] = {}
         if self._ghosts and risk.worst is not None:
             color = color_of(risk.worst.human_like)
             for number, outlines in enumerate(risk.ghosts.values()):

@@ -170,5 +170,5 @@ class Session:
 def _messages() -> Iterator[Callable[[], list[str]]]:
     """Keep what SUMO's library prints away from the terminal; ours still goes there."""
     out, error = sys.stdout, PrintableStream(os.fdopen(os.dup(2), "w", buffering=1))
-    with silence() as messages, redirect_stdout(out), redirect_stderr(error):  # type: ignore[type-var]
+    with silence() as messages, redirect_stdout(out), redirect_stderr(error):
         yield messages
