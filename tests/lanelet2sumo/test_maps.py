@@ -127,4 +127,4 @@ def test_the_recorded_phases_of_k733_become_its_light(data: Path, tmp_path: Path
         now += seconds
     assert [(round(a, 1), round(b, 1)) for a, b in green] == [(2.8, 16.8), (92.8, 103.8)]
     approaches = {c.get("from") for c in file.connections.values() if c.get("tl")}
-    assert len(approaches) == 11
+    assert len(approaches) == 12

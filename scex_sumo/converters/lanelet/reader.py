@@ -213,7 +213,10 @@ def _load(
     changed = replace(map_file, relations={i: r for i, r in map_file.relations.items() if i not in flat})
     if not all(rules.canPass(v.lanelet) for v in usable):
         roads, undriven, changed = REPAIRS.load("subtypes")(usable, rules, map_file, changed)
-    if flat or roads:
+    if missing := REPAIRS.load("between")(usable, rules, changed):
+        changed = replace(changed, relations=changed.relations | missing)
+        notes.append(f"lanelets missing between two others, added between their bounds: {list_ids(missing)}")
+    if flat or roads or missing:
         map_file = changed
         lanelet_map, errors = _parse(map_file, origin, True)
         vertices = [v for v in drawn_vertices(lanelet_map, rules, map_file) if v.usable]

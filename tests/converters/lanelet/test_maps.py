@@ -40,8 +40,10 @@ def id_of(lanelet: Any) -> int | None:
 def test_every_lanelet_is_a_lane_with_lanelet2s_geometry(real_map: tuple[Path, Any, Any]) -> None:
     path, lanelet_map, _ = real_map
     road = read_road(path)
-    assert list(road.lanes) == sorted(lanelet.id for lanelet in lanelet_map.laneletLayer)
-    assert road.notes == ()
+    drawn = sorted(lanelet.id for lanelet in lanelet_map.laneletLayer)
+    assert [i for i in road.lanes if i in drawn] == drawn
+    # k733 lacks a lanelet between two others.
+    assert len(road.lanes) - len(drawn) == len(road.notes) == ("k733" in path.name)
     for lanelet in lanelet_map.laneletLayer:
         lane = road.lanes[lanelet.id]
         for points, line in (
@@ -73,18 +75,23 @@ def test_relations_are_those_of_lanelet2s_routing_graph(real_map: tuple[Path, An
     path, lanelet_map, graph = real_map
     road = read_road(path)
     passable = set(ids(graph.passableLaneletSubmap().laneletLayer))
-    assert set(road.vehicle_lanes) == passable
+    added = set(road.vehicle_lanes) - passable
+    assert len(added) == ("k733" in path.name)
+
+    def drawn(lanes: tuple[int | None, ...]) -> tuple[int | None, ...]:
+        return tuple(None if i in added else i for i in lanes)
+
     for lanelet in lanelet_map.laneletLayer:
         if lanelet.id not in passable:
             continue
         lane: Lane = road.lanes[lanelet.id]
         assert lane.successors == ids(graph.following(lanelet))
-        assert lane.predecessors == ids(graph.previous(lanelet))
+        assert tuple(i for i in drawn(lane.predecessors) if i) == ids(graph.previous(lanelet))
         assert lane.conflicts == ids(graph.conflicting(lanelet))
         left, right = graph.left(lanelet), graph.right(lanelet)
-        assert (lane.left, lane.right) == (id_of(left), id_of(right))
-        assert lane.adjacent_left == id_of(left or graph.adjacentLeft(lanelet))
-        assert lane.adjacent_right == id_of(right or graph.adjacentRight(lanelet))
+        assert drawn((lane.left, lane.right)) == (id_of(left), id_of(right))
+        assert drawn((lane.adjacent_left,)) == (id_of(left or graph.adjacentLeft(lanelet)),)
+        assert drawn((lane.adjacent_right,)) == (id_of(right or graph.adjacentRight(lanelet)),)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +100,7 @@ def test_relations_are_those_of_lanelet2s_routing_graph(real_map: tuple[Path, An
         ("interaction/maps/DR_DEU_Merging_MT.osm", {"vehicle": 13}, {50: 13}),
         ("interaction/maps/DR_DEU_Roundabout_OF.osm", {"vehicle": 48}, {50: 48}),
         ("taf_bw/maps/k729_2022-03-16.osm", {"vehicle": 32, "pedestrian": 34, "bicycle": 3}, {50: 32}),
-        ("taf_bw/maps/k733_2020-09-15.osm", {"vehicle": 38}, {50: 18, 60: 20}),
+        ("taf_bw/maps/k733_2020-09-15.osm", {"vehicle": 39}, {50: 18, 60: 21}),  # one added
     ],
 )
 def test_kinds_and_limits_are_as_tagged(
