@@ -18,6 +18,8 @@ from scex_sumo import find_recordings, load_recording, read_map, read_seed
 from scex_sumo.base.errors import MapError, ScexError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.extrapolation.job import ruled
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.formats.scenarionet import unpickle
 from tests.formats import streets
 from tests.runs import extrapolate
@@ -222,6 +224,17 @@ def test_its_lights_are_replayed_in_the_net(scenario: Path, tmp_path: Path) -> N
     assert 'id="tl_recorded"' in text and 'programID="recorded"' in text
     states = [line.split('state="')[1][0] for line in text.splitlines() if "<phase" in line]
     assert "r" in states and "G" in states
+
+
+def test_drivers_see_its_lights_as_they_were_at_and_after_the_moment(scenario: Path, tmp_path: Path) -> None:
+    scene = read_seed(scenario, time=1.0)
+    assert scene.road is not None
+    scene, net = ruled(scene, convert(scene.road, tmp_path / "x.net.xml"), RunSettings())
+    assert net.notes[-1] == f"lights as recorded in {scenario.name}"
+    assert scene.rules is not None
+    lights = {passage.lanes[0]: passage.signal for passage in scene.rules.passages}
+    shown = [scene.rules.signals[lights[1]].at(time_s)[0] for time_s in (0.0, 1.9, 2.1)]
+    assert (shown, lights[2]) == (["r", "r", "G"], -1)
 
 
 def test_empty_relations_everywhere_are_none_at_all_and_counts_of_a_defaultdict_are_read(
