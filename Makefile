@@ -5,6 +5,9 @@ STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 
+# Commands would compile all modules again at each start where this is set, as in many containers.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test fuzz check docs-pictures docs-tutorial docs-site clean
 
 $(VENV)/bin/python:
