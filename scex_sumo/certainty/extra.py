@@ -8,7 +8,7 @@ from typing import Any
 
 from scex_sumo.base.errors import ScexError, warn_notes
 from scex_sumo.certainty.exact import find_exact, why_not_exact
-from scex_sumo.certainty.fitted import answer_of, fitted_weights, write_fitted
+from scex_sumo.certainty.fitted import answer_of, fitted_weights, percent_of, write_fitted
 from scex_sumo.certainty.options import EXACT, FITTED, ExactProbabilities
 from scex_sumo.certainty.page import exact_part
 from scex_sumo.certainty.results import Exact, exact_of, write_exact
@@ -51,9 +51,7 @@ class ExactExtra(ExactProbabilities):
         if not found:
             return ()
         fitted = found["fitted_weights"]
-        share = (
-            "an unknown share" if fitted["p_collision"] is None else f"{100 * fitted['p_collision']:.2g} %"
-        )
+        share = percent_of(fitted["p_collision"])
         how = f"weights fitted to the recording ({fitted['words']})"
         return [f"stress test, {how}: a collision in {share} of futures"]
 

@@ -42,6 +42,7 @@ MAX_MOMENTS: Final = 60
 APART_S: Final = 3.0  # of moments from the seed moment: the time of a plan
 MOVES_MPS: Final = 1.0  # slower vehicles tell nothing: models that keep still are alike
 MIN_WINDOWS: Final = 30
+LEAST: Final = 1e-3  # share that is told: weights near 0 are not better known
 _TIMES = np.array([1.0, 2.0, 3.0])
 _ROUNDS, _BOOTSTRAP = 100, 100
 
@@ -189,6 +190,13 @@ def _fit(names: list[str], tracks: IntArray, errors: FloatArray, *, before: bool
         vehicles=len(vehicles),
         before=before,
     )
+
+
+def percent_of(share: float | None) -> str:
+    """Return P with fitted weights in words, two digits down to 0.1 %."""
+    if share is None:
+        return "an unknown share"
+    return "< 0.1 %" if 0 < share < LEAST else f"{100 * share:.2g} %"
 
 
 def write_fitted(folder: Path, fitted: FittedWeights) -> None:

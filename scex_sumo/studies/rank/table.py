@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
+from scex_sumo.certainty.fitted import percent_of
 from scex_sumo.certainty.response.answer import either, once_in
 from scex_sumo.certainty.response.usual import AT_SITE, usual_of
 from scex_sumo.metrics.registry import side_of
@@ -138,7 +139,7 @@ def stress_words(row: Row) -> str | None:
     drawn, fitted = row["stress_p_collision"], row[FITTED]
     if drawn is None:
         return None
-    return f"{drawn:.0%}" + ("" if fitted is None else f" ({100 * fitted:.2g} % fitted)")
+    return f"{drawn:.0%}" + ("" if fitted is None else f" ({percent_of(fitted)} fitted)")
 
 
 def _braking(row: Row) -> str | None:

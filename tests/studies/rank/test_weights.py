@@ -35,5 +35,6 @@ def test_models_that_cannot_be_fitted_leave_a_note(recording: Recording) -> None
 def test_both_shares_are_told_where_they_are_known() -> None:
     row = {"stress_p_collision": 0.1875, "stress_p_fitted": 0.0123}
     assert stress_words(row) == "19% (1.2 % fitted)"
+    assert stress_words(row | {"stress_p_fitted": 2e-52}) == "19% (< 0.1 % fitted)"
     assert stress_words(row | {"stress_p_fitted": None}) == "19%"
     assert stress_words(dict.fromkeys(row)) is None
