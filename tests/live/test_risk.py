@@ -1,0 +1,88 @@
+"""Risk of a moment: who leads, what a vehicle's P is, names and ghosts of a simulation that stands still."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.programs import program
+from scex_sumo.live.risk import PairRisk, Question, Risk, assess
+from tests.formats.sumo.simulations import write_grid
+
+PAIR = PairRisk(hits="a", other="b", kind="crossing", human_like=0.1, stress=0.5)
+
+
+def risk(*pairs: PairRisk) -> Risk:
+    return Risk(time_s=1.0, pairs=pairs, vehicles=("a", "b", "c"))
+
+
+def test_a_pair_with_doubtful_data_neither_leads_nor_counts() -> None:
+    doubtful = replace(PAIR, human_like=0.9, doubt="boxes overlap")
+    assert risk(doubtful, PAIR).worst == PAIR and risk(doubtful).worst is None
+    assert risk(doubtful).of("a") == 0.0
+
+
+def test_p_of_a_vehicle_joins_its_pairs_as_if_independent() -> None:
+    found = risk(PAIR, replace(PAIR, hits="c", other="a", human_like=0.2))
+    assert found.of("a") == pytest.approx(1 - 0.9 * 0.8) and found.of("b") == pytest.approx(0.1)
+    assert found.of("nobody") == 0.0
+
+
+def test_either_joins_people_and_the_stress_test() -> None:
+    assert PAIR.either == pytest.approx(1 - 0.9 * 0.5)
+    assert replace(PAIR, stress=None).either == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("question", "words"),
+    [
+        (Question(futures=-1), "--futures: got -1"),
+        (Question(models="nonsense"), "unknown behavior 'nonsense'"),
+        (Question(response="nowhere.json"), "nowhere.json"),
+    ],
+)
+def test_a_question_that_cannot_be_answered_is_refused(question: Question, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        question.check()
+
+
+MOMENT = """
+import pickle, sys
+import libsumo as sumo
+from scex_sumo.live.watch import Watch
+sumo.start({start})
+watch = Watch(sumo, None)
+sumo.simulationStep(30)
+for _ in range(11):
+    sumo.simulationStep()
+pickle.dump((watch.moment(), sumo.vehicle.getIDList()), open("moment", "wb"))
+"""
+
+
+def test_a_moment_travels_and_its_pairs_have_sumos_names(tmp_path: Path) -> None:
+    write_grid(tmp_path)
+    start = [
+        program("sumo"),
+        "-c",
+        "mine.sumocfg",
+        "--no-step-log",
+        "--no-warnings",
+        "--xml-validation",
+        "never",
+    ]
+    subprocess.run([sys.executable, "-c", MOMENT.format(start=start)], cwd=tmp_path, check=True)
+    moment, names = pickle.loads((tmp_path / "moment").read_bytes())
+    found = assess(moment, Question(futures=4))
+    assert found.time_s == 31.1 and set(found.vehicles) <= set(names) and found.pairs
+    assert {pair.hits for pair in found.pairs} <= set(found.vehicles)
+    assert all(pair.stress in (0.0, 0.25, 0.5, 0.75, 1.0) for pair in found.pairs)
+    assert set(found.ghosts) <= set(found.vehicles)
+    for shape in found.ghosts.values():
+        assert shape.shape[1:] == (5, 2) and np.array_equal(shape[:, 0], shape[:, 4])
