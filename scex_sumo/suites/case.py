@@ -24,10 +24,10 @@ from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.info import describe
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.studies.moments.pairs import recorded
+from scex_sumo.studies.moments.pairs import PARAMETERS, recorded
 from scex_sumo.studies.rank.stage import Stage, stage_of_motion
 from scex_sumo.suites.openlabel import openlabel_tags
-from scex_sumo.suites.population import PARAMETERS, RISK_WORDS
+from scex_sumo.suites.population import RISK_WORDS
 from scex_sumo.suites.simulate import EXPECTED, OTHERS, REPLAN, Script
 from scex_sumo.suites.situation import STEPS, Situation
 from scex_sumo.suites.suite import CASE, MAPS

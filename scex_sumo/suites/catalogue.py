@@ -110,8 +110,9 @@ def catalogue(
         rankings = [place for place in places if is_ranking(place)]
         others = [place for place in places if place not in rankings]
         if others:
-            own = {"every": every, "min_vehicles": min_vehicles, "workers": workers, "overwrite": overwrite}
-            rank(others, out=out / RANKING, progress=progress, command=command, **own, **_PAIRS_ALONE)
+            own: dict[str, Any] = {"every": every, "min_vehicles": min_vehicles, "workers": workers}
+            own |= {"overwrite": overwrite, "progress": progress, "command": command}
+            rank(others, out=out / RANKING, **own, **_PAIRS_ALONE)
             rankings.append(out / RANKING)
         population = read_population(rankings)
         chosen = choose(population, count, seed=seed)

@@ -130,7 +130,7 @@ def _scaled(suite: Suite, ran: np.ndarray[Any, np.dtype[np.bool_]]) -> FloatArra
         kept, whole = float(weight[inside].sum()), float(suite.weight[suite.stratum == h].sum())
         if kept > 0:
             weight[inside] *= whole / kept
-    return weight
+    return np.asarray(weight)
 
 
 def unseen(suite: Suite, records: Sequence[Mapping[str, Any]]) -> list[str]:
