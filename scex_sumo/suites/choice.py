@@ -1,8 +1,9 @@
 """Choice of cases: strata of kind and risk, clusters in each, and one case drawn of each cluster.
 
-Clusters of a stratum have nearly one size and gather round medoids in the space of standardised parameters.
-So the cases cover that space, and each candidate has a known probability to be chosen, whose inverse is the
-weight of the case: weighted sums over the cases estimate sums over all candidates without bias.
+What can bring about much is taken for sure. Clusters of the others have nearly one share of it and gather
+round medoids in the space of standardised parameters. So the cases cover that space, and each candidate has a
+known probability to be chosen, whose inverse is its weight: weighted sums over the cases estimate sums over
+all candidates without bias.
 """
 
 from __future__ import annotations
@@ -13,13 +14,12 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.suites.population import RISK_WORDS, Population
 
 EACH: Final = 2
 """Least cases of a stratum: one has no variance."""
-_BY_RISK = 0.5  # share of the other cases that go to strata by the sum of P (Neyman); the rest by size
 _ROUNDS = 8  # of the medoids
 
 
@@ -50,6 +50,9 @@ class Chosen:
 def choose(population: Population, count: int, *, seed: int = 0, per_moment: bool = True) -> Chosen:
     """Choose about ``count`` candidates; all if there are no more.
 
+    Candidates with a large share of `Population.size` are taken for sure. Of the others, a cluster gives one,
+    with a probability like its share.
+
     Args:
         per_moment: at most one candidate of a moment, as long as its cluster has another one.
 
@@ -58,22 +61,31 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
     """
     if count < EACH:
         raise UsageError(f"--count: got {count}, needs at least {EACH}")
-    rng, features = np.random.default_rng(seed), population.parameters()
-    stratum, words = strata_of(population, max(1, count // (2 * EACH)))
+    rng, features, size = np.random.default_rng(seed), population.parameters(), population.size()
+    sure = _sure(size, min(count, len(population)))
+    rest = np.flatnonzero(~sure)
+    stratum, words = np.zeros(len(population), dtype=np.int64), ["taken for sure"]
+    if len(rest):
+        own, names = strata_of(population, rest, max(1, (count - int(sure.sum())) // (2 * EACH)))
+        stratum[rest], words = own + 1, [*words, *names]
     sizes = np.bincount(stratum, minlength=len(words))
-    chance = population.column("probability")
-    shares = allocation(sizes, [float(chance[stratum == h].sum()) for h in range(len(words))], count)
-    index, weight, spare, used = [], [], [], set[str]()
+    sums = [float(size[(stratum == h) & ~sure].sum()) for h in range(1, len(words))]
+    shares = allocation(sizes[1:], sums, count - int(sure.sum()))
+    index: list[int] = np.flatnonzero(sure).tolist()
+    weight, spare, used = [1.0] * len(index), [list[int]() for _ in index], set[str]()
     seeds = [row["seed"] for row in population.rows]
-    for h, cases in enumerate(shares.tolist()):
+    used.update(seeds[k] for k in index)
+    for h, cases in enumerate(shares.tolist(), start=1):
         inside = np.flatnonzero(stratum == h)
-        cluster = clusters(features[inside], cases, rng)
+        cluster = clusters(features[inside], size[inside], cases, rng)
         for c in range(cases):
-            members = rng.permutation(inside[cluster == c]).tolist()
-            free = [k for k in members if not per_moment or seeds[k] not in used]
-            index.append((free or members)[0])
-            weight.append(float(len(members)))
-            spare.append([k for k in members if k != index[-1]])
+            members = inside[cluster == c]
+            share = size[members] / size[members].sum()
+            order = rng.choice(members, len(members), replace=False, p=share).tolist()
+            free = [k for k in order if not per_moment or seeds[k] not in used]
+            index.append((free or order)[0])
+            weight.append(float(size[members].sum() / size[index[-1]]))
+            spare.append([k for k in order if k != index[-1]])
             used.add(seeds[index[-1]])
     found = np.array(index, dtype=np.int64)
     order, novelty = _by_novelty(features[found], np.array(population.kinds)[found])
@@ -88,16 +100,27 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
     )
 
 
-def strata_of(population: Population, most: int) -> tuple[IntArray, list[str]]:
-    """Return the stratum (N,) of each candidate, and their words: kinds by class of risk.
+def _sure(size: FloatArray, count: int) -> BoolArray:
+    """Return which of (N,) candidates are taken for sure: their share of ``count`` would be one or more."""
+    sure = np.zeros(len(size), dtype=np.bool_)
+    while True:
+        left = count - int(sure.sum())
+        more = ~sure & (size * left >= size[~sure].sum() * (1 - 1e-9)) if left > 0 else np.zeros_like(sure)
+        if not more.any():
+            return sure
+        sure |= more
+
+
+def strata_of(population: Population, some: IntArray, most: int) -> tuple[IntArray, list[str]]:
+    """Return the stratum (n,) of some candidates, and their words: kinds by class of risk.
 
     The smallest of more than ``most`` strata joins the smallest of its kind, else that of its risk.
     """
-    kinds, risk = population.kinds, population.risk.tolist()
+    kinds, risk = np.array(population.kinds)[some].tolist(), population.risk[some].tolist()
     groups: dict[frozenset[tuple[str, int]], int] = {}
     for cell in zip(kinds, risk, strict=True):
         groups[frozenset([cell])] = groups.get(frozenset([cell]), 0) + 1
-    least = max(EACH, len(population) // (4 * most))
+    least = max(EACH, len(some) // (4 * most))
     while len(groups) > 1:
         small = min(groups, key=lambda g: (groups[g], sorted(g)))
         if len(groups) <= most and groups[small] >= least:
@@ -126,21 +149,15 @@ def _words(group: frozenset[tuple[str, int]]) -> str:
     return f"{name}, {' or '.join(RISK_WORDS[risk] for risk in risks)}"
 
 
-def allocation(sizes: IntArray, chances: Sequence[float], count: int) -> IntArray:
-    """Return the number of cases (H,) of each stratum.
-
-    Each has `EACH`, or all. Half of the others go by the sum of P (Neyman's allocation if the spread within a
-    stratum is like its mean), half by the root of the size.
-    """
-    least = np.minimum(sizes, EACH)
-    weight = _BY_RISK * _share(np.array(chances)) + (1 - _BY_RISK) * _share(np.sqrt(sizes))
-    found = least.astype(np.float64)
+def allocation(sizes: IntArray, sums: Sequence[float], count: int) -> IntArray:
+    """Return the number of cases (H,) of each stratum: `EACH`, or all; the others by the sum of shares."""
+    found = np.minimum(sizes, EACH).astype(np.float64)
     for _ in range(len(sizes) + 1):
         open_ = found < sizes
         left = min(count, int(sizes.sum())) - found.sum()
         if left <= 1e-9 or not open_.any():
             break
-        found = np.minimum(found + left * _share(np.where(open_, weight, 0.0)), sizes)
+        found = np.minimum(found + left * _share(np.where(open_, np.array(sums), 0.0)), sizes)
     whole = np.floor(found + 1e-9).astype(np.int64)
     rest = np.argsort(whole - found, kind="stable")[: max(0, round(float(found.sum())) - int(whole.sum()))]
     whole[rest] += 1
@@ -152,11 +169,11 @@ def _share(values: FloatArray) -> FloatArray:
     return np.asarray(values / total if total > 0 else np.full(len(values), 1 / max(len(values), 1)))
 
 
-def clusters(features: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
-    """Return the cluster (N,) of each point: medoids, with clusters of nearly one size.
+def clusters(features: FloatArray, size: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
+    """Return the cluster (N,) of each point: medoids, with clusters of nearly one sum of sizes.
 
     Args:
-        features: (N, D).
+        features: (N, D); ``size`` (N,).
         count: at most N.
     """
     if count <= 1:
@@ -172,7 +189,7 @@ def clusters(features: FloatArray, count: int, rng: np.random.Generator) -> IntA
         far = np.minimum(far, np.linalg.norm(features - features[new], axis=1))
     centre = features[medoid]
     for _ in range(_ROUNDS):
-        cluster = _balanced(features, centre)
+        cluster = _balanced(features, size, centre)
         middle = np.stack([features[cluster == c].mean(axis=0) for c in range(count)])
         nearest = [
             np.flatnonzero(cluster == c)[
@@ -186,21 +203,23 @@ def clusters(features: FloatArray, count: int, rng: np.random.Generator) -> IntA
     return cluster
 
 
-def _balanced(features: FloatArray, centre: FloatArray) -> IntArray:
-    """Assign points (N, D) to near centres (K, D), at most ⌈N / K⌉ and at least ⌊N / K⌋ to each."""
-    count, size = len(centre), len(features) / len(centre)
+def _balanced(features: FloatArray, size: FloatArray, centre: FloatArray) -> IntArray:
+    """Assign points (N, D) to near centres (K, D), with nearly the same sum of sizes; none is empty."""
+    count = len(centre)
     apart = np.linalg.norm(features[:, None] - centre, axis=2)
-    room = np.full(count, int(np.floor(size)))
-    spare = len(features) - int(room.sum())
+    room = np.full(count, size.sum() / count)
     cluster = np.full(len(features), -1, dtype=np.int64)
+    cluster[np.argmin(apart, axis=0)] = np.arange(count)
     second = np.partition(apart, 1, axis=1)[:, 1]
     for k in np.argsort(apart.min(axis=1) - second, kind="stable").tolist():  # the surest first
-        for c in np.argsort(apart[k], kind="stable").tolist():
-            if room[c] > 0 or (room[c] == 0 and spare > 0):
-                spare -= room[c] == 0
-                room[c] -= 1
-                cluster[k] = c
-                break
+        if cluster[k] < 0:
+            fits = np.flatnonzero(room >= size[k] / 2)
+            near = fits if len(fits) else np.array([int(np.argmax(room))])
+            cluster[k] = near[np.argmin(apart[k, near])]
+        room[cluster[k]] -= size[k]
+    for c in np.setdiff1d(np.arange(count), cluster).tolist():  # centres that share a point
+        largest = int(np.argmax(np.bincount(cluster, minlength=count)))
+        cluster[np.flatnonzero(cluster == largest)[0]] = c
     return cluster
 
 

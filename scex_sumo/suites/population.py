@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError, one_line
 from scex_sumo.certainty.response.typology import CONFLICTS
-from scex_sumo.studies.moments.pairs import OWN, PARAMETERS
+from scex_sumo.studies.moments.pairs import BACK, OWN, PARAMETERS
 
 LEAST: Final = 1e-9
 """P of a contact from which a vehicle of an encounter is a candidate."""
@@ -30,7 +30,7 @@ RISK_WORDS: Final = ("below 1e-7", "1e-7 to 1e-6", "1e-6 to 1e-5", "1e-5 or more
 _SAME: Final = ("location", "recording", "case", "seed", "time_s", "takes", "kind", "conflict", "factor")
 _NEEDED: Final = (
     *("track_id", "other_id", "person", "action", "value", "probability", "severity", "needed_braking"),
-    *("first_s", "last_s", "doubt", *_SAME, *PARAMETERS, *OWN),
+    *("first_s", "last_s", "doubt", *_SAME, *PARAMETERS, *OWN, *BACK),
 )
 _LATEST_S = 8.0
 
@@ -91,6 +91,18 @@ class Population:
         values = np.stack(columns, axis=1)
         spread = values.std(axis=0) if len(values) else np.ones(values.shape[1])
         return np.asarray((values - values.mean(axis=0)) / np.where(spread > 0, spread, 1.0))
+
+    def size(self) -> FloatArray:
+        """Return the (N,) share of each candidate in what any function may bring about; it sums to 1.
+
+        A quarter each goes by P of people, by P of a contact of who never responds, by how often the other
+        one acts at all, and equally.
+        """
+        names = ("probability", "unanswered", "acts")
+        shares = [np.full(len(self), 1 / len(self))]
+        for values in map(self.column, names):
+            shares.append(values / values.sum() if values.sum() > 0 else shares[0])
+        return np.asarray(np.mean(shares, axis=0))
 
     def exposure(self) -> list[dict[str, Any]]:
         """Return by kind how many candidates and contacts of people there are, and how many an hour."""
@@ -176,7 +188,7 @@ def candidates_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the one or two candidates of an encounter: as it is told, and with the roles exchanged."""
     same = {name: row[name] for name in _SAME}
     told = {name: row[name] for name in (*PARAMETERS, "track_id", "other_id", "person", "needed_braking")}
-    told |= {"probability": row["own_probability"], "severity": row["own_severity"]}
+    told |= {name.removeprefix("own_"): row[name] for name in OWN}
     back = 1 - (1 - row["probability"]) / (1 - min(row["own_probability"], 1 - 1e-12))
     found = [same | told]
     if row["person"] is None and back >= LEAST:
@@ -187,6 +199,7 @@ def candidates_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
 def _exchanged(row: Mapping[str, Any]) -> dict[str, Any]:
     values = {"track_id": row["other_id"], "other_id": row["track_id"]}
     values |= {"severity": max(row["severity"] - row["own_severity"], 0.0), "takes": None}
+    values |= {name.removeprefix("back_"): row[name] for name in BACK}
     for name in PARAMETERS:
         other = name.removeprefix("other_") if name.startswith("other_") else f"other_{name}"
         values[name] = row[other] if other in PARAMETERS else row[name]

@@ -48,7 +48,7 @@ class Draws:
         weight: of a future among those of its row.
         low: least P of a later response than that of the future; ``high`` the largest.
         response_s: of people.
-        deceleration: of people, m/s².
+        braking: of people, index into `DECELERATIONS`.
     """
 
     row: IntArray
@@ -56,7 +56,7 @@ class Draws:
     low: FloatArray
     high: FloatArray
     response_s: FloatArray
-    deceleration: FloatArray
+    braking: IntArray
     route: FloatArray
 
 
@@ -94,38 +94,38 @@ class Outcomes:
 def draws_of(situation: Situation, futures: int, *, seed: int, human_like: bool) -> Draws:
     """Return the draws of a number of futures; more if the actions need them.
 
-    Response times of people are drawn in three parts of their distribution, as contacts are rare.
+    Response times of people are drawn in three parts of their distribution, for each deceleration, as
+    contacts are rare.
     """
     typical, levels = max(1, futures // 4), situation.levels
-    each = _PARTS * levels if human_like else levels
+    each = _PARTS * len(DECELERATIONS) * levels if human_like else levels
     count = max(futures - typical, each)
     acting = np.arange(-(-count // each) * each if human_like else count)
     row = np.concatenate([np.full(typical, -1), acting % levels])
     number = np.arange(len(row))
-    uniform = np.array([future_generator(seed, int(c), _RESPONSE_STREAM).random(2) for c in number])
+    uniform = np.array([future_generator(seed, int(c), _RESPONSE_STREAM).random() for c in number])
     weight = 1 / np.bincount(row[typical:], minlength=levels)[row]
     low, high = np.zeros(len(row)), np.ones(len(row))
+    braking, part = ((number - typical) // levels // k % n for k, n in ((1, len(DECELERATIONS)), (3, _PARTS)))
     if human_like:
-        late = situation.late.ravel()[row]
+        late = situation.late_by[row, braking]
         edges = np.stack([np.ones_like(late), np.minimum(1.0, _NEAR * late), late, np.zeros_like(late)])
-        part = np.where(row < 0, 0, (number - typical) // levels % _PARTS)
         low, high = edges[part + 1, number], edges[part, number]
-        weight = weight * _PARTS * (high - low)
-    survival = low + (high - low) * uniform[:, 0]
+        shares = situation.people.decelerations / situation.people.decelerations.sum()
+        weight = weight * each / levels * (high - low) * shares[braking]
+    survival = low + (high - low) * uniform
     weight[row < 0] = 1 / typical
     response = np.full(len(row), np.inf)
     acts = np.flatnonzero(row >= 0)
     if human_like and len(acts):
         response[acts] = situation.responses(row[acts], survival[acts])
-    upper = np.cumsum(situation.people.decelerations)
-    level = np.minimum(np.searchsorted(upper / upper[-1], uniform[:, 1]), len(DECELERATIONS) - 1)
     return Draws(
         row=row,
         weight=weight,
         low=low,
         high=high,
         response_s=response,
-        deceleration=np.array(DECELERATIONS)[level],
+        braking=braking,
         route=route_draws(number, situation.scene.vehicles, seed=seed),
     )
 
@@ -196,8 +196,8 @@ def _assignment(situation: Situation, draws: Draws, *, human_like: bool) -> IntA
 def _respond(script: States, situation: Situation, draws: Draws) -> None:
     """Let the responder of a script move as people do, in place."""
     j, expected = situation.responder, situation.expected
-    for deceleration in DECELERATIONS:
-        which = np.flatnonzero((draws.row >= 0) & (draws.deceleration == deceleration))
+    for k, deceleration in enumerate(DECELERATIONS):
+        which = np.flatnonzero((draws.row >= 0) & (draws.braking == k))
         if not len(which):
             continue
         motion = responded(situation.cases.take(draws.row[which]), draws.response_s[which], deceleration)

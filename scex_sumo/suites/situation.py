@@ -54,6 +54,7 @@ class Situation:
         kinds: (n,) index into `ACTIONS`.
         often: (n, 10) how often the initiator does it with at least each value.
         late: (n, 10) P that people respond too late.
+        late_by: (10 n, A) the same for each of `DECELERATIONS`.
         critical: (10 n,) latest response without contact, s; inf where nobody has to respond.
     """
 
@@ -67,6 +68,7 @@ class Situation:
     kinds: IntArray
     often: FloatArray
     late: FloatArray
+    late_by: FloatArray
     critical: FloatArray
 
     @property
@@ -182,6 +184,8 @@ def situation_of(scene: SeedScene, initiator: int, responder: int) -> Situation:
         response_s=by_action(response[:, TYPICAL]),
     )
     late = later_than(people, cases, response)
+    gap, left = time_gaps(cases)[:, None], left_at(cases, response)
+    late_by = people.later(response, cases.action[:, None], gap, left)
     kept = probabilities(often, np.ones_like(late), kinds) >= _LEAST
     rows = np.flatnonzero(np.repeat(kept, LEVELS))
     return Situation(
@@ -195,6 +199,7 @@ def situation_of(scene: SeedScene, initiator: int, responder: int) -> Situation:
         kinds=kinds[kept],
         often=often[kept],
         late=late[kept],
+        late_by=late_by[rows],
         critical=response[rows].min(axis=1),
     )
 

@@ -96,7 +96,8 @@ def read(place: Path, out: str) -> dict[str, Any]:
 
 def test_a_suite_opens_without_the_recordings(place: Path) -> None:
     suite = scex.open_suite(place / "suite")
-    assert suite.weight.sum() == suite.info["candidates"] == suite.sizes.sum()
+    assert suite.sizes.sum() == suite.info["candidates"]
+    assert (suite.weight >= 1).all()
     for case in suite.cases:
         situation = case.situation()
         assert situation.human_like == pytest.approx(case.about["probability"], rel=1e-9)

@@ -34,13 +34,13 @@ def test_people_collide_as_critical_responses_say(following: Situation) -> None:
 
 
 def test_the_human_like_driver_under_test_collides_as_often(following: Situation) -> None:
-    """Of 2000 futures; their standard error is 12 % of P."""
+    """Steps of 0.1 s and R* to 0.05 s decide contacts otherwise at the edge: 15 %."""
     found = []
-    for seed in range(2):
-        outcomes = run(following, "likely_driver", 1000, seed)
+    for seed in range(3):
+        outcomes = run(following, "likely_driver", seed=seed)
         shares = by_level(following, outcomes.draws.weight * outcomes.hit, outcomes.draws.row)
         found.append(following.probability(shares))
-    assert np.mean(found) == pytest.approx(following.human_like, rel=0.3)
+    assert np.mean(found) == pytest.approx(following.human_like, rel=0.15)
 
 
 def test_draws_do_not_depend_on_the_function(following: Situation) -> None:
@@ -77,10 +77,9 @@ def test_parts_of_the_response_times_have_the_whole_probability(following: Situa
     for row in range(following.levels):
         own = draws.row == row
         assert draws.weight[own].sum() == pytest.approx(1.0)
-        assert np.unique(draws.weight[own]).size <= 3
         assert draws.high[own].max() == 1.0
         assert draws.low[own].min() == 0.0
-    assert set(draws.deceleration.tolist()) <= set(DECELERATIONS)
+    assert set(draws.braking.tolist()) == set(range(len(DECELERATIONS)))
     late = (following.late.ravel()[draws.row] * (draws.row >= 0)).sum()
     assert late > 0
 

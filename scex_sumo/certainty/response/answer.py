@@ -143,6 +143,8 @@ SCHEMA: Final = pa.schema(
         ("time_to_react", pa.float64()),
         ("preventable", pa.bool_()),
         ("doubt", pa.string()),
+        ("unanswered", pa.float64()),  # P of a contact without any response
+        ("acts", pa.float64()),  # how often the initiator does it at all
     ]
 )
 
@@ -186,6 +188,8 @@ def _columns(
         "probability": value,
         "probability_hard": hard,
         **impact,
+        "unanswered": probabilities(often, by_action(response[:, TYPICAL] < np.inf) * 1.0, kinds),
+        "acts": often[:, 0],
         "preventable": np.asarray((careful | ~counts).all(axis=1)),
         "doubt": [None] * len(value),
     }

@@ -24,8 +24,11 @@ PARAMETERS: Final = (
     *("arrival_s", "other_arrival_s"),
 )
 """Columns of a `Conflict`; those with ``other_`` are of the responder."""
-OWN: Final = ("own_probability", "own_severity")
-"""Columns of what the responder of a pair can avoid: contacts after an action of the initiator."""
+OWN: Final = ("own_probability", "own_severity", "own_unanswered", "own_acts")
+"""Columns of contacts after an action of the initiator: P and severe injuries of people, P without a
+response, and how often it acts."""
+BACK: Final = ("back_unanswered", "back_acts")
+"""The last two if the other one acts."""
 PAIRS: Final = pa.schema(
     [
         ("track_id", pa.int64()),  # of the initiator
@@ -42,7 +45,7 @@ PAIRS: Final = pa.schema(
         ("gap_m", pa.float64()),
         ("conflict", pa.string()),  # of `typology.CONFLICTS`
         *((name, pa.float64()) for name in PARAMETERS),
-        *((name, pa.float64()) for name in OWN),
+        *((name, pa.float64()) for name in (*OWN, *BACK)),
     ]
 )
 
@@ -74,9 +77,13 @@ def _conflict(expected: Expected, one: int, other: int) -> Mapping[str, Any]:
 
 def _own(row: Mapping[str, Any], responses: Sequence[Mapping[str, Any]]) -> Mapping[str, float]:
     both = [row["track_id"], row["other_id"]]
-    own = [one for one in responses if [one["track_id"], one["other_id"]] == both]
-    values = either(one["probability"] for one in own), sum(one["expected_mais3"] for one in own)
-    return dict(zip(OWN, values, strict=True))
+    own, back = (
+        [one for one in responses if [one["track_id"], one["other_id"]] == ids] for ids in (both, both[::-1])
+    )
+    severity = sum(one["expected_mais3"] for one in own)
+    found = [either(one["probability"] for one in own), severity]
+    found += [either(one[name] for one in some) for some in (own, back) for name in ("unanswered", "acts")]
+    return dict(zip((*OWN, *BACK), found, strict=True))
 
 
 def _row(pair: PairResponse) -> Mapping[str, Any]:

@@ -140,7 +140,9 @@ def by_level(situation: Situation, values: FloatArray, row: Any) -> FloatArray:
 def expected_contacts(situation: Situation, outcomes: Outcomes) -> FloatArray:
     """Return the probability (C,) with which people touch in each future."""
     draws = outcomes.draws
-    late = situation.late.ravel()[np.maximum(draws.row, 0)]
+    row = np.maximum(draws.row, 0)
+    exact = draws.high - draws.low < 1  # people, with a deceleration of their own
+    late = np.where(exact, situation.late_by[row, draws.braking], situation.late.ravel()[row])
     part = np.clip((late - draws.low) / np.maximum(draws.high - draws.low, 1e-12), 0.0, 1.0)
     return np.where(draws.row < 0, PEOPLE_TYPICAL, part)
 
