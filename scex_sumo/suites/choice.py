@@ -101,14 +101,20 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
 
 
 def _sure(size: FloatArray, count: int) -> BoolArray:
-    """Return which of (N,) candidates are taken for sure: their share of ``count`` would be one or more."""
+    """Return which of (N,) candidates are taken for sure: their share of ``count`` would be one or more.
+
+    `EACH` cases are left to the others, if there are any.
+    """
     sure = np.zeros(len(size), dtype=np.bool_)
     while True:
         left = count - int(sure.sum())
         more = ~sure & (size * left >= size[~sure].sum() * (1 - 1e-9)) if left > 0 else np.zeros_like(sure)
         if not more.any():
-            return sure
+            break
         sure |= more
+    if not sure.all():
+        sure[np.argsort(np.where(sure, -size, 0.0), kind="stable")[max(0, count - EACH) :]] = False
+    return sure
 
 
 def strata_of(population: Population, some: IntArray, most: int) -> tuple[IntArray, list[str]]:

@@ -91,6 +91,12 @@ def test_novelty_is_the_distance_to_the_cases_before() -> None:
     assert (np.diff(chosen.novelty[1:]) <= 1e-9).all()
 
 
+def test_two_cases_are_two_whatever_one_could_bring_about() -> None:
+    people = population(20)
+    rows = [row | {"probability": 0.1 if k == 7 else 1e-6} for k, row in enumerate(people.rows)]
+    assert len(choose(people.__class__(**{**vars(people), "rows": rows}), 2)) == 2
+
+
 def test_one_case_is_refused() -> None:
     with pytest.raises(UsageError, match="--count: got 1, needs at least 2"):
         choose(population(5), 1)
