@@ -30,7 +30,7 @@ class RuleParameters:
     runs_red: float = 0.004  # 1 | share that enters in early red | Bonneson and Zimmerman 2004
     early_red_s: float = 2.0  # s | the same: time of early red | the same: 95 % of 541 violations
     ignores: float = 0.001  # 1 | share that does not give way | chosen
-    gap_factor: float = 0.5  # 1 | median factor on critical headways | chosen by error on INTERACTION
+    gap_factor: float = 0.35  # 1 | median factor on critical headways | chosen: INTERACTION, training parts
     gap_spread: float = 0.2  # 1 | standard deviation of its logarithm | chosen
     priority_mps2: float = 3.0  # m/s² | hardest braking to give way | chosen
     rolls_mps: float = 2.5  # m/s | speed at which drivers roll over the line of a stop sign | chosen
