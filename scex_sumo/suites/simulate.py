@@ -229,7 +229,8 @@ def outcomes_of(
     other = np.min(others, axis=0) if others else np.full(len(contact), np.inf)
     contact = np.where(contact <= other, contact, np.inf)
     if human_like:
-        contact, other = np.where(draws.row < 0, np.inf, contact), np.full(len(contact), np.inf)
+        nothing = (draws.row < 0) | (situation.critical[draws.row] == np.inf)  # nobody has to respond
+        contact, other = np.where(nothing, np.inf, contact), np.full(len(contact), np.inf)
     end = np.minimum(np.minimum(contact, other), TIME_S[-1])
     until = end[:, None] + 1e-9 >= TIME_S
     speed = states.speed[:, j]
