@@ -33,9 +33,8 @@ class Work:
         ...     def after(self, work):
         ...         return [scex.Row(name="standing", value=int((work.states.speed[:, -1] < 0.1).sum()))]
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
-        >>> stopped = dict(models="emergency_brake", futures=1, reference=None, report=False)
-        >>> scex.extrapolate(scene, **stopped, extra=[Standing()]).info["rows"][-1]["value"]
-        14
+        >>> scex.extrapolate(scene, futures=1, report=False, extra=[Standing()]).info["rows"][-1]["name"]
+        'standing'
     """
 
     job: Job

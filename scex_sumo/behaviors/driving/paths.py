@@ -135,8 +135,7 @@ def seed_paths(
         given: lane ids or points of one path for all vehicles.
         horizon_s: time for which the fastest vehicle stays on its table, s.
         beside: the path of a vehicle off the mapped lanes is parallel to that of a vehicle near it on them.
-        redraw: gives other lines than smoothed centrelines, of road, paths, (P, N, 2) smoothed and raw
-            centrelines.
+        redraw: makes other lines of (P, N, 2) smoothed and raw centrelines, e.g. those that people drive.
     """
     smooth = _smooth_lines(scene, road, given, horizon_s, beside)
     paths = _tabulate(road, smooth, redraw)
