@@ -122,6 +122,12 @@ def open_suite(folder: str | Path) -> Suite:
 
     Raises:
         ResultError: there is none, it has no case, or it is of another version.
+
+    Example:
+        >>> scex.catalogue(scex.example_path("roundabout"), out="s", count=2, every=9, formats=()).folder.name
+        's'
+        >>> len(scex.open_suite("s").cases)
+        2
     """
     folder = Path(folder)
     file = folder / SUITE
