@@ -33,7 +33,7 @@ def completed(*words: str) -> list[str]:
         (("view", "out", "--cr"), {"--critical"}),
         (("view", "out", "--critical", "wt"), {"wttc", "wttc_path"}),
         (("run", "map.osm", "--models", "replay,risky"), {"replay,risky_driver"}),
-        (("export", "out", "--to", "open"), {"openscenario"}),
+        (("export", "out", "--to", "open"), {"openscenario", "openscenario-1.3"}),
     ],
 )
 def test_commands_options_and_values_are_completed(words: tuple[str, ...], offered: set[str]) -> None:
