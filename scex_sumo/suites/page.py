@@ -78,9 +78,9 @@ _COLUMNS: Final = (
     Column("location", "site", "words"),
     Column("recording", "recording", "words"),
     Column("time_s", "time", "seconds"),
-    Column("probability", "P(contact)", "real", "Of people"),
-    Column("weight", "stands for", "real", "Candidates of the data set"),
-    Column("novelty", "novelty", "real", "Distance to the nearest case before it"),
+    Column("probability", "P(contact)", "often", "Of people"),
+    Column("weight", "stands for", "tenths", "Candidates of the data set"),
+    Column("novelty", "novelty", "tenths", "Distance to the nearest case before it"),
 )
 
 

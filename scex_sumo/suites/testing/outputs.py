@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.studies.under_test.table import chance_text
 from scex_sumo.suites.estimate import Rate
 from scex_sumo.suites.testing.result import FAILED, VERDICTS, WORSE
 
@@ -49,8 +51,8 @@ def case_words(one: Mapping[str, Any]) -> str:
         return str(one["reason"])
     return (
         f"{one['verdict']}: touches in {one['contacts']} of {one['futures']} futures, people in "
-        f"{one['people_contacts']:.1f} (p {one['p']:.2g}); P {one['probability']:.2g}, "
-        f"people {one['people']:.2g}"
+        f"{one['people_contacts']:.1f} (p {chance_text(one['p'])}); on the road: "
+        f"{once_in(one['probability'])}, people {once_in(one['people'])}"
     )
 
 

@@ -17,14 +17,14 @@ _COLUMNS: Final = (
     Column("name", "case", "names"),
     Column("kind", "kind", "words"),
     Column("verdict", "verdict", "words"),
-    Column(lambda one: one.get("contacts"), "contacts", "real", "Futures in which the two touch"),
-    Column(lambda one: one.get("people_contacts"), "people", "real", "Expected contacts of people in them"),
+    Column(lambda one: one.get("contacts"), "contacts", "tenths", "Futures in which the two touch"),
+    Column(lambda one: one.get("people_contacts"), "people", "tenths", "Expected contacts of people in them"),
     Column(lambda one: one.get("p"), "p", "real", "Corrected after Holm"),
-    Column(lambda one: one.get("probability"), "P(contact)", "real"),
-    Column(lambda one: one.get("people"), "of people", "real"),
-    Column(lambda one: one.get("hardest_mps2"), "hardest braking", "real", "m/s²"),
+    Column(lambda one: one.get("probability"), "P(contact)", "often"),
+    Column(lambda one: one.get("people"), "of people", "often"),
+    Column(lambda one: one.get("hardest_mps2"), "hardest braking", "tenths", "m/s²"),
     Column(lambda one: one.get("ttc_s"), "least TTC", "real", "Median of the futures, s"),
-    Column("weight", "stands for", "real", "Candidates of the data set"),
+    Column("weight", "stands for", "tenths", "Candidates of the data set"),
 )
 _SHOWN: Final = (
     "Each picture shows the most frequent future with a contact, else that in which they come nearest. "

@@ -118,7 +118,7 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
         "drac_mps2": float(np.median(outcomes.drac_mps2)),
         "braking_mps2": float(np.median(outcomes.braking_mps2)),
         "jerk_mps3": float(np.median(outcomes.jerk_mps3)),
-        "hardest_mps2": float(outcomes.braking_mps2.max()),
+        "hardest_mps2": max(0.0, float(outcomes.braking_mps2.max())),
         "picture": str(stage.picture),
         "outlines": stage.outlines,
         "contact": stage.contact,
