@@ -41,6 +41,7 @@ _CLASSES = {
     "SceneGraph",
     "SceneHistory",
     "SeedScene",
+    "Suite",
 }
 
 

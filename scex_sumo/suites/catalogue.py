@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ScexError, UsageError, reason_of
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.progress import Progress, progress_of
@@ -66,6 +67,7 @@ class _Made:
     notes: Sequence[str]
 
 
+@checked
 def catalogue(
     roots: str | Path | Sequence[str | Path],
     *,

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import ResultError, one_line
 from scex_sumo.base.files import sha256_of
@@ -117,6 +118,7 @@ class Suite:
         return np.array([one["candidates"] for one in self.info["strata"]], dtype=np.int64)
 
 
+@checked
 def open_suite(folder: str | Path) -> Suite:
     """Open a suite that ``scex-sumo catalogue`` wrote.
 

@@ -165,7 +165,7 @@ def _corner_to_box(
 def _tangent_meets_parabola(spare: FloatArray, slope: FloatArray, limit: FloatArray) -> FloatArray:
     root = np.sqrt(np.maximum(slope * slope + 2 * limit * spare, 0.0))
     closing = root - slope
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # Two forms of the same root, each free of cancellation on its side of slope = 0.
         step = np.where(slope < 0, 2 * spare / closing, (root + slope) / limit)
     return np.where((limit == 0) & (slope >= 0), np.inf, step)

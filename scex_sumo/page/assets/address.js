@@ -20,8 +20,8 @@ function keepInAddress(state, parts) {
     if (!timer) timer = setTimeout(write, ADDRESS_MS);
   }
 
-  function read() { // true if there was a state
-    const words = new URLSearchParams(location.hash.slice(1));
+  function read(address = location.href) { // true if there was a state
+    const words = new URLSearchParams(new URL(address).hash.slice(1));
     for (const [name, { set }] of Object.entries(parts)) {
       const mine = [...words].filter(([key]) => name.endsWith(".") ? key.startsWith(name) : key === name);
       set(Object.fromEntries(mine.map(([key, value]) => [key.slice(name.length), value])));

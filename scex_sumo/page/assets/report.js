@@ -184,7 +184,7 @@ function runReport(run) {
     else map.fit();
     redraw();
   }).observe(byId("mapbox"));
-  onhashchange = address.read;
+  onhashchange = ({ newURL }) => address.read(newURL); // a write may be between
   map.fit();
   state.change({}, "selection");
   if (!address.read() && info.encounters.rows.length) show(info.encounters.rows[info.encounters.first]);

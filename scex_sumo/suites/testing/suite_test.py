@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.progress import Progress, progress_of
@@ -75,6 +76,7 @@ class SuiteTest:
     result: Mapping[str, Any]
 
 
+@checked
 def test_suite(
     suite: str | Path | Suite,
     under_test: Any,
