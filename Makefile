@@ -26,10 +26,9 @@ $(TEST_STAMP): $(STAMP)
 demo: $(STAMP)
 	$(VENV)/bin/scex-sumo run scex_sumo/scenarios/data/roundabout.osm -o out/demo --overwrite
 
-# The processes are the parallelism: threads of each for small matrices would only wait for each other. One
-# process more than cores, because many tests wait for a simulation, a scheduler or a browser.
+# The processes are the parallelism: threads of each for small matrices would only wait for each other.
 test: $(TEST_STAMP)
-	OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest --numprocesses $$(($$(nproc) + 1)) --dist worksteal
+	OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest --numprocesses auto --dist worksteal
 
 fuzz: $(TEST_STAMP)
 	$(VENV)/bin/python -m tests.fuzz --cases 10000
