@@ -140,7 +140,8 @@ def free(now: Situation, human: HumanParameters) -> FloatArray:
     share of it. The motion of a standing vehicle is no habit.
     """
     speed, limit = now.driver.speed, now.limit
-    share = 1.0 if now.driver.limit is None else limit / now.driver.limit
+    before = limit if now.driver.limit is None else now.driver.limit
+    share = np.divide(limit, before, out=np.ones_like(limit), where=before > 0)
     desired = desired_speed(human.idm, limit, now.speed, share * speed, now.driver.acceleration, now.time_s)
     desired = np.where(speed < human.standing_mps, limit, desired)
     wanted: FloatArray = human.idm.max_acceleration * free_share(now.speed, desired)
