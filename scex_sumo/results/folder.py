@@ -55,11 +55,11 @@ class OutputFolder:
             str(path).encode()  # SUMO and Arrow need UTF-8
             path.mkdir(parents=True, exist_ok=True)
             lock(path)
-            self._make_free(overwrite)
             remove_unfinished(path)
-            self._prepare()
-            for name in (_COPY, PENDING):
+            self._make_free(overwrite)
+            for name in (_COPY, PENDING):  # before anything else: what is cut off after it goes on
                 write_atomic(path / name, as_json({"identity": self.identity}).encode())
+            self._prepare()
             (path / self.info).unlink(missing_ok=True)
         except UnicodeEncodeError:
             raise ResultError(f"{path}: this path is not UTF-8; give another folder with -o") from None
@@ -88,9 +88,9 @@ class OutputFolder:
             raise ResultError(
                 f"{self.path}: not empty, and no {self.what} of scex-sumo; give another folder with -o"
             )
+        self._clear()
         for name in names:
             (self.path / name).unlink(missing_ok=True)
-        self._clear()
 
     def _is_ours(self) -> bool:
         return bool(self.evidence) and all((self.path / name).exists() for name in self.evidence)

@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import unlock
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import PARTS, Part, Parts, joined_parts, save_part
 from scex_sumo.results.run import open_run
@@ -106,6 +107,26 @@ def test_the_same_run_goes_on_after_an_interruption(tmp_path: Path) -> None:
         open_run(tmp_path / "out")
     again = ResultFolder(tmp_path / "out", {"seed": 1})
     assert Parts(again.path).futures.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("cut", ["_prepare", "write_atomic"])
+def test_a_run_killed_while_it_makes_its_folder_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cut: str
+) -> None:
+    def killed(target: Path | ResultFolder, *_: object) -> None:
+        if isinstance(target, Path):
+            (target.parent / f".{target.name}.writing").touch()
+        else:
+            (target.path / "sumo").mkdir()
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        place = "scex_sumo.results.folder" + ("" if cut == "write_atomic" else ".ResultFolder")
+        patch.setattr(f"{place}.{cut}", killed)
+        with pytest.raises(KeyboardInterrupt):
+            ResultFolder(tmp_path / "out", {"seed": 1})
+    unlock(tmp_path / "out")
+    assert ResultFolder(tmp_path / "out", {"seed": 1}).path.is_dir()
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "flipped", "shifted", "locked", "foreign"])
