@@ -53,6 +53,7 @@ class Watch:
                 connection = connection.getConnection(connection.getLabel())
         self._sumo = connection
         self._pool: Pool | None = None
+        self._end_pool: Callable[[], object] | None = None
         if net is not None:
             road_of(net)  # an error now
         with _asking("read"):
@@ -174,7 +175,7 @@ class Watch:
         focus = Focus(around=around, region=region, busiest=busiest)
         asked = Question(**question)
         asked.check()
-        self.close()
+        self._end_ticker()
         self._ticker = Ticker(
             seconds, callback, question=asked, focus=focus, net=self._net, wait=wait, workers=workers
         )
@@ -204,6 +205,12 @@ class Watch:
 
     def close(self) -> None:
         """End `every` and all processes of this watch; the simulation goes on."""
+        self._end_ticker()
+        if self._end_pool is not None:
+            self._end_pool()
+            self._pool = self._end_pool = None
+
+    def _end_ticker(self) -> None:
         if self._ticker is not None:
             self._ticker.close()
 
@@ -232,7 +239,7 @@ class Watch:
         work = partial(_extrapolate, moment, folder, options, *own)
         if self._pool is None:  # kept: the second time it knows net, map and models
             self._pool = Pool(1)
-            weakref.finalize(self, self._pool.close)
+            self._end_pool = weakref.finalize(self, self._pool.close)
         try:
             warn_notes(self._pool.submit(work, where="in the futures").result())
         except WorkersDied as died:

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.programs import program
 from scex_sumo.live.risk import PairRisk, Question, Risk, assess
-from tests.formats.sumo.simulations import write_grid
+from tests.formats.sumo.simulations import start_words, write_grid
 
 PAIR = PairRisk(hits="a", other="b", kind="crossing", human_like=0.1, stress=0.5)
 
@@ -68,16 +67,7 @@ pickle.dump((watch.moment(), sumo.vehicle.getIDList()), open("moment", "wb"))
 
 def test_a_moment_travels_and_its_pairs_have_sumos_names(tmp_path: Path) -> None:
     write_grid(tmp_path)
-    start = [
-        program("sumo"),
-        "-c",
-        "mine.sumocfg",
-        "--no-step-log",
-        "--no-warnings",
-        "--xml-validation",
-        "never",
-    ]
-    subprocess.run([sys.executable, "-c", MOMENT.format(start=start)], cwd=tmp_path, check=True)
+    subprocess.run([sys.executable, "-c", MOMENT.format(start=start_words())], cwd=tmp_path, check=True)
     moment, names = pickle.loads((tmp_path / "moment").read_bytes())
     found = assess(moment, Question(futures=4))
     assert found.time_s == 31.1 and set(found.vehicles) <= set(names) and found.pairs

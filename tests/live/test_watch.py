@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.programs import program
-from tests.formats.sumo.simulations import Simulation, in_sumo, write_grid
+from tests.formats.sumo.simulations import Simulation, in_sumo, start_words, write_grid
 
 PAGE = Path(__file__).parents[2] / "docs" / "sumo.md"
 QUIET = ', "--no-step-log", "--no-warnings", "--xml-validation", "never"])'
@@ -65,17 +65,8 @@ def test_a_simulation_goes_on_after_its_futures(grid: Simulation, module: str) -
 
 @with_libtraci
 def test_a_watch_keeps_to_its_connection_of_libtraci(grid: Simulation) -> None:
-    start = [
-        program("sumo"),
-        "-c",
-        "mine.sumocfg",
-        "--no-step-log",
-        "--no-warnings",
-        "--xml-validation",
-        "never",
-    ]
     done = subprocess.run(
-        [sys.executable, "-c", TWO.format(start=start)],
+        [sys.executable, "-c", TWO.format(start=start_words())],
         cwd=grid.config.parent,
         capture_output=True,
         text=True,
@@ -141,8 +132,7 @@ assert states(True) == states(False)
 def test_a_watched_simulation_may_lose_vehicles_and_keeps_its_subscriptions(
     grid: Simulation, module: str
 ) -> None:
-    start = [program("sumo"), "-c", "mine.sumocfg", *re.findall(r'"(.*?)"', QUIET)]
-    code = REMOVED.format(module=module, start=start)
+    code = REMOVED.format(module=module, start=start_words())
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
     assert not done.returncode, done.stderr
@@ -213,6 +203,7 @@ def test_wrong_use_of_a_watch_is_an_error_in_one_line(grid: Simulation) -> None:
 
 
 WARM = """
+import os
 import warnings
 import libsumo as sumo
 import scex_sumo as scex
@@ -228,6 +219,14 @@ for _ in range(2):
     processes.add(run.info["rows"][-1]["value"])
     sumo.simulationStep()
 assert len(processes) == 1
+watch.close()
+try:
+    os.kill(*processes, 0)
+    raise AssertionError("the process still lives")
+except ProcessLookupError:
+    pass
+run = watch.extrapolate(extra=["mine:Process"], **quick)
+assert run.info["rows"][-1]["value"] not in processes
 sumo.close()
 """
 PROCESS = """

@@ -69,6 +69,11 @@ def run(name: str, *options: object, cwd: Path) -> None:
     subprocess.run(command, cwd=cwd, check=True, capture_output=True, env=environment())
 
 
+def start_words(config: str = "mine.sumocfg") -> list[str]:
+    """The words that start a configuration without a window and without a word."""
+    return [program("sumo"), "-c", config, "--no-step-log", "--no-warnings", "--xml-validation", "never"]
+
+
 def write_grid(
     folder: Path,
     *,
