@@ -24,7 +24,6 @@ EXAMPLE = "mine.sumocfg --gui --follow -o out/watch"
 _SAVE_EVERY = 100  # moments
 _RECENT = 8  # moments over which the real-time factor is measured
 _MAX_BRAKING_MPS2 = 20.0
-_MAX_BRAKING_MPS2 = 20.0
 
 
 def watch_command(
@@ -203,8 +202,7 @@ def _words(risk: Risk) -> str:
         return "no pair collides"
     often = once_in(pair.human_like) if pair.human_like else "hardly ever"
     stress = "" if pair.stress is None else f", stress {pair.stress:.0%}"
-    braking = pair.needed_braking
-    needs = (
-        "" if braking is None else f", needs {braking:.1f} m/s²" if braking < 20 else ", braking is too late"
-    )
+    braking, needs = pair.needed_braking, ""
+    if braking is not None:
+        needs = f", needs {braking:.1f} m/s²" if braking < _MAX_BRAKING_MPS2 else ", braking is too late"
     return f"{pair.hits} → {pair.other} ({pair.kind}): {often}{stress}{needs}"

@@ -12,10 +12,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from scex_sumo.base.files import replacing, write_atomic
+from scex_sumo.base.files import write_atomic
 from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.commands.tables import write_table
 from scex_sumo.formats.sumo.scenario import options_of
 from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST
@@ -75,7 +75,8 @@ def write_risks(folder: Path, risks: Iterable[Risk]) -> Path:
         for risk in risks
         for pair in risk.pairs
     ]
-    return _write(folder / RISK, pa.Table.from_pylist(rows, schema=RISK_SCHEMA))
+    write_table(pa.Table.from_pylist(rows, schema=RISK_SCHEMA), folder / RISK)
+    return folder / RISK
 
 
 def write_leads(folder: Path, leads: Iterable[Lead]) -> Path:
@@ -85,13 +86,8 @@ def write_leads(folder: Path, leads: Iterable[Lead]) -> Path:
         | {name: getattr(lead, name) for name in _LEADS_SCHEMA.names[2:]}
         for lead in leads
     ]
-    return _write(folder / LEADS, pa.Table.from_pylist(rows, schema=_LEADS_SCHEMA))
-
-
-def _write(path: Path, table: pa.Table) -> Path:
-    with replacing(path) as temporary:
-        pq.write_table(table, temporary)
-    return path
+    write_table(pa.Table.from_pylist(rows, schema=_LEADS_SCHEMA), folder / LEADS)
+    return folder / LEADS
 
 
 def worst_moments(risks: Sequence[Risk]) -> list[tuple[Risk, PairRisk]]:

@@ -97,12 +97,7 @@ class Session:
             finally:
                 os.chdir(before)
 
-    def _watched(
-        self,
-        sumo: Any,
-        begin: Callable[[Watch, Callable[[Risk], object]], object],
-        told: Callable[[Risk], object],
-    ) -> str | None:
+    def _watched(self, sumo: Any, begin: Begin, told: Told) -> str | None:
         failed = (sumo.TraCIException, sumo.FatalTraCIError, OSError)
         before_s = (self.begin_s or 0.0) - sumo.simulation.getDeltaT()
         if before_s > sumo.simulation.getTime():

@@ -64,7 +64,6 @@ class SuiteFolder(OutputFolder):
 class _Made:
     about: Mapping[str, Any]
     card: CaseCard
-    notes: Sequence[str]
 
 
 @checked
@@ -212,8 +211,8 @@ def _case(
         folder, scene, situation, row, maps=out / MAPS, formats=formats, draws=draws
     )
     notes += missing
-    card = CaseCard(row=row, stage=stage, words=f"{situation.words(situation.worst())}")
-    return _Made(about=about, card=card, notes=missing)
+    card = CaseCard(row=row, stage=stage, words=situation.words(situation.worst()))
+    return _Made(about=about, card=card)
 
 
 def _usable(

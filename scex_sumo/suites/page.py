@@ -91,15 +91,32 @@ def _about(one: CaseCard) -> dict[str, str]:
 
 def coverage_table(rows: Iterable[Mapping[str, Any]]) -> Html:
     """Return the table of kinds and risk, before and after; a cell asks for its cases."""
-    head = element("tr", element("th", "kind"), *(element("th", word) for word in RISK_WORDS))
+    cells = {
+        row["kind"]: [
+            (f"{before} → {after}" if before else "", after > 0)
+            for before, after in zip(row["before"], row["after"], strict=True)
+        ]
+        for row in rows
+    }
+    return kind_table("risk", RISK_WORDS, cells)
+
+
+def kind_table(
+    filter_name: str, values: Sequence[str], rows: Mapping[str, Sequence[tuple[str, bool]]]
+) -> Html:
+    """Return a table of kinds by the values of a filter.
+
+    Args:
+        rows: by kind, for each value the words of its cell, and whether it has cases, for which it asks.
+    """
+    head = element("tr", element("th", "kind"), *(element("th", value) for value in values))
     body = []
-    for row in rows:
-        cells = []
-        for word, before, after in zip(RISK_WORDS, row["before"], row["after"], strict=True):
-            wanted = json.dumps({"kind": row["kind"], "risk": word})
-            words = f"{before} → {after}" if before else ""
-            cells.append(element("td", element("button", words, data_cell=wanted) if after else words))
-        body.append(element("tr", element("th", row["kind"]), *cells))
+    for kind, cells in rows.items():
+        found = []
+        for value, (words, has_cases) in zip(values, cells, strict=True):
+            wanted = json.dumps({"kind": kind, filter_name: value})
+            found.append(element("td", element("button", words, data_cell=wanted) if has_cases else words))
+        body.append(element("tr", element("th", kind), *found))
     return element("div.scroll", element("table", element("thead", head), element("tbody", *body)))
 
 

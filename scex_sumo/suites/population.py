@@ -44,7 +44,6 @@ class Population:
         hours: recorded time.
         doubtful: encounters left out.
         roots: of the recordings.
-        every_s: between two moments.
         seeds: number of moments.
     """
 
@@ -53,9 +52,7 @@ class Population:
     encounters: int
     doubtful: int
     roots: Sequence[str]
-    every_s: float
     seeds: int
-    min_vehicles: int
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -133,12 +130,11 @@ def read_population(folders: Sequence[Path]) -> Population:
         UsageError: one cannot be read, is of an older version, or none has an encounter.
     """
     rows: list[dict[str, Any]] = []
-    roots, hours, doubtful, encounters, seeds, every, vehicles = [], 0.0, 0, 0, 0, 1.0, 2
+    roots, hours, doubtful, encounters, seeds = [], 0.0, 0, 0, 0
     for folder in folders:
         info, table, moments = _read(folder)
         roots += [root for root in info["roots"] if root not in roots]
-        every, vehicles = float(info["every_s"]), int(info["min_vehicles"])
-        hours += recorded_hours(moments, every)
+        hours += recorded_hours(moments, float(info["every_s"]))
         seeds += int(info["seeds"])
         sure = table.filter(pc.is_null(table["doubt"]))
         doubtful += len(table) - len(sure)
@@ -155,9 +151,7 @@ def read_population(folders: Sequence[Path]) -> Population:
         encounters=encounters,
         doubtful=doubtful,
         roots=roots,
-        every_s=every,
         seeds=seeds,
-        min_vehicles=vehicles,
     )
 
 

@@ -44,7 +44,5 @@ def population(count: int, *, seed: int = 0, **given: Any) -> Population:
         encounters=count,
         doubtful=3,
         roots=("recordings",),
-        every_s=1.0,
         seeds=count,
-        min_vehicles=2,
     )

@@ -50,11 +50,10 @@ def placed_crosswalks(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.
         if area.kind != "crosswalk":
             continue
         middle = shapely.Polygon(area.outline).centroid
-        near = [_nearest(p, x, np.array([middle.x, middle.y])) for p in driven for x in p.ribbon.sections]
-        best = int(np.argmin([gap for _, gap in near]))
-        if near[best][1] < _FAR_M:
-            piece = [p for p in driven for _ in p.ribbon.sections][best]
-            objects.setdefault(piece.number, []).append(_crosswalk(area, piece, near[best][0]))
+        options = [(p, x) for p in driven for x in p.ribbon.sections]
+        piece, _, s, gap = _nearest(options, np.array([middle.x, middle.y]))
+        if gap < _FAR_M:
+            objects.setdefault(piece.number, []).append(_crosswalk(area, piece, s))
     return objects
 
 
@@ -134,12 +133,17 @@ def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece
             place = np.array([crossing.x, crossing.y])
             break
     options = [(p, x) for p in pieces for x in p.ribbon.sections if lane.lane_id in x.group]
-    near = [_nearest(piece, section, place) for piece, section in options]
-    best = int(np.argmin([gap for _, gap in near]))
-    return *options[best], near[best][0]
+    piece, section, s, _ = _nearest(options, place)
+    return piece, section, s
 
 
-def _nearest(piece: Piece, section: Section, place: FloatArray) -> tuple[float, float]:
-    s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
-    gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
-    return float(s[gap.argmin()]), float(gap.min())
+def _nearest(
+    options: Sequence[tuple[Piece, Section]], place: FloatArray
+) -> tuple[Piece, Section, float, float]:
+    """Return the section whose reference line is nearest to a place, s there, and the distance, m."""
+    found = []
+    for piece, section in options:
+        s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
+        gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
+        found.append((piece, section, float(s[gap.argmin()]), float(gap.min())))
+    return min(found, key=lambda one: one[3])

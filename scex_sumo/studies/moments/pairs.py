@@ -58,11 +58,14 @@ def pairs_of_moment(scene: SeedScene) -> pa.Table:
     """
     responses, expected = critical_responses(scene).to_pylist(), expected_motion(scene)
     rows = [_row(pair) for pair in pair_responses(responses)]
+    orders: dict[tuple[int, int], list[Mapping[str, Any]]] = {}
+    for response in responses:
+        orders.setdefault((response["track_id"], response["other_id"]), []).append(response)
     place = {int(track): v for v, track in enumerate(expected.scene.track_ids)}
     one, other = ([place[row[name]] for row in rows] for name in ("track_id", "other_id"))
     gaps = _least_gaps(expected.scene, one, other)
     rows = [
-        {**row, **_conflict(expected, i, j), **_own(row, responses), "gap_m": gap}
+        {**row, **_conflict(expected, i, j), **_own(row, orders), "gap_m": gap}
         for row, i, j, gap in zip(rows, one, other, gaps, strict=True)
     ]
     return pa.Table.from_pylist(rows, schema=PAIRS)
@@ -75,14 +78,14 @@ def _conflict(expected: Expected, one: int, other: int) -> Mapping[str, Any]:
     return {"conflict": found.kind, **dict(zip(PARAMETERS, values, strict=True))}
 
 
-def _own(row: Mapping[str, Any], responses: Sequence[Mapping[str, Any]]) -> Mapping[str, float]:
-    both = [row["track_id"], row["other_id"]]
-    own, back = (
-        [one for one in responses if [one["track_id"], one["other_id"]] == ids] for ids in (both, both[::-1])
-    )
-    severity = sum(one["expected_mais3"] for one in own)
-    found = [either(one["probability"] for one in own), severity]
-    found += [either(one[name] for one in some) for some in (own, back) for name in ("unanswered", "acts")]
+def _own(
+    row: Mapping[str, Any], orders: Mapping[tuple[int, int], Sequence[Mapping[str, Any]]]
+) -> Mapping[str, float]:
+    one, other = row["track_id"], row["other_id"]
+    own, back = orders.get((one, other), ()), orders.get((other, one), ())
+    severity = sum(response["expected_mais3"] for response in own)
+    found = [either(response["probability"] for response in own), severity]
+    found += [either(each[name] for each in some) for some in (own, back) for name in ("unanswered", "acts")]
     return dict(zip((*OWN, *BACK), found, strict=True))
 
 

@@ -93,16 +93,12 @@ def _print_result(result: Mapping[str, Any]) -> None:
     from scex_sumo.page.study import Column, print_columns
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.suites.testing.outputs import case_words, number_lines
-    from scex_sumo.suites.testing.result import FAILED, VERDICTS, WORSE
+    from scex_sumo.suites.testing.result import FAILED, VERDICTS, WORSE, verdicts_by_kind
 
     console, cases = output_console(width=120), result["cases"]
     rows = [
-        {"kind": kind}
-        | {
-            name: sum(one["kind"] == kind and one["verdict"] == name for one in cases) or None
-            for name in VERDICTS
-        }
-        for kind in sorted({one["kind"] for one in cases})
+        {"kind": kind, **{name: count or None for name, count in counts.items()}}
+        for kind, counts in verdicts_by_kind(cases).items()
     ]
     columns = [Column("kind", "kind", "words"), *(Column(name, name, ".0f") for name in VERDICTS)]
     print_columns(columns, rows, console, f"{result['function']}: cases, against people")

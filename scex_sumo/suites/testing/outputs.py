@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.studies.under_test.table import chance_text
 from scex_sumo.suites.estimate import Rate
-from scex_sumo.suites.testing.result import FAILED, VERDICTS, WORSE
+from scex_sumo.suites.testing.result import FAILED, VERDICTS, WORSE, verdicts_by_kind
 
 
 def junit_text(result: Mapping[str, Any]) -> str:
@@ -81,11 +81,9 @@ def markdown_text(result: Mapping[str, Any]) -> str:
     verdicts = ", ".join(f"{result['verdicts'][name]} {name}" for name in VERDICTS)
     lines = [f"## {result['function']} on {result['suite']}: {verdicts}", ""]
     lines += [f"- {line}" for line in number_lines(result)]
-    kinds = sorted({one["kind"] for one in result["cases"]})
     lines += ["", f"| kind | {' | '.join(VERDICTS)} |", f"|---|{'---|' * len(VERDICTS)}"]
-    for kind in kinds:
-        own = [one["verdict"] for one in result["cases"] if one["kind"] == kind]
-        lines.append(f"| {kind} | {' | '.join(str(own.count(name)) for name in VERDICTS)} |")
+    for kind, counts in verdicts_by_kind(result["cases"]).items():
+        lines.append(f"| {kind} | {' | '.join(map(str, counts.values()))} |")
     bad = [one for one in result["cases"] if one["verdict"] in (WORSE, FAILED)]
     if bad:
         lines += ["", *(f"- `{one['name']}` {case_words(one)}" for one in bad)]

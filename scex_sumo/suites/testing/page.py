@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column, card, page_table, table_place, write_study
-from scex_sumo.suites.page import SCRIPTS, filter_bar
+from scex_sumo.suites.page import SCRIPTS, filter_bar, kind_table
 from scex_sumo.suites.testing.outputs import case_words, number_lines
-from scex_sumo.suites.testing.result import FAILED, VERDICTS
+from scex_sumo.suites.testing.result import FAILED, VERDICTS, verdicts_by_kind
 
 _COLUMNS: Final = (
     Column("name", "case", "names"),
@@ -40,12 +39,13 @@ def write_test_page(path: Path, result: Mapping[str, Any], records: Mapping[str,
     """
     cases = result["cases"]
     counts = ", ".join(f"{result['verdicts'][name]} {name}" for name in VERDICTS)
-    filters = {"kind": sorted({one["kind"] for one in cases}), "verdict": list(VERDICTS)}
+    by_kind = verdicts_by_kind(cases)
+    filters = {"kind": [*by_kind], "verdict": list(VERDICTS)}
     unseen = element("ul", *(element("li", words) for words in result["unseen"]))
     number = element("ul", *(element("li", line) for line in number_lines(result)))
     parts = [
         card("The number", number),
-        card("Kinds by verdict", _verdicts(cases)),
+        card("Kinds by verdict", _verdicts(by_kind)),
         filter_bar(filters, _SHOWN, save=True),
         element("div.moments", *(_card(one, records[one["name"]]) for one in cases), id="cards"),
         card("All cases", table_place("all-cases")),
@@ -68,17 +68,11 @@ def _data(one: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _verdicts(cases: list[Mapping[str, Any]]) -> Html:
-    head = element("tr", element("th", "kind"), *(element("th", name) for name in VERDICTS))
-    body = []
-    for kind in sorted({one["kind"] for one in cases}):
-        own = [one["verdict"] for one in cases if one["kind"] == kind]
-        cells = []
-        for name in VERDICTS:
-            wanted, count = json.dumps({"kind": kind, "verdict": name}), own.count(name)
-            cells.append(element("td", element("button", str(count), data_cell=wanted) if count else ""))
-        body.append(element("tr", element("th", kind), *cells))
-    return element("div.scroll", element("table", element("thead", head), element("tbody", *body)))
+def _verdicts(by_kind: Mapping[str, Mapping[str, int]]) -> Html:
+    rows = {
+        kind: [(str(count or ""), count > 0) for count in counts.values()] for kind, counts in by_kind.items()
+    }
+    return kind_table("verdict", VERDICTS, rows)
 
 
 def _card(one: Mapping[str, Any], record: Mapping[str, Any]) -> Html:

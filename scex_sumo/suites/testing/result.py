@@ -81,6 +81,15 @@ def with_verdicts(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
+def verdicts_by_kind(cases: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
+    """Return how many cases of each kind have each verdict."""
+    found: dict[str, dict[str, int]] = {}
+    for kind in sorted({one["kind"] for one in cases}):
+        own = [one["verdict"] for one in cases if one["kind"] == kind]
+        found[kind] = {name: own.count(name) for name in VERDICTS}
+    return found
+
+
 def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """Return the rates of the function and of people, and their difference; None if every case failed.
 

@@ -100,6 +100,7 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
     harmed = by_level(situation, draws.weight * injuries, draws.row)
     acting, share = situation.probability(shares), float(hit[typical].mean())
     stage = stage_of_future(situation, outcomes, worst_future(situation, outcomes))
+    expected = expected_contacts(situation, outcomes)
     return {
         "probability": 1 - (1 - share) * (1 - acting),
         "severity": float(injuries[typical].mean()) + situation.total(harmed),
@@ -108,8 +109,8 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
         "variance": share * (1 - share) / max(int(typical.sum()), 1),
         "futures": len(hit),
         "contacts": int(hit.sum()),
-        "chance": chance(expected_contacts(situation, outcomes), int(hit.sum())),
-        "people_contacts": float(expected_contacts(situation, outcomes).sum()),
+        "chance": chance(expected, int(hit.sum())),
+        "people_contacts": float(expected.sum()),
         "people": situation.human_like,
         "most": situation.most,
         "others": int(np.isfinite(outcomes.other_s).sum()),
