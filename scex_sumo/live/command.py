@@ -64,7 +64,6 @@ def watch_command(
     ] = Path("out") / "watch",
 ) -> Answer:
     """Watch a SUMO simulation: what could happen next, while it runs."""
-    from scex_sumo.base.files import writing
     from scex_sumo.live.focus import Focus
     from scex_sumo.live.risk import Question
     from scex_sumo.live.session import Session
@@ -102,8 +101,6 @@ def watch_command(
             **question,
         )
 
-    with writing(out):
-        out.mkdir(parents=True, exist_ok=True)
     early = session.run(begin, teller)
     page = teller.write(scenario, ssm=ssm)
     warn([f"{early}; what was watched until then is kept"] if early else [])

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from scex_sumo.base.errors import ScexError, SimulationError
-from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.programs import program
 from scex_sumo.commands.console import PrintableStream
 from scex_sumo.formats.sumo.own_sumo import user_sumo
@@ -80,6 +80,8 @@ class Session:
         with TemporaryFolder() as folder, _messages() as messages:
             words = [*PrivateRun(self.config, Path(folder), binary).options, *QUIET, "--no-warnings", "true"]
             words += self._outputs() + (self._window(Path(folder)) if self.gui else [])
+            with writing(self.out):
+                self.out.mkdir(parents=True, exist_ok=True)
             before = Path.cwd()
             os.chdir(folder)  # where SUMO writes files that are named nowhere
             try:

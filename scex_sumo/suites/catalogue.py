@@ -19,13 +19,14 @@ from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording, seed_at
+from scex_sumo.exporters.request import EXPORTERS
 from scex_sumo.results.folder import OutputFolder
 from scex_sumo.results.info import versions
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import plain
 from scex_sumo.studies.rank.rank import rank
 from scex_sumo.suites.case import FORMATS, write_case
-from scex_sumo.suites.choice import Chosen, choose
+from scex_sumo.suites.choice import Chosen, check_count, choose
 from scex_sumo.suites.page import CaseCard, write_catalogue_page
 from scex_sumo.suites.population import RISK_WORDS, Population, is_ranking, read_population
 from scex_sumo.suites.situation import Situation, situation_of
@@ -106,10 +107,11 @@ def catalogue(
     """
     started, out = time.perf_counter(), Path(out)
     places = [Path(root) for root in ([roots] if isinstance(roots, str | Path) else roots)]
+    rankings = [place for place in places if is_ranking(place)]
+    others = [place for place in places if place not in rankings]
+    _check(count, formats, others)
     identity = _identity(places, count, seed, formats, every, min_vehicles)
     with SuiteFolder(out, identity, overwrite=overwrite) as folder:
-        rankings = [place for place in places if is_ranking(place)]
-        others = [place for place in places if place not in rankings]
         if others:
             own: dict[str, Any] = {"every": every, "min_vehicles": min_vehicles, "workers": workers}
             own |= {"overwrite": overwrite, "progress": progress, "command": command}
@@ -134,6 +136,15 @@ def catalogue(
         write_catalogue_page(out / PAGE, info, [one.card for one in made])
         folder.finish(info, allow_nan=False)
     return open_suite(out)
+
+
+def _check(count: int, formats: Sequence[str], recordings: Sequence[Path]) -> None:
+    """Raise a `UsageError` or `TrackError` for arguments that make no sense, before anything is written."""
+    check_count(count)
+    for name in formats:
+        EXPORTERS.load(name)
+    if recordings:
+        find_recordings(recordings)
 
 
 def _identity(

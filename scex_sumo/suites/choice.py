@@ -47,6 +47,12 @@ class Chosen:
         return len(self.index)
 
 
+def check_count(count: int) -> None:
+    """Raise a `UsageError` for a number of cases of which no variance is known."""
+    if count < EACH:
+        raise UsageError(f"--count: got {count}, needs at least {EACH}")
+
+
 def choose(population: Population, count: int, *, seed: int = 0, per_moment: bool = True) -> Chosen:
     """Choose about ``count`` candidates; all if there are no more.
 
@@ -59,8 +65,7 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
     Raises:
         UsageError: fewer than two cases.
     """
-    if count < EACH:
-        raise UsageError(f"--count: got {count}, needs at least {EACH}")
+    check_count(count)
     rng, features, size = np.random.default_rng(seed), population.parameters(), population.size()
     sure = _sure(size, min(count, len(population)))
     rest = np.flatnonzero(~sure)
