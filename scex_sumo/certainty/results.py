@@ -204,6 +204,7 @@ def write_exact(found: Exact, file: Path) -> None:
     write_atomic(file, json.dumps(content).encode())
 
 
+@checked
 @owner_cache
 def exact_of(run: Run) -> Exact | None:
     """Return the influence tables of a run; None if it has none.

@@ -14,7 +14,7 @@ from scex_sumo.base.arguments import fits
 from scex_sumo.base.errors import UsageError
 
 WRONG = object()
-UNCHECKED = {"exact_of", "option", "example_path", "predictor", "behavior", "metric"}  # any object, or a name
+UNCHECKED = {"option", "example_path", "predictor", "behavior", "metric"}  # any object, or a name
 
 
 class OtherRoad(scex.Road):

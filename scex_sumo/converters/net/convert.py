@@ -10,7 +10,7 @@ from pathlib import Path
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.cache import cached_object
-from scex_sumo.base.errors import MapError
+from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.version import __version__, version_of
@@ -31,6 +31,7 @@ def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = No
         signals: CSV of recorded signal phases (SPaT); the intersection's KML must lie beside it.
 
     Raises:
+        UsageError: the path names no file.
         MapError: the road has no vehicle lanes, or some without length; the signals cannot be used.
 
     Example:
@@ -39,6 +40,8 @@ def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = No
         >>> net.path.is_file()
         True
     """
+    if not Path(net_path).name:
+        raise UsageError(f"net_path: {str(net_path)!r} names no file")
     return _with_files(_written(road, None if signals is None else Path(signals)), Path(net_path))
 
 

@@ -92,3 +92,8 @@ def test_recorded_lights_that_cannot_be_used_are_left_out_with_a_note(tmp_path: 
     assert note.startswith("recorded lights are left out: ") and "signal_phases_000.csv" in note
     plain = converted(road_of(), tmp_path / "net.net.xml", keep=keep)
     assert net.path.read_bytes() == plain.path.read_bytes() and net.lanes.rows == plain.lanes.rows
+
+
+def test_a_path_that_names_no_file_is_one_line() -> None:
+    with pytest.raises(scex_sumo.ScexError, match="net_path: '' names no file"):
+        scex_sumo.convert(road_of(), "")
