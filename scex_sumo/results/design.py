@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import side_of
 from scex_sumo.statistics.density import BANDWIDTH, Density, density, mixed_density
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -30,7 +31,11 @@ def design_intervals(
 
 
 def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures: int) -> DesignIntervals:
-    """Return the intervals from ``run.json``; without the assignments, those of independent draws."""
+    """Return the intervals from ``run.json``; without the assignments, those of independent draws.
+
+    Raises:
+        ResultError: the assignments name a model that the run does not have.
+    """
     tracks = info["seed_scene"].get("track_ids", ())
     if assignments is None or not tracks:
         return DesignIntervals(np.zeros((futures, 0), dtype=np.int64), design="random")
@@ -38,7 +43,10 @@ def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures:
     models = [entry["model"] for entry in info["models"]]
     place = {name: k for k, name in enumerate([*models, *sorted(set(always.values()) - set(models))])}
     coded = assignments["model"].combine_chunks().dictionary_encode()
-    number = np.array([place[name] for name in coded.dictionary.to_pylist()], dtype=np.int64)
+    names = coded.dictionary.to_pylist()
+    if strange := [name for name in names if name not in place]:
+        raise ResultError(f"assignments.parquet: {strange[0]!r} is no model of this run")
+    number = np.array([place[name] for name in names], dtype=np.int64)
     drawn = number[np.asarray(coded.indices)].reshape(futures, len(tracks))
     fixed = np.array([str(track) in always for track in tracks], dtype=np.bool_)
     return design_intervals(drawn, [entry["weight"] for entry in info["models"]], fixed, info["design"])
