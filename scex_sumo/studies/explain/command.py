@@ -79,10 +79,15 @@ def explain_command(
         page = write_explanations(run, found, names, worst_of) if plots else None
         wanted = [COLLISION, *COLUMNS[::2], *run.thresholds] if metric is None else [metric]
         shown, console = [e for e in found if e.metric in wanted], output_console()
-        for explanation in shown:
+        always = [e for e in shown if e.always and metric is None]
+        for explanation in (e for e in shown if e not in always):
             worst_ones = worst_of[explanation.metric][: 1 if metric is None else None]
             for line in _told(run, explanation, ids, names, worst_ones):
                 print_line(line, console)
+        if always:
+            print_line(
+                f"critical in every future: {', '.join(e.question(e.metric) for e in always)}", console
+            )
     if not any(explanation.effects for explanation in shown):
         print("too few futures, or values that do not vary: no shares; run with more --futures")
     print(f"result: {folder / 'explain_effects.parquet'}, explain_conditions, explain_worst")

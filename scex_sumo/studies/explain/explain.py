@@ -30,6 +30,8 @@ from scex_sumo.studies.explain.effects import (
 WORST_SHARE: Final = 0.1
 """The most critical tenth stands in for the critical futures of a metric without threshold."""
 RULES: Final = 3
+BEYOND: Final = 2.0
+"""Times a threshold, the largest value that counts for the variance: a collision has an infinite DRAC."""
 MOMENT_MS: Final = 1000  # the seed scene is frame 10 of every future
 
 
@@ -54,6 +56,11 @@ class Explanation:
     conditions: list[Condition]
     rules: list[Condition]
     worst: list[int]
+
+    @property
+    def always(self) -> bool:
+        """Whether every future is critical: no model makes it so."""
+        return self.given and self.p_critical.sampled.value == 1
 
     @property
     def pair(self) -> tuple[int, int] | None:
@@ -85,14 +92,21 @@ def explain(
     count, pairs = len(names), meeting(run)
     with progress_of(progress, "explain") as shown:
         tick = shown or (lambda done, total: None)
+        columns = [_capped(run, name, one) for name, one in zip(names, values, strict=True)]
         found = effects(
-            levels, np.stack(values, axis=1), pairs=pairs, progress=lambda done, _: tick(done, 2 * count)
+            levels, np.stack(columns, axis=1), pairs=pairs, progress=lambda done, _: tick(done, 2 * count)
         )
         cells, explanations = all_cells(levels, pairs), []
         for name, one, parts in zip(names, values, found, strict=True):
             explanations.append(_explain(run, name, one, cells, parts, worst))
             tick(count + len(explanations), 2 * count)
     return explanations
+
+
+def _capped(run: Run, metric: str, values: FloatArray) -> FloatArray:
+    """Return values of which large ones are critical, at most `BEYOND` times their threshold."""
+    limit = run.thresholds.get(metric)
+    return values if limit is None or side_of(metric) == "left" else np.minimum(values, BEYOND * limit)
 
 
 def _explain(

@@ -16,7 +16,7 @@ from scex_sumo.page.study import Column, Table, card, page_table, plots, table_p
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
 from scex_sumo.studies.explain.effects import Condition
-from scex_sumo.studies.explain.explain import WORST_SHARE, Explanation, pair_of, undefined
+from scex_sumo.studies.explain.explain import BEYOND, WORST_SHARE, Explanation, pair_of, undefined
 
 HTML = "explain.html"
 _CELL_PX = 26
@@ -33,7 +33,7 @@ def write_explanations(
 ) -> Path:
     """Write the page into the run's folder, with model ``names`` and ``worst`` rows by metric."""
     ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
-    said = [_sentences(one, ids, names) for one in found if one.given]
+    said = [_sentences(one, ids, names) for one in found if one.given and not one.always]
     metrics = [one for one in found if one.metric in run.columns and not one.metric.endswith("_mean")]
     drawn = [_matrix(one, ids) for one in metrics if len(one.effects) > 1]
     cards = [
@@ -41,8 +41,10 @@ def write_explanations(
         card(
             "Which models matter",
             "Share of the variance between the futures, in percent: from the model of one vehicle "
-            "(diagonal) and of two together (below it). The rest to 100 % is not explained: three or more "
-            "vehicles together, random routes, or effects too small for so many futures.",
+            "(diagonal) and of two together (below it). "
+            f"Values beyond {BEYOND:g} times a threshold count as that. "
+            "The rest to 100 % is not explained: three or more vehicles together, random routes, or effects "
+            "too small for so many futures.",
             plots(*drawn) if drawn else "No effect of a model is beyond chance.",
         ),
         card("Models that make it more critical", table_place("conditions")),

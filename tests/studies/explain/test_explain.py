@@ -136,6 +136,34 @@ def test_all_metrics_are_printed_where_none_is_named(
     assert "wttc <= 5, the worst tenth" in said
 
 
+def _with(folder: Path, thresholds: dict[str, float], **columns: np.ndarray) -> None:
+    metrics = pq.read_table(folder / "metrics.parquet").to_pydict() | columns
+    pq.write_table(pa.table(metrics), folder / "metrics.parquet")
+    info = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(info | {"thresholds": thresholds}))
+
+
+def test_the_variance_is_due_to_those_that_make_it_critical(folder: Path) -> None:
+    # Infinite where 7 brakes and 11 races, a collision; else what 8 does decides the little that is left.
+    levels = all_assignments([3, 3, 3])
+    drac = np.where((levels[:, 0] == 0) & (levels[:, 2] == 2), np.inf, 0.1 * levels[:, 1])
+    _with(folder, {"drac": 3.4}, drac=drac)
+    (found,) = explain(open_run(folder), ["drac"])
+    share = {(e.vehicle, e.other): e.share for e in found.effects}
+    assert share[0, 2] == max(share.values())
+    assert share[1, -1] < 0.01
+
+
+def test_what_is_always_critical_has_one_line_and_no_models(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _with(folder, {"distance": 50.0, "wttc": 0.26}, wttc=np.zeros(27))
+    explain_command(folder, metric=None, worst=1, plots=False)
+    said = capsys.readouterr().out.splitlines()
+    assert "critical in every future: distance <= 50, wttc <= 0.26" in said
+    assert not any(line.startswith("distance") for line in said)
+
+
 def test_what_cannot_be_explained_is_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="unknown metric 'speed'; nearest: "):
         explain_command(folder, metric="speed", worst=5, plots=False)
