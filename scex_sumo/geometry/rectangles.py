@@ -12,6 +12,8 @@ from scex_sumo.scene import States
 SEEN_COLUMNS = ("x", "y", "cos", "sin", "speed")
 
 _FLAT_M = 1e-6  # an edge that rises by less is level
+_CORNERS = (1.0, -1.0, -1.0, 1.0), (1.0, 1.0, -1.0, -1.0)  # sides of length and width, around the rectangle
+_NEXT = [1, 2, 3, 0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,14 +48,12 @@ def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatAr
 def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
     """Return the (N,) area that two rectangles share, m²."""
     x, y, cos, sin = relative_pose(one, two)
-    along_x, along_y = two.half_length * cos, two.half_length * sin
-    across_x, across_y = -two.half_width * sin, two.half_width * cos
-    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    corners = [(x + a * along_x + b * across_x, y + a * along_y + b * across_y) for a, b in signs]
-    area = np.zeros(np.shape(x))
-    for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
-        area -= _clamped_integral(x0, y0, x1, y1, one.half_length, one.half_width)
-    return np.maximum(area, 0.0)
+    along, across = (np.reshape(sign, (4, *[1] * np.ndim(x))) for sign in _CORNERS)
+    corner_x = x + along * (two.half_length * cos) + across * (-two.half_width * sin)
+    corner_y = y + along * (two.half_length * sin) + across * (two.half_width * cos)
+    next_x, next_y = corner_x[_NEXT], corner_y[_NEXT]
+    below = _clamped_integral(corner_x, corner_y, next_x, next_y, one.half_length, one.half_width)
+    return np.maximum(-below[0] - below[1] - below[2] - below[3], 0.0)
 
 
 def _clamped_integral(
@@ -61,11 +61,11 @@ def _clamped_integral(
 ) -> FloatArray:
     run = x1 - x0
     slope = (y1 - y0) / np.where(run == 0, 1.0, run)
-    start, end = np.clip(x0, -a, a), np.clip(x1, -a, a)
+    start, end = np.minimum(np.maximum(x0, -a), a), np.minimum(np.maximum(x1, -a), a)
     low, high = y0 + (start - x0) * slope, y0 + (end - x0) * slope
     rise = high - low
     level = np.abs(rise) < _FLAT_M
-    mean = np.clip((low + high) / 2, -b, b)
+    mean = np.minimum(np.maximum((low + high) / 2, -b), b)
     steep = (_clamp_integral(high, b) - _clamp_integral(low, b)) / np.where(level, 1.0, rise)
     return np.where(level, mean, steep) * (end - start)
 

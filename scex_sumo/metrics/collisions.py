@@ -8,6 +8,7 @@ counts. Between steps, positions and headings change linearly.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -94,7 +95,8 @@ def find_collisions(
         vehicle: only collisions of the vehicle with this index.
     """
     start = max(tracks.first - 1, 0)
-    moves = _contacts(near_moves(tracks, start, vehicle))
+    moves = near_moves(tracks, start, vehicle)
+    moves = moves.take(_touching(moves))
     limit = _limits(moves, start, limit_m2)
     at, which = _first_of_pair(moves, *_exceeding(moves, limit))
     if not len(which):
@@ -133,11 +135,8 @@ class Contacts:
             states=States.stack([before, after], axis=1), length=self._length, width=self._width, first=1
         )
         moves = Moves(tracks, future, np.zeros_like(pair), self._one[pair], self._two[pair])
-        touch = np.flatnonzero(moves.separation(np.ones(len(pair))) <= moves.way()[0])
-        moves, limit = moves.take(touch), self._limit[pair[touch]]
-        hit = moves.overlap(np.ones(len(touch))) > limit
-        left = np.flatnonzero(~hit)
-        hit[left[_exceeding(moves.take(left), limit[left])[1]]] = True
+        touch = _touching(moves)
+        hit = touch[_exceeding(moves.take(touch), self._limit[pair[touch]], only_whether=True)[1]]
         return moves.future[hit], moves.first[hit], moves.second[hit]
 
     def _distance(self, states: States, rows: Any) -> FloatArray:
@@ -178,29 +177,36 @@ class Moves:
         """Return the same pairs during other steps."""
         return replace(self, step=step)
 
-    def pose(self, vehicle: IntArray, share: FloatArray) -> Rectangles:
-        """Return (N,) outlines of one vehicle of each pair."""
-        now, then = self._ends(vehicle)
-        states = self.tracks.states
-        turn = wrap(states.heading[then] - states.heading[now])
-        half_length, half_width = self.half_sizes(vehicle)
-        return Rectangles(
-            x=states.x[now] + share * (states.x[then] - states.x[now]),
-            y=states.y[now] + share * (states.y[then] - states.y[now]),
-            heading=states.heading[now] + share * turn,
-            half_length=half_length,
-            half_width=half_width,
-        )
+    @cached_property
+    def ends(self) -> tuple[_Ends, _Ends]:
+        """Both ends of the moves of either vehicle."""
+        return self._ends(self.first), self._ends(self.second)
 
-    def speed(self, vehicle: IntArray, share: FloatArray) -> FloatArray:
-        """Return (N,) speeds of one vehicle of each pair, m/s."""
-        now, then = self._ends(vehicle)
-        speed = self.tracks.states.speed
-        return speed[now] + share * (speed[then] - speed[now])
+    def _ends(self, vehicle: IntArray) -> _Ends:
+        states, last = self.tracks.states, self.tracks.states.shape[1] - 1
+        now, then = (self.future, self.step, vehicle), (self.future, np.minimum(self.step + 1, last), vehicle)
+        x, y, heading = states.x[now], states.y[now], states.heading[now]
+        half_length, half_width = (
+            (size[vehicle] if size.ndim == 1 else size[self.future, vehicle]) / 2
+            for size in (self.tracks.length, self.tracks.width)
+        )
+        return _Ends(
+            start=Rectangles(x=x, y=y, heading=heading, half_length=half_length, half_width=half_width),
+            dx=states.x[then] - x,
+            dy=states.y[then] - y,
+            turn=wrap(states.heading[then] - heading),
+        )
 
     def poses(self, share: FloatArray) -> tuple[Rectangles, Rectangles]:
         """Return (N,) outlines of both vehicles."""
-        return self.pose(self.first, share), self.pose(self.second, share)
+        one, two = (ends.at(share) for ends in self.ends)
+        return one, two
+
+    def speed(self, vehicle: IntArray, share: FloatArray) -> FloatArray:
+        """Return (N,) speeds of one vehicle of each pair, m/s."""
+        speed, last = self.tracks.states.speed, self.tracks.states.shape[1] - 1
+        now = speed[self.future, self.step, vehicle]
+        return now + share * (speed[self.future, np.minimum(self.step + 1, last), vehicle] - now)
 
     def separation(self, share: FloatArray) -> FloatArray:
         """Return (N,) m; at most 0 where the outlines touch."""
@@ -210,32 +216,38 @@ class Moves:
         """Return (N,) m²."""
         return overlap_area(*self.poses(share))
 
-    def half_sizes(self, vehicle: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return (N,) half lengths and half widths, m."""
-        length, width = (
-            (size[vehicle] if size.ndim == 1 else size[self.future, vehicle]) / 2
-            for size in (self.tracks.length, self.tracks.width)
-        )
-        return length, width
+    def radii(self) -> tuple[FloatArray, FloatArray]:
+        """Return (N,) radii of the circles around either vehicle, m."""
+        one, two = (np.hypot(ends.start.half_length, ends.start.half_width) for ends in self.ends)
+        return one, two
 
     def way(self) -> tuple[FloatArray, FloatArray]:
         """Bound (N,) the change of a touching pair's gap, and the way of any corner, m."""
-        states = self.tracks.states
-        ends = self._ends(self.first), self._ends(self.second)
-        (now_1, then_1), (now_2, then_2) = ends
-        dx = (states.x[then_2] - states.x[now_2]) - (states.x[then_1] - states.x[now_1])
-        dy = (states.y[then_2] - states.y[now_2]) - (states.y[then_1] - states.y[now_1])
-        radii = [np.hypot(*self.half_sizes(v)) for v in (self.first, self.second)]
-        turns = [np.abs(wrap(states.heading[then] - states.heading[now])) for now, then in ends]
-        shift = np.hypot(dx, dy)
+        one, two = self.ends
+        radii, turns = self.radii(), [np.abs(ends.turn) for ends in self.ends]
+        shift = np.hypot(two.dx - one.dx, two.dy - one.dy)
         # If the circles around both meet, the centres are no farther apart than both radii and the way.
         arm = radii[0] + radii[1] + shift
         gap_way = shift + (arm + radii[1]) * turns[0] + (arm + radii[0]) * turns[1]
         return gap_way, shift + radii[0] * turns[0] + radii[1] * turns[1]
 
-    def _ends(self, vehicle: IntArray) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...]]:
-        last = self.tracks.states.shape[1] - 1
-        return (self.future, self.step, vehicle), (self.future, np.minimum(self.step + 1, last), vehicle)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ends:
+    """Motion of N vehicles during one step: outlines at its start, and how far they go and turn."""
+
+    start: Rectangles
+    dx: FloatArray
+    dy: FloatArray
+    turn: FloatArray
+
+    def at(self, share: FloatArray) -> Rectangles:
+        return replace(
+            self.start,
+            x=self.start.x + share * self.dx,
+            y=self.start.y + share * self.dy,
+            heading=self.start.heading + share * self.turn,
+        )
 
 
 def near_moves(tracks: SceneTracks, start: int, vehicle: int | None = None) -> Moves:
@@ -288,29 +300,38 @@ def _way_near(dx: FloatArray, dy: FloatArray, reach: FloatArray) -> BoolArray:
     return near
 
 
-def _contacts(moves: Moves) -> Moves:
+def _touching(moves: Moves) -> IntArray:
+    """Return the moves (n,) in which the outlines may touch."""
     gap_way, _ = moves.way()
     zero = np.zeros(moves.future.shape)
-    ends = moves.separation(zero) + moves.separation(zero + 1)
-    return moves.take(np.flatnonzero(ends <= gap_way))
+    return np.flatnonzero(moves.separation(zero) + moves.separation(zero + 1) <= gap_way)
 
 
-def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
+def _exceeding(moves: Moves, limit: FloatArray, *, only_whether: bool = False) -> tuple[FloatArray, IntArray]:
+    """Return the moves (n,) with an overlap above a limit, and the share at which it is found first.
+
+    ``only_whether``: the share may be any that is found.
+    """
     count = moves.future.size
     share = np.full(count, np.inf)
+    if not count:
+        return share, np.empty(0, dtype=np.int64)
     start, end = moves.overlap(np.zeros(count)), moves.overlap(np.ones(count))
     share[end > limit] = 1.0
     share[start > limit] = 0.0
     gap_way, corner_way = moves.way()
-    inner = np.minimum(*(np.hypot(*moves.half_sizes(v)) for v in (moves.first, moves.second)))
-    growth = 2 * np.pi * inner * corner_way  # no outline within the smaller one is longer
-    move = np.flatnonzero((share > 0) & (start + end + growth > 2 * limit))
+    growth = 2 * np.pi * np.minimum(*moves.radii()) * corner_way  # no outline within the smaller is longer
+    is_open = np.isinf(share) if only_whether else share > 0
+    move = np.flatnonzero(is_open & (start + end + growth > 2 * limit))
     low, width = np.zeros(move.size), 1.0
     ends = start[move], end[move]
     for _ in range(_SPLITS):
+        if move.size == 0:
+            break
         width /= 2
-        part, middle = moves.take(move), low + width
-        area, gap = part.overlap(middle), part.separation(middle)
+        middle = low + width
+        boxes = moves.take(move).poses(middle)
+        area, gap = overlap_area(*boxes), separation(*boxes)
         over = area > limit[move]
         np.minimum.at(share, move[over], middle[over])
         # A pair apart in the middle by more than half the way does not touch in this part.
@@ -324,8 +345,6 @@ def _exceeding(moves: Moves, limit: FloatArray) -> tuple[FloatArray, IntArray]:
         )
         keep = low < share[move]
         move, low, ends = move[keep], low[keep], (ends[0][keep], ends[1][keep])
-        if move.size == 0:
-            break
     which = np.flatnonzero(np.isfinite(share))
     return share[which], which
 
@@ -370,7 +389,9 @@ def _impact(hits: Moves, share: FloatArray, limit: FloatArray) -> tuple[Moves, F
     low, high = np.zeros(share.size), end
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        over = np.where(touching, moves.overlap(middle) > limit, moves.separation(middle) <= 0)
+        over = moves.separation(middle) <= 0
+        if touching.any():
+            over = np.where(touching, moves.overlap(middle) > limit, over)
         low, high = np.where(over, low, middle), np.where(over, middle, high)
     return moves, high
 
@@ -429,15 +450,15 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
-    largest = hits.overlap(at)
-    present = hits.tracks.present
-    for step in range(start, hits.tracks.states.shape[1]):
-        later = np.flatnonzero(hits.step < step)
-        part = hits.at_step(np.full(hits.step.size, step)).take(later)
-        area = part.overlap(np.zeros(later.size))
+    largest, present = hits.overlap(at), hits.tracks.present
+    hit, later = np.nonzero(hits.step[:, None] < np.arange(start, hits.tracks.states.shape[1]))
+    for begin in range(0, hit.size, _PAIRS_AT_ONCE):
+        rows, step = hit[begin : begin + _PAIRS_AT_ONCE], later[begin : begin + _PAIRS_AT_ONCE] + start
+        part = hits.take(rows).at_step(step)
+        area = part.overlap(np.zeros(rows.size))
         if present is not None:
             there = present[part.future, step, part.first] & present[part.future, step, part.second]
             area = np.where(there, area, 0.0)
-        largest[later] = np.maximum(largest[later], area)
+        np.maximum.at(largest, rows, area)
     seed = hits.at_step(np.full(hits.step.size, start)).overlap(np.zeros(at.size))
     return largest - np.where(np.isfinite(seed), seed, 0.0)
