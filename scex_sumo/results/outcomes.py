@@ -2,11 +2,12 @@
 
 Perfectly plastic impact of two point masses: the speed change of a vehicle is the other's share of both
 masses times the relative speed. P(MAIS 3+) of its occupant is a logistic curve of the speed change, a mean
-over crash modes. The fault is the class of each vehicle's part in a collision.
+over crash modes. That of somebody on foot or bicycle is one of the speed at which a vehicle hits them. The
+fault is the class of each vehicle's part in a collision.
 
 Sources: masses are those of SUMO's vehicle classes, and of the small car and the pick-up of AASHTO's MASH
-(2016); curves NHTSA DOT HS 813 219; classes of fault
-after nuPlan's collision types (Caesar et al. 2021).
+(2016); curves NHTSA DOT HS 813 219, and of people Lubbe, Wu, Jeppsson 2022; classes of fault after nuPlan's
+collision types (Caesar et al. 2021).
 """
 
 from __future__ import annotations
@@ -35,14 +36,16 @@ MASSES_KG: Final = {
     "truck": ((7.1, 4500.0), (16.5, 13000.0)),  # truck; trailer
     "bus": ((12.0, 12000.0), (14.0, 25000.0)),  # bus; coach
     "motorcycle": ((2.2, 200.0),),
+    "pedestrian": ((0.6, 80.0),),
+    "bicycle": ((1.8, 80.0),),  # with the cyclist
 }
 """Mass by type: pairs of length in m and mass in kg, linear between them, constant beyond."""
 
 CURVES: Final = {"mais2": (-5.1331, 0.1479), "mais3": (-6.9540, 0.1637), "fatal": (-8.9819, 0.1603)}
 """Intercept and slope per mph of the logistic curve of an occupant's injury, by level."""
 
-STRUCK: Final = (33.0, 0.1418)
-"""Speed at which half of the pedestrians are injured severely, mph, and slope of the curve per mph."""
+STRUCK: Final = {"pedestrian": (29.0, 0.078), "bicycle": (44.0, 0.079)}
+"""Closing speed at which one of ten is injured severely (MAIS 3+), km/h, and slope of the curve per km/h."""
 
 COVERED: Final = frozenset(("car", "van"))
 """Types whose occupants the curves were fitted to; for others P(MAIS 3+) is undefined."""
@@ -76,8 +79,9 @@ class Severity:
     Attributes:
         delta_v: speed change of the first vehicle, m/s; NaN if one of both has no mass.
         delta_v_other: of the second one.
-        p_mais3: probability of a MAIS 3+ injury of an occupant of the first vehicle; NaN for types that the
-            curve does not cover.
+        p_mais3: probability of a MAIS 3+ injury of an occupant of the first vehicle, or of the first one on
+            foot or bicycle; NaN for types that the curves do not cover, and of people that walk or ride into
+            a standing vehicle.
         p_mais3_other: of the second one.
         fault: index into `FAULTS`; -1 if undecided.
     """
@@ -105,14 +109,37 @@ def injury_probability(delta_v: FloatArray, level: str = "mais3") -> FloatArray:
     return np.asarray(1.0 / (1.0 + np.exp(-(intercept + slope * np.asarray(delta_v) / MPH))))
 
 
-def struck_injury_probability(speed: FloatArray) -> FloatArray:
-    """Return the probability of a severe injury (AIS 4+) of a pedestrian by the impact speed in m/s.
+def struck_injury_probability(speed: FloatArray, kinds: Sequence[str]) -> FloatArray:
+    """Return the probability of a severe injury (MAIS 3+) of people that the front of a car hits.
 
-    Of a pedestrian hit by a car or light truck 10, 25, 50, 75 and 90 % are injured so at 17.1, 24.9, 33.0,
-    40.8 and 48.1 mph (Tefft 2013); a logistic curve through these. MAIS 3+ is more frequent.
+    Logistic curves of the closing speed in crashes of GIDAS, at mean age (Lubbe, Wu, Jeppsson 2022): 10 % at
+    29 km/h on foot, and at 44 km/h on a bicycle.
+
+    Args:
+        speed: (N,) m/s.
+        kinds: (N,) types; NaN for others than in `STRUCK`.
     """
-    middle, slope = STRUCK
-    return np.asarray(1.0 / (1.0 + np.exp(-slope * (np.asarray(speed) / MPH - middle))))
+    curves = [STRUCK.get(road_user(kind), (np.nan, np.nan)) for kind in kinds]
+    tenth, slope = np.array(curves).reshape(-1, 2).T
+    odds = np.exp(slope * (3.6 * np.asarray(speed) - tenth)) / 9
+    return np.asarray(odds / (1 + odds))
+
+
+def pair_injuries(
+    pair: tuple[Sequence[str], Sequence[str]], share: FloatArray, closing: FloatArray
+) -> FloatArray:
+    """Return (2, N) probabilities of a severe injury (MAIS 3+) of one person of each of two road users.
+
+    People on foot or bicycle are injured by the closing speed; in a vehicle that hits them nobody is: 0.
+
+    Args:
+        pair: types (N,) of the first and of the second one.
+        share: (2, N) of the other's mass in both masses.
+        closing: (N,) speed, m/s.
+    """
+    people = np.stack([struck_injury_probability(closing, kinds) for kinds in pair])
+    inside = np.where(np.isnan(people[::-1]), injury_probability(share * closing), 0.0)
+    return np.where(np.isnan(people), inside, people)
 
 
 def severity_of(
@@ -125,34 +152,34 @@ def severity_of(
         types: (V,) of the vehicles.
         road: lanes and right of way; without it the impact alone decides.
     """
-    mass = masses(types, tracks.length)
-    one, two = mass[hits.first], mass[hits.second]
-    is_covered = np.array([road_user(kind) in COVERED for kind in types], dtype=np.bool_)
-    changes = two / (one + two) * hits.relative_speed, one / (one + two) * hits.relative_speed
-    risks = [
-        np.where(is_covered[vehicle], injury_probability(change), np.nan)
-        for vehicle, change in zip((hits.first, hits.second), changes, strict=True)
-    ]
+    start, pair = max(tracks.first - 1, 0), (hits.first, hits.second)
+    moves = Moves(tracks, hits.future, hits.step - 1, *pair)
+    share = np.clip(hits.time_s / tracks.step_s - (moves.step - start), 0.0, 1.0)
+    stands = [np.abs(moves.speed(vehicle, share)) <= _STANDING_MPS for vehicle in pair]
+    mass = masses(types, tracks.length)[np.stack(pair)]
+    shares = mass[::-1] / mass.sum(axis=0)
+    kinds = [[road_user(types[v]) for v in side.tolist()] for side in pair]
+    walks, covered = (_flags([[k in of for k in side] for side in kinds]) for of in (STRUCK, COVERED))
+    risks = pair_injuries((kinds[0], kinds[1]), shares, hits.relative_speed)
+    risks = np.where(walks & ~np.stack(stands)[::-1] | covered, risks, np.nan)
+    changes = shares * hits.relative_speed
     return Severity(
         delta_v=changes[0],
         delta_v_other=changes[1],
         p_mais3=risks[0],
         p_mais3_other=risks[1],
-        fault=_faults(tracks, hits, road),
+        fault=_faults(hits, stands, road, moves.poses(share)),
     )
 
 
-def _faults(tracks: SceneTracks, hits: Collisions, road: Road | None) -> IntArray:
-    start = max(tracks.first - 1, 0)
-    moves = Moves(tracks, hits.future, hits.step - 1, hits.first, hits.second)
-    share = np.clip(hits.time_s / tracks.step_s - (moves.step - start), 0.0, 1.0)
-    speeds = [moves.speed(vehicle, share) for vehicle in (hits.first, hits.second)]
-    stands = [np.abs(speed) <= _STANDING_MPS for speed in speeds]
+def _faults(
+    hits: Collisions, stands: Sequence[BoolArray], road: Road | None, poses: tuple[Rectangles, Rectangles]
+) -> IntArray:
     fronts = [side == SIDES.index("front") for side in (hits.first_side, hits.second_side)]
     none = np.zeros(len(hits), dtype=np.bool_)
     leaves, against = [none, none], [none, none]
     if road is not None and len(hits):
-        leaves, against = _on_road(road, moves.poses(share))
+        leaves, against = _on_road(road, poses)
     holds = [
         stands[1] & ~stands[0],
         stands[0] & ~stands[1],
@@ -192,7 +219,7 @@ def _on_road(road: Road, poses: tuple[Rectangles, Rectangles]) -> tuple[list[Boo
     return leaves, [against[0] & ~against[1], against[1] & ~against[0]]
 
 
-def _flags(values: Sequence[bool]) -> NDArray[np.bool_]:
+def _flags(values: Sequence[Any]) -> NDArray[np.bool_]:
     return np.array(values, dtype=np.bool_)
 
 

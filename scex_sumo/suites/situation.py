@@ -20,7 +20,6 @@ from scex_sumo.certainty.response.actions import (
     contexts,
     pairs_of,
 )
-from scex_sumo.certainty.response.answer import UNPROTECTED_KG
 from scex_sumo.certainty.response.critical import HARD_MPS, TYPICAL, by_action, critical_response
 from scex_sumo.certainty.response.expected import Expected, expected_motion
 from scex_sumo.certainty.response.people import (
@@ -31,7 +30,7 @@ from scex_sumo.certainty.response.people import (
     probabilities,
     time_gaps,
 )
-from scex_sumo.results.outcomes import injury_probability, masses, struck_injury_probability
+from scex_sumo.results.outcomes import masses, pair_injuries
 from scex_sumo.scene import SeedScene, States
 
 STEPS: Final = len(TIME_S) - 1
@@ -143,12 +142,9 @@ class Situation:
     def injuries(self, closing_mps: FloatArray) -> FloatArray:
         """Return the expected severe injuries of contacts (m,) at closing speeds; 0 below `HARD_MPS`."""
         i, j, scene = self.initiator, self.responder, self.scene
-        mass = np.nan_to_num(masses(scene.types, scene.length), nan=UNPROTECTED_KG)
-        if i >= self.expected.vehicles:
-            risk = struck_injury_probability(closing_mps)
-        else:
-            shares = np.array([[mass[j]], [mass[i]]]) / (mass[i] + mass[j])
-            risk = injury_probability(shares * closing_mps).sum(axis=0)
+        mass = masses(scene.types, scene.length)
+        shares = np.array([[mass[j]], [mass[i]]]) / (mass[i] + mass[j])
+        risk = pair_injuries(([scene.types[i]], [scene.types[j]]), shares, closing_mps).sum(axis=0)
         return np.where(closing_mps >= HARD_MPS, risk, 0.0)
 
     @property

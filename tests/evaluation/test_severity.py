@@ -12,7 +12,6 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
 from scex_sumo.results.outcomes import (
     MASSES_KG,
-    MPH,
     Severity,
     injury_probability,
     masses,
@@ -143,10 +142,31 @@ def test_who_leaves_its_lane_has_the_fault() -> None:
 
 def test_a_type_without_a_mass_leaves_the_speed_changes_undefined() -> None:
     vehicles = {"speed": 10.0}, {"x": 40, "heading": math.pi, "speed": 10.0}
-    _, found = severity(*vehicles, types=("car", "bicycle"))
+    _, found = severity(*vehicles, types=("car", "tram"))
     assert np.isnan([found.delta_v, found.delta_v_other, found.p_mais3, found.p_mais3_other]).all()
 
 
-def test_severe_injuries_of_pedestrians_are_those_of_tefft() -> None:
-    speed = np.array([17.1, 24.9, 33.0, 40.8, 48.1]) * MPH
-    assert struck_injury_probability(speed) == pytest.approx([0.1, 0.25, 0.5, 0.75, 0.9], abs=0.015)
+@pytest.mark.parametrize(("kind", "tenth_kmh"), [("pedestrian", 29.0), ("cyclist", 44.0)])
+def test_one_of_ten_people_is_injured_severely_at_the_published_speed(kind: str, tenth_kmh: float) -> None:
+    """Of Lubbe, Wu, Jeppsson 2022, a crash of a car's front; the car's occupant is not injured."""
+    speed = tenth_kmh / 3.6
+    car, person = {"x": -30.0, "speed": speed}, {"heading": NORTH, "length": 0.6, "width": 0.6}
+    _, found = severity(car, person, types=("car", kind))
+    assert found.p_mais3_other == pytest.approx(0.1)
+    assert found.p_mais3 == 0.0
+    assert found.delta_v_other == pytest.approx(speed * 1500 / 1580, rel=0.05)
+
+
+def test_injuries_of_pedestrians_are_more_frequent_than_their_deaths() -> None:
+    """Rosén and Sander 2009, also of GIDAS: deaths by the impact speed in km/h."""
+    speed = np.arange(5.0, 100.0, 5.0)
+    deaths = 1 / (1 + np.exp(6.9 - 0.090 * speed))
+    injuries = struck_injury_probability(speed / 3.6, ["pedestrian"] * len(speed))
+    assert (injuries > deaths).all()
+    assert (injuries > struck_injury_probability(speed / 3.6, ["bicycle"] * len(speed))).all()
+
+
+def test_the_curves_say_nothing_of_people_that_walk_into_a_standing_car() -> None:
+    person = {"x": -8.0, "speed": 1.5, "length": 0.6, "width": 0.6}
+    _, found = severity(person, {"speed": 0.0}, types=("pedestrian", "car"))
+    assert np.isnan(found.p_mais3) and found.p_mais3_other == 0.0

@@ -43,7 +43,7 @@ from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.extrapolation.job import has_rules, ruled
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.outcomes import injury_probability, masses, struck_injury_probability
+from scex_sumo.results.outcomes import masses, pair_injuries
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of as scene_doubts
 from scex_sumo.roads.matching import match
@@ -54,9 +54,6 @@ SELDOM: Final = 1e-4
 """Actions at least this often, and the one that is told, count for what a careful driver prevents."""
 MOTIONS: Final = "the expected motions"
 """Begin of a doubt that is about the expected drivers, not about the recording."""
-UNPROTECTED_KG: Final = 80.0
-"""Mass of people without a mass in `MASSES_KG`: pedestrians, cyclists."""
-
 TOLD: Final = 1e-7
 """Probability from which a row is told."""
 _LEAST = 1e-9  # probability of a row
@@ -259,24 +256,24 @@ def _impact(cases: Cases, response_s: FloatArray, people: People, hard: FloatArr
     """Return the impact at the median of too late responses: columns of `SCHEMA`.
 
     It is plastic. ``delta_v`` is that of the vehicle whose speed it changes more; ``expected_mais3`` counts
-    one occupant in each, people on foot or bicycle by the curve of pedestrians, and hard contacts only, which
-    have the probability ``hard`` and at least `HARD_MPS`: the curves were fitted to crashes, not to touches.
+    one person of each, and hard contacts only, which have the probability ``hard`` and at least `HARD_MPS`:
+    the curves were fitted to crashes, not to touches.
     """
     scene = cases.pairs.expected.scene
     assert scene.road is not None
     i, j = (side[cases.pair] for side in (cases.pairs.initiator, cases.pairs.responder))
     motion = too_late(cases, response_s, people)
     _, speed = motion.impact()
-    mass = np.nan_to_num(masses(scene.types, scene.length), nan=UNPROTECTED_KG)
+    mass = masses(scene.types, scene.length)
     share = np.stack([mass[j], mass[i]]) / (mass[i] + mass[j])
     row, first = np.arange(len(cases)), np.argmax(motion.cases.blocked.touches(motion.s), axis=1)
-    fast = np.maximum(speed, HARD_MPS)
-    occupants, struck = injury_probability(share * fast).sum(axis=0), struck_injury_probability(fast)
+    kinds = [scene.types[v] for v in i.tolist()], [scene.types[v] for v in j.tolist()]
+    injured = pair_injuries(kinds, share, np.maximum(speed, HARD_MPS)).sum(axis=0)
     x, y, _ = cases.pairs.expected.lines.at(j, motion.s[row, first])
     middle = np.stack([x + cases.outlines.x[row, first], y + cases.outlines.y[row, first]], axis=1) / 2
     return {
         "delta_v": share.max(axis=0) * speed,
-        "expected_mais3": hard * np.where(i < cases.pairs.expected.vehicles, occupants, struck),
+        "expected_mais3": hard * injured,
         "time_s": TIME_S[first],
         "kind": places_of(scene.road, middle),
     }
