@@ -6,6 +6,7 @@ import errno
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,19 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
+from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import MAX_ITEMS, box_table, one_line
 from scex_sumo.formats.from_car import within_map
+from scex_sumo.formats.lane_map import FAR_M, DrawnMap, drawn_road
+from scex_sumo.formats.osi_lanes import light_states, osi_map
 from scex_sumo.formats.recognition import is_osi
+from scex_sumo.formats.spat import lane_programme
 from scex_sumo.formats.sumo.imported import opendrive_road
+from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
 from scex_sumo.road import Road
 
 TOPICS = {"ground_truth": "GroundTruth", "map": "MapAsamOpenDrive"}
@@ -34,6 +41,7 @@ _OTHERS = {1: "other", 3: "pedestrian", 4: "animal"}
 _UNKNOWN, _VEHICLE = 0, 2
 _CUT = "it ends within a record"
 MAX_TILT_RAD = 0.5  # of a box that lies on a road
+FIRST = 20  # messages, of which one has the map
 
 
 def osi_library() -> Any:
@@ -78,35 +86,57 @@ def _messages(path: Path, kind: str) -> Iterator[Any]:
                 yield message.from_binary(record.data)
 
 
-def _read_road(path: Path, **_: Any) -> Road:
-    """Read the OpenDRIVE map inside a trace, by way of netconvert."""
-    osi_road = next(iter(_maps(path)), None)
-    if osi_road is None:
-        beside = _map_beside(path)
-        if beside is None:
-            raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
-        return opendrive_road(beside, beside.read_bytes())
-    return opendrive_road(path, osi_road.encode())
-
-
-def _maps(path: Path) -> list[str]:
-    if path.suffix == ".osi":
-        return []
+def _read_road(path: Path, **options: Any) -> Road:
+    """Read the OpenDRIVE map inside a trace, by way of netconvert, else that beside it, else OSI's lanes."""
     with _damage(MapError, path):
-        return [one.open_drive_xml_content for one in _messages(path, TOPICS["map"])][:1]
+        inside = _opendrive(path)
+        if inside is not None:
+            return opendrive_road(path, inside.encode())
+        if (beside := _map_beside(path)) is not None:
+            return opendrive_road(beside, beside.read_bytes())
+        drawn = _lane_map(path)
+        if not drawn.lanes:
+            raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
+        return drawn_road(drawn, name=map_name(path), country=options.get("country") or GERMANY)
+
+
+def _opendrive(path: Path) -> str | None:
+    maps = () if path.suffix == ".osi" else _messages(path, TOPICS["map"])
+    return next((one.open_drive_xml_content for one in maps), None)
 
 
 def _map_beside(path: Path) -> Path | None:
-    own = path.with_suffix(".xodr")
-    found = [own] if own.is_file() else sorted(path.parent.glob("*.xodr"))
-    return found[0] if len(found) == 1 else None
+    """Return the OpenDRIVE file of a trace: of its name, else that which it names, else the only one."""
+    found, own = sorted(path.parent.glob("*.xodr")), path.with_suffix(".xodr")
+    if own in found or len(found) < 2:
+        return own if own in found else next(iter(found), None)
+    named = next((truth.map_reference for truth in _messages(path, TOPICS["ground_truth"])), "")
+    return next((one for one in found if one.name == named), None)
+
+
+def _lane_map(path: Path) -> DrawnMap:
+    """Return the lanes of OSI, which stand in one of the first messages."""
+    truths = islice(_messages(path, TOPICS["ground_truth"]), FIRST)
+    return osi_map(path, next((truth for truth in truths if truth.lane), osi_library().GroundTruth()))
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
     path = paths[0]
     with _damage(TrackError, path):
         names, kinds, values, ego = _boxes(path)
+        if np.abs(values[:, 1:3]).max(initial=0.0) > FAR_M and not _opendrive(path) and not _map_beside(path):
+            values[:, 1:3] -= _lane_map(path).frame
         return box_table(path, names, kinds, values, ego=ego)
+
+
+def _read_signals(
+    layout: NetLayout, origin: tuple[float, float], path: Path
+) -> tuple[Programme | None, list[str]]:
+    with _damage(MapError, path):
+        ids = _lane_map(path).lane_ids()
+        states = light_states(_messages(path, TOPICS["ground_truth"]))
+        runs = {ids[lane]: run for lane, run in states.items() if lane in ids}
+        return lane_programme(layout, runs, path.name) if runs else (None, [])
 
 
 def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray, str]:
@@ -152,13 +182,18 @@ def _state(base: Any) -> tuple[float, ...]:
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
-        beside = _map_beside(path) if path.suffix == ".osi" else None
+        with _damage(TrackError, path):
+            beside = _map_beside(path) if path.suffix == ".osi" else None
         map_path = beside or path
-        name = map_name(path)
         yield Recording(
-            name=name, site=map_name(map_path), dataset="osi", map_path=map_path, track_paths=(path,)
+            name=map_name(path),
+            site=map_name(map_path),
+            dataset="osi",
+            map_path=map_path,
+            track_paths=(path,),
         )
 
 
 OSI_MAP = MapFormat(is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE")
 OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map)
+OSI_LIGHTS = SignalFormat(is_mine=is_osi, read=_read_signals)

@@ -133,6 +133,7 @@ SIND = Declaration(
 )
 STATE = Declaration(is_state, "scex_sumo.formats.sumo.fcd:STATE")
 
+OSI_LIGHTS = Declaration(is_osi, "scex_sumo.formats.osi:OSI_LIGHTS")
 PY123D_LIGHTS = Declaration(lambda path: path.name == PY123D_LOG, "scex_sumo.formats.py123d:PY123D_LIGHTS")
 SCENARIONET_LIGHTS = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET_LIGHTS")
 SPAT = Declaration(lambda path: path.suffix == ".csv", "scex_sumo.formats.spat:SPAT")
