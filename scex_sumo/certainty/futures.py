@@ -84,7 +84,7 @@ class ExtraFutures:
         done = set(Parts(self.job.folder).futures.tolist())
         left = [future for future in range(first, stop) if future not in done]
         few = dataclasses.replace(self.job, assignment=assignment[first:])
-        size = batch_size(few, self._workers.processes if len(left) >= 64 else 1)
+        size = batch_size(few, self._workers.free if len(left) >= 64 else 1)
         for _ in self._workers.run(self.job, batches_of(left, size, apart=self.job.apart)):
             pass
         return self._encounters(first, stop)

@@ -54,33 +54,15 @@ def run_scene(
         ScexError: as of `extrapolate`.
     """
     watch, models = _Stopwatch(), models or checked_models(settings, options, extras)
-    if scene.road is None:
-        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
-    tested = [*settings.assign, *settings.under_test]
-    if settings.within is not None:
-        scene = settings.within.simulated(scene, settings.steps, tested)
-    settings.check_size(settings.count or 1, scene.vehicles)
-    assignment = _assignment(scene, settings, models, keep=options.cache)
-    models.try_on(scene, seed=settings.seed)
     temporary = TemporaryFolder() if options.out is None else None
     path = Path(temporary.name) / "run" if temporary else Path(str(options.out))
-    identity = _identity(scene, settings, models, assignment)
-    folder = ResultFolder(path, identity, overwrite=options.overwrite)
+    folder, job = _opened(scene, settings, options, models, path)
+    scene = job.scene
     for extra in extras:
         if not extra.is_on(settings):
             folder.remove(extra.files)
     active = working(extras, settings)
-    scene, net = ruled(scene, _net(scene, folder, options, settings), settings)
-    job = Job(
-        scene,
-        net,
-        settings,
-        models,
-        assignment,
-        folder.path,
-        options.gui,
-        compared=options.compared,
-    )
+    begun = [extra.begin(job, workers, options) for extra in active]
     watch.lap("convert")
     repeats = [extra.repeats(settings) for extra in active]
     with options.bar(scene.name) as tick:
@@ -102,8 +84,8 @@ def run_scene(
         rows: list[Row] = []
         for number, extra in enumerate(active):
             progress = parts[1 + sum(repeats[:number])] if repeats[number] else None
-            own = dataclasses.replace(work, progress=progress, settled=settled.get(number))
-            rows += extra.after(own)
+            known, task = settled.get(number), begun[number]
+            rows += extra.after(dataclasses.replace(work, progress=progress, settled=known, begun=task))
     watch.lap("extras")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
@@ -111,9 +93,34 @@ def run_scene(
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
-    for extra in active:
-        run.written.update(extra.finish(run, work))
+    for extra, task in zip(active, begun, strict=True):
+        run.written.update(extra.finish(run, dataclasses.replace(work, begun=task)))
     return run
+
+
+def simulate_ahead(scene: SeedScene, settings: RunSettings, models: ModelSet, options: RunOptions) -> None:
+    """Simulate the futures of a run in its folder ``options.out``; `run_scene` goes on with them."""
+    folder, job = _opened(scene, settings, options, models, Path(str(options.out)))
+    with folder:
+        _run_all(job, Workers(1), options.batch, None)
+
+
+def _opened(
+    scene: SeedScene, settings: RunSettings, options: RunOptions, models: ModelSet, path: Path
+) -> tuple[ResultFolder, Job]:
+    """Open the folder of a run; return it with the run's job."""
+    if scene.road is None:
+        raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
+    if settings.within is not None:
+        scene = settings.within.simulated(scene, settings.steps, [*settings.assign, *settings.under_test])
+    settings.check_size(settings.count or 1, scene.vehicles)
+    assignment = _assignment(scene, settings, models, keep=options.cache)
+    models.try_on(scene, seed=settings.seed)
+    identity = _identity(scene, settings, models, assignment)
+    folder = ResultFolder(path, identity, overwrite=options.overwrite)
+    scene, net = ruled(scene, _net(scene, folder, options, settings), settings)
+    compared, gui = options.compared, options.gui
+    return folder, Job(scene, net, settings, models, assignment, folder.path, gui, compared=compared)
 
 
 def checked_models(settings: RunSettings, options: RunOptions, extras: Sequence[Extra]) -> ModelSet:
@@ -233,7 +240,7 @@ def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | Non
 
 def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
     done, total, steps = set(Parts(job.folder).futures.tolist()), len(job.assignment), job.settings.steps
-    size = batch if batch is not None else batch_size(job, workers.processes)
+    size = batch if batch is not None else batch_size(job, workers.free)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     ticks = len(done) * steps
 
@@ -244,5 +251,7 @@ def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress |
             progress(ticks, total * steps)
 
     on_step(0)
+    if not batches:
+        return
     for _ in workers.run(job, batches, on_step=on_step):
         pass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ class Work:
     Attributes:
         part: all futures, with their first step only, without plans; with ``until_band`` those so far.
         settled: what `Extra.settle` returned for these futures; None if it was not asked.
+        begun: what `Extra.begin` returned.
         progress: counts the steps of a further run of this size, see `Extra.repeats`.
 
     Example:
@@ -43,6 +45,7 @@ class Work:
     options: RunOptions
     extras: Sequence[Extra] = ()
     settled: Any = None
+    begun: Future[Any] | None = None
     progress: Progress | None = None
 
     @property
@@ -90,6 +93,10 @@ class Extra(ExtraResults):
     def repeats(self, settings: RunSettings) -> int:
         """Return how many further runs of the same size it makes in `after`."""
         return 0
+
+    def begin(self, job: Job, workers: Workers, options: RunOptions) -> Future[Any] | None:
+        """Start in a worker what needs no futures of the run, see `Workers.submit`; None without a worker."""
+        return None
 
     def settle(self, work: Work) -> Any:
         """Return an object with the ``remainder`` of P(collision), with which ``until_band`` may end the run.

@@ -44,6 +44,7 @@ class Pool:
         """One phrase for each worker that died and was replaced."""
         self._folder = TemporaryFolder()
         self._workers = [WorkerProcess(self._folder.name) for _ in range(processes)]
+        self._calls: dict[WorkerProcess, Future[Any]] = {}
 
     def __enter__(self) -> Pool:
         return self
@@ -58,6 +59,11 @@ class Pool:
         for worker in self._workers:
             worker.join()
         self._folder.cleanup()
+
+    @property
+    def free(self) -> list[WorkerProcess]:
+        """Workers that do no function of `submit`."""
+        return [worker for worker in self._workers if worker not in self._calls or self._calls[worker].done()]
 
     def run(self, work: Work, batches: Sequence[IntArray], tick: OnStep) -> Iterator[IntArray]:
         """Run batches of futures, here and in the workers; see `Workers.run`."""
@@ -98,6 +104,8 @@ class Pool:
         def tick(futures: int) -> None:
             reports.put(("step", futures))
 
+        if not left:
+            return
         try:
             self._try_twice(worker, "before its first futures", partial(worker.open, work))
             for batch in _taken(left):
@@ -144,10 +152,11 @@ class Pool:
 
         With ``on_step`` the function gets a function of one number, which calls ``on_step`` here.
         """
-        worker = self._workers[-1]
+        worker = (self.free or self._workers)[-1]
         work = pickled(partial(_calling, function, on_step is not None))
         order = partial(worker.do, work, None, on_step or (lambda futures: None))
-        return worker.thread.submit(self._try_twice, worker, where, order)
+        self._calls[worker] = worker.thread.submit(self._try_twice, worker, where, order)
+        return self._calls[worker]
 
     def _try_twice(self, worker: WorkerProcess, where: str, order: Callable[[], Report]) -> Any:
         """Return the result of an order, from a second process if the first one dies."""

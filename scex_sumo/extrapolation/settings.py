@@ -324,6 +324,11 @@ def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] =
     return found
 
 
+def no_bar(label: str) -> AbstractContextManager[None]:
+    """Open no progress bar."""
+    return nullcontext()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunOptions:
     """Options of a run that change no value of its result.
@@ -355,7 +360,7 @@ class RunOptions:
         "Encounters with doubtful data count, too.", False, names=("--keep-doubtful",)
     )
     out: str | Path | None = option("Result folder.", None, metavar="OUT", names=("-o", "--out"), takes=Path)
-    bar: Callable[[str], AbstractContextManager[Progress | None]] = lambda label: nullcontext()
+    bar: Callable[[str], AbstractContextManager[Progress | None]] = no_bar
     command: Sequence[str] | None = None
     compared: bool = True
     is_reference: bool = False

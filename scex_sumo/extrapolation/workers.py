@@ -81,6 +81,11 @@ class Workers:
             for batch in batches:
                 yield run_here(batch, tick)
 
+    @property
+    def free(self) -> int:
+        """Number of processes, this one included, that do no function of `submit`."""
+        return 1 if self.pool is None else 1 + len(self.pool.free)
+
     def submit(self, function: Callable[[], Any], *, where: str) -> Future[Any] | None:
-        """Let a worker of the pool call a function, see `Pool.submit`; None without a pool."""
-        return None if self.pool is None else self.pool.submit(function, where=where)
+        """Let a worker of the pool call a function, see `Pool.submit`; None without a free one."""
+        return self.pool.submit(function, where=where) if self.pool is not None and self.pool.free else None

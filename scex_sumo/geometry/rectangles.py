@@ -53,7 +53,8 @@ def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
     corner_y = y + along * (two.half_length * sin) + across * (two.half_width * cos)
     next_x, next_y = corner_x[_NEXT], corner_y[_NEXT]
     below = _clamped_integral(corner_x, corner_y, next_x, next_y, one.half_length, one.half_width)
-    return np.maximum(-below[0] - below[1] - below[2] - below[3], 0.0)
+    area: FloatArray = np.maximum(-below[0] - below[1] - below[2] - below[3], 0.0)
+    return area
 
 
 def _clamped_integral(
@@ -67,7 +68,8 @@ def _clamped_integral(
     level = np.abs(rise) < _FLAT_M
     mean = np.minimum(np.maximum((low + high) / 2, -b), b)
     steep = (_clamp_integral(high, b) - _clamp_integral(low, b)) / np.where(level, 1.0, rise)
-    return np.where(level, mean, steep) * (end - start)
+    below: FloatArray = np.where(level, mean, steep) * (end - start)
+    return below
 
 
 def _clamp_integral(y: FloatArray, b: FloatArray) -> FloatArray:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from scex_sumo.base.progress import Progress
 from scex_sumo.behaviors.registry import parse_models
-from scex_sumo.extrapolation.engine import run_scene
+from scex_sumo.extrapolation.engine import run_scene, simulate_ahead
 from scex_sumo.extrapolation.extras import Work
+from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.pool import succeeded
+from scex_sumo.extrapolation.settings import RunOptions, RunSettings, no_bar
+from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.humans.extra import HumanReference
 from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.world.base import WORLDS
@@ -29,22 +36,40 @@ class ReferenceExtra(HumanReference):
         """Raise a `UsageError` for unknown models."""
         parse_models(str(self.reference))
 
+    def begin(self, job: Job, workers: Workers, options: RunOptions) -> Future[Any] | None:
+        """Simulate the reference in a worker, if the number of futures is known."""
+        if job.settings.until_band is not None:
+            return None
+        wanted = reference_settings(job.settings, str(self.reference), len(job.assignment))
+        these = job.scene, wanted, ModelSet.of(wanted), _options(options, job.folder, no_bar)
+        return workers.submit(partial(simulate_ahead, *these), where="in the reference")
+
     def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
-        """Run the reference; a finished one is kept."""
+        """Run the reference, or what `begin` left of it; a finished one is kept."""
         job, workers = work.job, work.workers
-        options = dataclasses.replace(
-            work.options,
-            batch=None,
-            gui=False,
-            overwrite=True,
-            is_reference=True,
-            out=run.folder / REFERENCE,
-            bar=lambda label: work.options.bar("reference"),
-        )
+        if work.begun is not None:
+            succeeded(work.begun)
+        options = _options(work.options, run.folder, lambda label: work.options.bar("reference"))
         others = [extra for extra in work.extras if extra.nested and not isinstance(extra, HumanReference)]
         wanted = reference_settings(job.settings, str(self.reference), run.futures)
         run_scene(job.scene, wanted, workers=workers, options=options, extras=others)
         return {}
+
+
+def _options(
+    options: RunOptions, folder: Path, bar: Callable[[str], AbstractContextManager[Progress | None]]
+) -> RunOptions:
+    """Return the options of the reference of a run in a folder."""
+    return RunOptions(
+        out=folder / REFERENCE,
+        bar=bar,
+        cache=options.cache,
+        command=options.command,
+        compared=options.compared,
+        keep_doubtful=options.keep_doubtful,
+        overwrite=True,
+        is_reference=True,
+    )
 
 
 def reference_settings(settings: RunSettings, models: str, futures: int) -> RunSettings:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,8 +21,11 @@ from scex_sumo.extrapolation.pool import Pool, in_other_process, succeeded
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.humans.extra import HumanReference
+from scex_sumo.results.parts import Parts
+from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
+from scex_sumo.scene import SeedScene
 
 
 def refuse() -> None:
@@ -54,7 +59,16 @@ def test_a_worker_that_dies_twice_leaves_it_to_others() -> None:
         assert workers.deaths == ["a worker died over an exit (exit status 3) and was replaced"]
 
 
-def test_run_and_reference_of_two_processes_have_the_same_bytes(tmp_path: Path) -> None:
+def test_run_and_reference_of_two_processes_have_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulated = []
+
+    def finish(scene: SeedScene, settings: RunSettings, *, options: RunOptions, **others: Any) -> Run:
+        simulated.append(len(Parts(Path(str(options.out))).futures))
+        return run_scene(scene, settings, options=options, **others)
+
+    monkeypatch.setattr("scex_sumo.humans.reference.run_scene", finish)
     scene = read_seed(example_path("motorway_merge"))
     settings = RunSettings(models="rules", futures=117, steps=3)
     for processes in (1, 2):
@@ -62,10 +76,20 @@ def test_run_and_reference_of_two_processes_have_the_same_bytes(tmp_path: Path) 
             options = RunOptions(out=tmp_path / str(processes))
             run = run_scene(scene, settings, workers=workers, options=options, extras=[HumanReference()])
             assert run.reference is not None and run.reference.futures == 117
+    assert simulated == [0, 117]  # a worker simulates the reference meanwhile
     files = [file.relative_to(tmp_path / "1") for file in (tmp_path / "1").rglob("*.parquet")]
     assert len(files) > 15
     for file in files:
         assert (tmp_path / "1" / file).read_bytes() == (tmp_path / "2" / file).read_bytes(), file
+
+
+def test_a_worker_with_a_function_to_do_is_not_free() -> None:
+    with Workers(2) as workers:
+        assert workers.free == 2
+        done = workers.submit(partial(time.sleep, 0.1), where="asleep")
+        assert done is not None
+        assert workers.free == 1 and workers.submit(os.getpid, where="nowhere") is None
+        assert succeeded(done) and workers.free == 2
 
 
 @pytest.mark.parametrize(("futures", "batches"), [(385, 4), (40_000, 96)])
