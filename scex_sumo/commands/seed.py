@@ -78,6 +78,7 @@ def _populated(map_path: Path, options: SeedOptions, seed: int, cache: bool) -> 
             vehicles=options.synthetic,
             like=options.like or "sumo",
             speed=options.speed,
+            people=options.people or 0,
             seed=seed,
             origin=_origin(options),
             cache=cache,

@@ -34,6 +34,9 @@ class SeedOptions:
         None,
         metavar="V",
     )
+    people: int | None = option(
+        "Of --synthetic: pedestrians and cyclists on footways, crossings and beside lanes.", None, metavar="N"
+    )
     origin: str | None = option(
         "Origin of the map's coordinates; default: that of meta_data.csv.", None, metavar="LAT,LON"
     )
@@ -55,6 +58,8 @@ class SeedOptions:
                 raise UsageError("--as: needs --synthetic N")
             if self.speed is not None:
                 raise UsageError("--speed: needs --synthetic N --as recorded")
+            if self.people is not None:
+                raise UsageError("--people: needs --synthetic N")
             return
         others = {"--tracks": self.source, "--case": self.case, "--time": self.time}
         named = [name for name, value in others.items() if value is not None]

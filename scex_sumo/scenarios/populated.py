@@ -15,6 +15,9 @@ from scex_sumo.scene import SeedScene
 POPULATIONS = Registry(group="scex_sumo.populations", kind="population")
 """Functions ``populate(road, vehicles=..., speed=..., seed=..., cache=..., progress=...)``: a seed scene."""
 
+PASSERS_BY = Registry(group="scex_sumo.passers_by", kind="way to add people")
+"""Functions ``add(scene, people, seed=...)``: the scene with so many people beside its vehicles."""
+
 
 @checked
 def synthetic_seed(
@@ -23,6 +26,7 @@ def synthetic_seed(
     vehicles: int,
     like: str = "sumo",
     speed: float | None = None,
+    people: int = 0,
     seed: int = 0,
     origin: tuple[float, float] | None = None,
     cache: bool = True,
@@ -35,6 +39,7 @@ def synthetic_seed(
         like: ``sumo`` places vehicles by random demand and car-following, with history and future;
             ``recorded`` by the shipped scene model, without a future; or a name in `POPULATIONS`.
         speed: mean speed of a scene as recorded, m/s; None draws it for road and density.
+        people: pedestrians and cyclists on footways and crossings, beside lanes and at their edges.
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
@@ -55,5 +60,8 @@ def synthetic_seed(
     scene: SeedScene = populate(
         road, vehicles=vehicles, speed=speed, seed=seed, cache=cache, progress=progress
     )
-    warn_notes(road.notes)
-    return replace(scene, road=road)
+    scene = replace(scene, road=road)
+    if people:
+        scene = PASSERS_BY.load("usual")(scene, people, seed=seed)
+    warn_notes([*road.notes, *scene.notes])
+    return scene
