@@ -62,7 +62,7 @@ def futures_of(
     with tempfile.TemporaryDirectory() as folder:
         scene, net = ruled(scene, converted(scene.road, Path(folder) / "road.net.xml"), settings)
         models_of = ModelSet.of(settings)
-        drawn = models_of.draw(scene.track_ids, futures=futures, seed=0, design=settings.design)
+        drawn = models_of.draw(scene, futures=futures, seed=0, design=settings.design)
         return scene, run_in_memory(Job(scene, net, settings, models_of, drawn, Path(folder)), range(futures))
 
 

@@ -138,6 +138,7 @@ class SeedScene:
         road: the map, if the scene was read together with one.
         intentions: (V,) what SUMO knows of each vehicle of its simulation; () for recordings.
         rules: lights and right of way that drivers obey; None: none.
+        people: (V,) pedestrians and cyclists that take part; pairs of two do not count. None: nobody.
 
     Example:
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
@@ -162,6 +163,7 @@ class SeedScene:
     road: Road | None = None
     intentions: tuple[Intention | None, ...] = ()
     rules: Rules | None = None
+    people: BoolArray | None = None
 
     def __repr__(self) -> str:
         future = 0 if self.future is None else self.future.shape[1]
@@ -195,6 +197,7 @@ class SeedScene:
             future=None if self.future is None else self.future[index],
             future_valid=None if self.future_valid is None else self.future_valid[index],
             intentions=tuple(self.intentions[i] for i in index) if self.intentions else (),
+            people=None if self.people is None else self.people[index],
         )
 
     def intention(self, vehicle: int) -> Intention | None:

@@ -76,6 +76,11 @@ def is_own(spec: ModelSpec) -> bool:
     return _entry_for(spec).is_own
 
 
+def moved_by(spec: ModelSpec) -> tuple[str, ...]:
+    """Return the kinds of people that a model moves; () for a model of vehicles."""
+    return _entry_for(spec).moves
+
+
 def mixes() -> dict[str, str]:
     """Return the models that each mix stands for."""
     return {**{name: MIXES.load(name) for name in MIXES.paths if name not in _MIXES}, **_MIXES}

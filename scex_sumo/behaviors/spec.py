@@ -30,6 +30,7 @@ class ModelEntry:
         guard: profile of its guard; None for the default one.
         is_own: whether it is the user's; a vehicle that it is assigned to is under test.
         may_fail: whether plans may be unusable, as those of users', so that a fallback planner stands by.
+        moves: road users that it moves, e.g. ``pedestrian``; (): vehicles.
         split: splits the text after the name into ``parameter=value``; None: at each colon.
         place: models are listed by it.
     """
@@ -43,6 +44,7 @@ class ModelEntry:
     guard: Any = None
     may_fail: bool = True
     is_own: bool = True
+    moves: tuple[str, ...] = ()
     split: Callable[[str], list[str]] | None = None
     place: int = 1000
 

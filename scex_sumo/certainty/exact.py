@@ -59,6 +59,8 @@ def why_not_exact(settings: RunSettings, models: ModelSet, futures: int) -> str 
         return "all assignments were run"
     if futures < MIN_CHECKED:
         return f"{futures} futures are too few to check tables; at least {MIN_CHECKED} are"
+    if any(len(weights) > 1 for weights in models.people.values()):
+        return "people draw models of their own"
     if sum(spec.weight > 0 for spec in models.drawn) < 2:
         return "there is only one model to draw"
     return None

@@ -40,7 +40,7 @@ class DrawnModels:
         self.shares = weight / weight.sum()
         self.names = tuple(str(drawn[k]) for k in self.index)
         self.track_ids = [int(track) for track in job.scene.track_ids]
-        self.fixed = np.isin(job.scene.track_ids, list(job.models.fixed))
+        self.fixed = job.fixed
         self.levels = np.where(self.fixed, 0, np.searchsorted(self.index, job.assignment))
         self.each = [np.ones(1) if fixed else self.shares for fixed in self.fixed.tolist()]
         self._first = job.assignment[0]

@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 10_000
-_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, EXACT_STREAM = range(5)
+_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, EXACT_STREAM, _PEOPLE_STREAM = range(6)
 
 
 def future_generator(seed: int, future: int, stream: int = _PLAN_STREAM) -> np.random.Generator:
@@ -52,6 +52,19 @@ def designed_assignments(
     made_of = repr((shares.tolist(), futures, vehicles, seed, design)).encode()
     levels = np.frombuffer(cached_bytes("designs", made_of, lambda: make().tobytes()), dtype=np.int64)
     return drawn[levels.reshape(futures, vehicles)]
+
+
+def people_assignments(
+    weights: Mapping[str, Mapping[int, float]], kinds: Sequence[str], futures: int, *, seed: int
+) -> IntArray:
+    """Draw a model (C, P) for every person of every future by the weights of the models of its kind."""
+    draws = [future_generator(seed, c, _PEOPLE_STREAM).random(len(kinds)) for c in range(futures)]
+    result = np.empty((futures, len(kinds)), dtype=np.int64)
+    for person, kind in enumerate(kinds):
+        upper = np.cumsum([*weights[kind].values()])
+        level = np.searchsorted(upper / upper[-1], [draw[person] for draw in draws], side="right")
+        result[:, person] = np.array([*weights[kind]])[level]
+    return result
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:

@@ -31,7 +31,7 @@ class Crashes:
 
     def __init__(self, scene: SeedScene, futures: int) -> None:
         """Begin at the seed moment."""
-        self._contacts = Contacts(scene.now, scene.length, scene.width)
+        self._contacts = Contacts(scene.now, scene.length, scene.width, scene.people)
         mass = masses(scene.types, scene.length)
         self._mass = np.where(np.isnan(mass), np.nanmean(mass) if (mass > 0).any() else 1.0, mass)
         self.crashed: BoolArray = np.zeros((futures, scene.vehicles), dtype=np.bool_)

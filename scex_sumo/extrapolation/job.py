@@ -71,16 +71,21 @@ class Job:
 
     def of(self, futures: int) -> Job:
         """Return the same job with another number of futures."""
-        settings, ids = self.settings, self.scene.track_ids
-        drawn = self.models.draw(ids, futures=futures, seed=settings.seed, design=settings.design)
+        settings = self.settings
+        drawn = self.models.draw(self.scene, futures=futures, seed=settings.seed, design=settings.design)
         return replace(self, assignment=drawn)
+
+    @property
+    def fixed(self) -> BoolArray:
+        """Whether vehicles (V,) have a given model or are people: they draw no model of vehicles."""
+        given = np.isin(self.scene.track_ids, list(self.models.fixed))
+        return given if self.scene.people is None else given | self.scene.people
 
     @cached_property
     def intervals(self) -> DesignIntervals:
         """Intervals of the run's design."""
-        drawn, fixed = self.models.drawn, np.isin(self.scene.track_ids, list(self.models.fixed))
-        design = self.settings.to_json()["design"]
-        return design_intervals(self.assignment, [spec.weight for spec in drawn], fixed, design)
+        weights, design = [spec.weight for spec in self.models.drawn], self.settings.to_json()["design"]
+        return design_intervals(self.assignment, weights, self.fixed, design)
 
     @property
     def sumo_drives(self) -> bool:

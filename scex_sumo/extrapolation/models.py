@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,10 +13,25 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.base import Behavior, layer_with
-from scex_sumo.behaviors.registry import ModelSpec, build, is_own, model_specs, refuse_namesake
-from scex_sumo.extrapolation.assignments import assignments, future_generator, listing, route_draws
+from scex_sumo.behaviors.registry import (
+    MIXES,
+    ModelSpec,
+    build,
+    is_own,
+    model_specs,
+    moved_by,
+    refuse_namesake,
+)
+from scex_sumo.extrapolation.assignments import (
+    assignments,
+    future_generator,
+    listing,
+    people_assignments,
+    route_draws,
+)
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.participants import PEOPLE
 from scex_sumo.scene import SeedScene, VehicleIndex
 
 
@@ -25,7 +40,8 @@ class ModelSet:
     """The models of a run.
 
     Attributes:
-        specs: all models, those of fixed vehicles included; assignments are indices into it.
+        specs: all models, those of fixed vehicles and of people included; assignments are indices into it.
+        people: weights of models, as indices, by kind of people; empty if they are replayed.
         fixed: index of the model by track id, for vehicles that are not drawn.
         tested: model by track id for vehicles under test; None: as drawn.
     """
@@ -34,13 +50,18 @@ class ModelSet:
     specs: tuple[ModelSpec, ...]
     fixed: Mapping[int, int]
     tested: Mapping[int, str | None]
+    people: Mapping[str, Mapping[int, float]]
     built: tuple[Behavior, ...]
 
     @classmethod
     def of(cls, settings: RunSettings) -> ModelSet:
         """Build the models that settings name; raise a `UsageError` for a bad one."""
         tested = settings.under_test
-        specs, fixed = {str(spec): spec for spec in settings.drawn}, {}
+        drawn = tuple(spec for spec in settings.drawn if not moved_by(spec))
+        walking = _of_people(settings, [spec for spec in settings.drawn if moved_by(spec)])
+        if not any(spec.weight > 0 for spec in drawn):
+            raise UsageError("--models: names no model of vehicles; give one, e.g. standard_driver")
+        specs, fixed = {str(spec): spec for spec in drawn}, {}
         for track, given in [*settings.assign.items(), *tested.items()]:
             if given is None:
                 continue
@@ -50,8 +71,15 @@ class ModelSet:
                 raise UsageError(f"{option} {track}={given}: names {len(wanted)} models; give one")
             refuse_namesake(wanted[0], specs.setdefault(str(wanted[0]), wanted[0]))
             fixed[int(track)] = list(specs).index(str(wanted[0]))
+        specs |= {str(spec): spec for spec in walking if str(spec) not in specs}
+        place = {name: index for index, name in enumerate(specs)}
+        kinds = {kind for spec in walking for kind in moved_by(spec)}
         return cls(
-            drawn=settings.drawn,
+            drawn=drawn,
+            people={
+                kind: {place[str(s)]: s.weight for s in walking if kind in moved_by(s) and s.weight > 0}
+                for kind in sorted(kinds)
+            },
             specs=tuple(specs.values()),
             fixed=fixed,
             tested={t: None if given is None else str(*model_specs(given)) for t, given in tested.items()},
@@ -86,26 +114,45 @@ class ModelSet:
                 yield spec, layer
 
     def draw(
-        self, track_ids: IntArray, *, futures: int | None, seed: int, design: str, keep: bool = False
+        self, scene: SeedScene, *, futures: int | None, seed: int, design: str, keep: bool = False
     ) -> IntArray:
         """Return the model (C, V) of every vehicle in every future, as `assignments`.
 
         A vehicle under test takes part in the draw: the draw of the others does not depend on it.
         """
-        ids = [int(track) for track in track_ids]
+        ids = [int(track) for track in scene.track_ids]
         unknown = sorted(set(self.tested) - set(ids))
         if unknown:
             raise UsageError(
                 f"--assign or --under-test: no vehicle {unknown[0]} in the seed scene; "
                 f"its vehicles: {listing(ids)}"
             )
-        always = {track: model for track, model in self.fixed.items() if track not in self.tested}
+        people = self._drawing(scene)
+        if futures is None and any(len(self.people[scene.types[k]]) > 1 for k in people):
+            raise UsageError("--futures all: people draw models, too; name one model for each kind")
+        always = {ids[k]: min(self.people[scene.types[k]]) for k in people}
+        always |= {track: model for track, model in self.fixed.items() if track not in self.tested}
         weights = [spec.weight for spec in self.drawn]
         drawn = assignments(weights, ids, futures=futures, seed=seed, fixed=always, design=design, keep=keep)
+        if people:
+            kinds = [scene.types[k] for k in people]
+            drawn[:, people] = people_assignments(self.people, kinds, len(drawn), seed=seed)
         for track, model in self.tested.items():
             if model is not None:
                 drawn[:, ids.index(track)] = self.fixed[track]
         return drawn
+
+    def _drawing(self, scene: SeedScene) -> list[int]:
+        """Return the people (indices) that draw a model."""
+        given = {track for track in self.fixed if self.tested.get(track, "") is not None}
+        people = [] if scene.people is None else np.flatnonzero(scene.people).tolist()
+        kinds = dict(zip(scene.track_ids.tolist(), scene.types, strict=True))
+        for track, index in self.fixed.items():
+            moves = moved_by(self.specs[index])
+            if moves and kinds.get(track, moves[0]) not in moves:
+                what = f"--assign {track}={self.names[index]}: moves no {kinds[track]}"
+                raise UsageError(f"{what}; give a model of vehicles")
+        return [k for k in people if int(scene.track_ids[k]) not in given]
 
     def try_on(self, scene: SeedScene, *, seed: int) -> None:
         """Let every model that may fail plan once; raise a `ScexError` if no plan of one is usable."""
@@ -127,9 +174,26 @@ class ModelSet:
         """Return the models' entries of ``run.json``."""
         return {
             "models": [{"model": str(s), "weight": s.weight} for s in self.drawn],
+            **({"people": self._people_to_json()} if self.people else {}),
             "weights": self.weights,
             "sources": self.sources,
             **({"objects": objects} if (objects := {str(s): s.state for s in self.specs if s.state}) else {}),
             "assign": {str(t): self.names[m] for t, m in sorted(self.fixed.items())},
             "under_test": {str(t): model for t, model in sorted(self.tested.items())},
         }
+
+    def _people_to_json(self) -> dict[str, dict[str, float]]:
+        return {kind: {self.names[k]: w for k, w in models.items()} for kind, models in self.people.items()}
+
+
+def _of_people(settings: RunSettings, given: Sequence[ModelSpec]) -> list[ModelSpec]:
+    """Return the models of people: the given ones, and those of the mix ``people`` for other kinds."""
+    if settings.vru != "model":
+        if given:
+            raise UsageError(f"--models {given[0]}: moves people, which needs --vru model")
+        return []
+    known = {kind for spec in given if spec.weight > 0 for kind in moved_by(spec)}
+    usual = model_specs(MIXES.load("people"))
+    missing = [spec for spec in usual if not known.issuperset(moved_by(spec))]
+    assert known.union(*map(moved_by, missing)).issuperset(PEOPLE)
+    return [*given, *missing]

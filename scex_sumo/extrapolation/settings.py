@@ -10,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
+import numpy as np
+
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list, numbers_by_name, option
 from scex_sumo.base.progress import Progress
@@ -24,6 +26,7 @@ from scex_sumo.metrics.registry import (
     describe_metrics,
     metrics_named,
 )
+from scex_sumo.results.participants import VRU
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
@@ -172,6 +175,12 @@ class RunSettings:
         metavar="sumo|plain|checked|NAME",
     )
     keep_plans: bool = option("Write plans.parquet, to evaluate gap times again.", False)
+    vru: str = option(
+        "Pedestrians and cyclists move as recorded, decide for themselves, or are left out.",
+        "replay",
+        metavar="|".join(VRU),
+        takes=str,
+    )
     rules: bool = option("Drivers obey lights and right of way; those of the mix paper never do.", True)
 
     def __post_init__(self) -> None:
@@ -192,6 +201,8 @@ class RunSettings:
             raise UsageError(f"--world: got {self.world!r}, needs {', '.join(WORLDS.paths)}")
         if self.seed < 0:
             raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
+        if self.vru not in VRU:
+            raise UsageError(f"--vru: got {self.vru!r}, needs {', '.join(VRU)}")
         self._put_under_test()
         if not self.drawn:
             raise UsageError("--models: names no model")
@@ -232,7 +243,11 @@ class RunSettings:
 
     def vehicles_that_count(self, scene: SeedScene) -> tuple[int, ...] | None:
         """Return the indices of the vehicles whose pairs count; None for all."""
-        return None if self.within is None else self.within.vehicles(scene)
+        inside = None if self.within is None else self.within.vehicles(scene)
+        if scene.people is None:
+            return inside
+        drivers = np.flatnonzero(~scene.people)
+        return tuple((drivers if inside is None else np.intersect1d(drivers, inside)).tolist())
 
     def _put_under_test(self) -> None:
         assign, under_test = self.assign or {}, self.under_test or {}
@@ -302,6 +317,7 @@ class RunSettings:
             "until_band": self.until_band,
             "seed": self.seed,
             **({} if self.obeys else {"rules": False}),
+            **({"vru": self.vru} if self.vru != "replay" else {}),
             **({"world": self.world} if self.world != DEFAULT_WORLD else {}),
             "preset": self.preset,
             "reflect": self.reflect,

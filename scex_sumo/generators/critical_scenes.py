@@ -39,7 +39,7 @@ def encounter_scores(
         for k, scene in enumerate(scenes):
             if progress is not None:
                 progress(k, len(scenes))
-            drawn = models.draw(scene.track_ids, futures=FUTURES, seed=seed, design=settings.design)
+            drawn = models.draw(scene, futures=FUTURES, seed=seed, design=settings.design)
             part = run_in_memory(Job(scene, net, settings, models, drawn, Path(folder)), range(FUTURES))
             assert part.encounters is not None
             scores[k] = answers_of(encounters_of_rows(part.encounters))["critical"].sum() / FUTURES

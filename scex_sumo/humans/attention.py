@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.draws import uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle
@@ -24,7 +25,6 @@ from scex_sumo.humans.guard.corridors import SAMPLE_S, expected
 from scex_sumo.humans.guard.guarded import arriving_later, line_motion, needed_braking, retimed
 from scex_sumo.humans.observations import View
 from scex_sumo.humans.parameters import HumanParameters
-from scex_sumo.humans.population import uniforms
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, States
 

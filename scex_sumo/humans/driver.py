@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.draws import uniforms
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders
@@ -39,7 +40,7 @@ from scex_sumo.humans.observations import (
     stop_features,
 )
 from scex_sumo.humans.parameters import HumanParameters, human_parameters, simulated
-from scex_sumo.humans.population import drawn_variation, lateral_offsets, spread_factor, students, uniforms
+from scex_sumo.humans.population import drawn_variation, lateral_offsets, spread_factor, students
 from scex_sumo.humans.seed_state import estimated_history, heading_scatter
 from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers, acceleration, demanded
 from scex_sumo.road import Road

@@ -147,9 +147,7 @@ def assess(moment: Moment, question: Question) -> Risk:
         people = pair_responses(critical_responses(scene, file=question.response).to_pylist())
         part = None
         if question.futures and scene.vehicles >= _FEWEST:
-            drawn = models.draw(
-                scene.track_ids, futures=question.futures, seed=question.seed, design=settings.design
-            )
+            drawn = models.draw(scene, futures=question.futures, seed=question.seed, design=settings.design)
             job = Job(scene, net, settings, models, drawn, Path(folder), on_paths=False)
             part = run_in_memory(job, range(question.futures))
     pairs = _pairs(scene, names, people, part, question.futures)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.rules.states import STANDS_MPS, Lit, Traffic
 from scex_sumo.rules.ways import RuledWays, crosswalk_areas, ruled_ways
@@ -247,26 +248,37 @@ def _goes_first(
     return np.asarray(first & (line >= -PASSED_M))
 
 
-def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> FloatArray:
-    """Return the ways (n,) to stop for people on crosswalks, or who step on them."""
-    people = history.scene.obstacles
-    if people is None or not len(ways.walks) or history.obstacle_states is None:
-        return np.full(len(me.row), np.inf)
+def _used_crosswalks(history: SceneHistory, asked: IntArray) -> BoolArray:
+    """Return whether somebody is on crosswalks (C, W), or steps on them; False for those not asked for."""
     import shapely
 
-    rules = history.scene.rules
-    assert rules is not None and history.obstacle_present is not None
-    now = history.obstacle_states
-    used = np.zeros(len(rules.crosswalks), dtype=np.bool_)
-    for k in np.unique(ways.walks[:, 3].astype(int)):
-        area = crosswalk_areas(rules)[k].buffer(WALKER_M)
-        way = np.outer(WALKER_S, now.speed)
-        x, y = now.x + way * np.cos(now.heading), now.y + way * np.sin(now.heading)
-        later = shapely.contains_xy(area, x, y)
-        used[k] = bool((np.any(later, axis=0) & history.obstacle_present).any())
-    walks = ways.walks[used[ways.walks[:, 3].astype(int)]]
+    rules, around = history.scene.rules, everyone(history)
+    assert rules is not None
+    now = around.states[:, around.obstacle]
+    time = np.array(WALKER_S)[:, None, None]
+    x = now.x + time * now.speed * np.cos(now.heading)
+    y = now.y + time * now.speed * np.sin(now.heading)
+    used = np.zeros((len(now.x), len(rules.crosswalks)), dtype=np.bool_)
+    for k in asked:
+        later = shapely.contains_xy(crosswalk_areas(rules)[k].buffer(WALKER_M), x, y).any(axis=0)
+        used[:, k] = (later & around.present[:, around.obstacle]).any(axis=1)
+    return used
+
+
+def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> FloatArray:
+    """Return the ways (n,) to stop for people on crosswalks, or who step on them."""
+    scene = history.scene
+    if not len(ways.walks) or (scene.obstacles is None and scene.people is None):
+        return np.full(len(me.row), np.inf)
+    used = _used_crosswalks(history, np.unique(ways.walks[:, 3].astype(int)))
+    walks = ways.walks[used.any(axis=0)[ways.walks[:, 3].astype(int)]]
     first = np.searchsorted(walks[:, 0], np.arange(len(ways.first)))
     driver, walk = _spread(first[me.row], first[me.row + 1] - first[me.row])
     gap = walks[walk, 1] - BEFORE_ZONE_M - me.front[driver]
-    stops = (gap > -PASSED_M) & (gap < REACH_M) & (me.needed(driver, gap) <= me.of("priority_mps2", driver))
+    stops = (
+        used[me.who.future[driver], walks[walk, 3].astype(int)]
+        & (gap > -PASSED_M)
+        & (gap < REACH_M)
+        & (me.needed(driver, gap) <= me.of("priority_mps2", driver))
+    )
     return me.least(driver, gap, stops & (me.of("priority", driver) != 0))

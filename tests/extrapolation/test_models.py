@@ -58,7 +58,7 @@ def test_all_others_have_the_models_that_they_have_without_the_one_under_test(de
         built = models_of(models, assign={42: "emergency_brake"}, under_test=under_test)
         count = None if design == "all" else 20
         names = "random" if design == "all" else design
-        return built.draw(TRACKS, futures=count, seed=3, design=names)
+        return built.draw(SCENE, futures=count, seed=3, design=names)
 
     tested, baseline = drawn({17: "parked"}), drawn({17: None})
     assert np.array_equal(tested[:, 1], baseline[:, 1])
@@ -82,7 +82,7 @@ def test_vehicles_that_are_named_twice_or_are_not_there_are_refused() -> None:
     with pytest.raises(
         UsageError, match="--assign or --under-test: no vehicle 7 in the seed scene; its vehicles: 17, 23, 42"
     ):
-        built.draw(TRACKS, futures=3, seed=0, design="random")
+        built.draw(SCENE, futures=3, seed=0, design="random")
     with pytest.raises(UsageError, match="--under-test 7=parked,replay: names 2 models"):
         models_of("standard_driver", under_test={7: "parked,replay"})
 

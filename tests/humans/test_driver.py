@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from scex_sumo.base.draws import uniforms
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
@@ -30,7 +31,6 @@ from scex_sumo.humans.population import (
     node_weights,
     spread_factor,
     students,
-    uniforms,
 )
 from scex_sumo.scene import SeedScene
 from tests.behaviors import roads

@@ -195,7 +195,7 @@ class Everyone:
     present: BoolArray
     length: FloatArray  # (M,) m
     width: FloatArray  # (M,) m
-    obstacle: BoolArray  # (M,)
+    obstacle: BoolArray  # (M,) or a person that takes part
     longest: float  # largest diagonal, m
 
 
@@ -215,6 +215,8 @@ def everyone(history: SceneHistory) -> Everyone:
         width = np.concatenate([width, obstacles.width])
     longest = float(np.sqrt(length**2 + width**2).max(initial=0.0))
     obstacle = np.arange(len(length)) >= scene.vehicles
+    if scene.people is not None:
+        obstacle[: scene.vehicles] = scene.people
     return Everyone(
         states=now, present=present, length=length, width=width, obstacle=obstacle, longest=longest
     )

@@ -14,6 +14,7 @@ from scex_sumo.extrapolation.extras import Work
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import Decision, Row
+from scex_sumo.results.participants import people_apart
 from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class ResponseExtra(CriticalResponse):
         from scex_sumo.certainty.response.answer import any_collision, once_in, responses_and_maps
 
         if not work.is_reference:
-            self._write(work, *responses_and_maps(work.job.scene, self._file))
+            self._write(work, *responses_and_maps(people_apart(work.job.scene), self._file))
             return (Row(name=_ROW, value=None),)
         import pyarrow.parquet as pq
 
@@ -77,7 +78,7 @@ class ResponseExtra(CriticalResponse):
         decision = decide(
             table.to_pylist(),
             keep_doubtful=work.options.keep_doubtful,
-            varied=lambda pair: varied(work.job.scene, pair, self._file),
+            varied=lambda pair: varied(people_apart(work.job.scene), pair, self._file),
         )
         write_atomic(work.job.folder / MAPS, json.dumps(maps, allow_nan=False).encode())
         write_atomic(work.job.folder / DECISION, json.dumps(dataclasses.asdict(decision)).encode())

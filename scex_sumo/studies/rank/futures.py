@@ -71,7 +71,7 @@ def _run(task: RankTask, scene: SeedScene, road: bytes) -> pa.Table | MomentPart
     if task.futures.start == 0:
         models.try_on(scene, seed=run.seed)
     count = task.futures.stop if task.drawn is None else task.settings.futures
-    drawn = models.draw(scene.track_ids, futures=count, seed=run.seed, design=run.design)
+    drawn = models.draw(scene, futures=count, seed=run.seed, design=run.design)
     same = compared(net, task.ref)
     job = Job(scene, net, run, models, drawn, net.path.parent, compared=same)
     if task.drawn is not None:

@@ -189,7 +189,7 @@ def _run(
 ) -> _Futures:
     models.try_on(scene, seed=settings.seed)
     scene, net = ruled(scene, net, settings)
-    drawn = models.draw(scene.track_ids, futures=count, seed=settings.seed, design=settings.design)
+    drawn = models.draw(scene, futures=count, seed=settings.seed, design=settings.design)
     counted = recorded_steps_of(scene, settings.steps)
     job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted, compared=compared)
     part, no_plans = run_in_memory(job, range(count)), np.empty(0)

@@ -1,0 +1,179 @@
+"""Behaviour models of people: ``walker`` and ``cyclist``, and those of the stress test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri, stdtrit
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.draws import uniforms
+from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_positive
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.people.gaps import meetings, waiting_way
+from scex_sumo.people.parameters import PeopleParameters, people_parameters
+from scex_sumo.people.walking import STRAIGHT_S, Wish, shown_motion, steady, walked
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+
+DRAWS, SALT = 6, 90_000
+EASE_MPS2, BRAKING_MPS2 = 1.5, 3.0  # of the people of the stress test
+FAR_M = 60.0  # beyond it nobody steps out before a vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class PersonProfile:
+    """Parameters of `Person`.
+
+    Attributes:
+        spread: factor on all drawn deviations; 0 is the expected person.
+        gap: added to the time gap which it accepts before a vehicle, s.
+    """
+
+    spread: float = 1.0
+    gap: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive(self, "spread", zero=True)
+
+
+class Person:
+    """A pedestrian or cyclist drawn for every future: speed, direction, stops, and gaps before vehicles."""
+
+    kind = "pedestrian"
+
+    def __init__(self, profile: PersonProfile, parameters: PeopleParameters | None = None) -> None:
+        self.profile = profile
+        self.parameters = parameters or people_parameters(self.kind)
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan 3 s; see `Behavior.plan`."""
+        people = self.parameters
+        draw = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, SALT)
+        wish = self._wish(history, who, draw)
+        gap = people.gap_s + self.profile.gap + self.profile.spread * people.gap_spread_s * ndtri(draw[:, 5])
+        now = history.now[who.future, who.vehicle]
+        speed, heading = np.maximum(wish.speed[:, 0], 0.1), wish.heading[:, PLAN_STEPS // 3]
+        wait, in_the_way = waiting_way(meetings(history, who, speed, heading, people), speed, gap, people)
+        hurries = np.where(in_the_way & (now.speed > people.standing_mps), people.hurry, 1.0)
+        return walked(
+            now,
+            Wish(speed=wish.speed * hurries[:, None], heading=wish.heading),
+            wait_m=wait,
+            acceleration=people.acceleration_mps2,
+            braking=people.braking_mps2,
+        )
+
+    def _wish(self, history: SceneHistory, who: VehicleIndex, draw: FloatArray) -> Wish:
+        """Return the wanted motion (n, H), which follows from the seed scene and the draws (n, 6)."""
+        people, seed = self.parameters, SceneHistory.of_scene(history.scene)
+        first = VehicleIndex(future=np.zeros_like(who.vehicle), vehicle=who.vehicle)
+        shown, direction = shown_motion(seed, first, people.shown_s)
+        _, before = shown_motion(seed, first, 2 * people.shown_s)
+        student = self.profile.spread * stdtrit(people.tails, draw[:, :2])
+        stands = shown < people.standing_mps
+        change = people.pull * (people.usual_mps - shown) + people.speed_spread * student[:, 0] * shown
+        later = np.maximum(shown + change, 0.0)
+        turn = people.turn_kept * 2 * wrap(direction - before) + people.turn_spread * student[:, 1]
+        # Stops and starts: an exponential time, of which a share lies within 3 s.
+        rate = -np.log1p(-np.where(stands, people.start_share, people.stop_share)) / STRAIGHT_S
+        at = -np.log(draw[:, 2]) / rate if self.profile.spread else np.full(len(rate), np.inf)
+        time = (history.step + np.arange(PLAN_STEPS)) * STEP_S
+        eased = -np.expm1(-(time + STEP_S) / people.settle_s) / -np.expm1(-STRAIGHT_S / people.settle_s)
+        wanted = shown[:, None] + eased * (later - shown)[:, None]
+        usual = people.usual_mps * np.exp(2 * people.speed_spread * ndtri(draw[:, 3]))
+        changed = time >= at[:, None]
+        walks = np.where(changed, 0.0, wanted)
+        starts = np.where(changed, usual[:, None], 0.0)
+        return Wish(
+            speed=np.where(stands[:, None], starts, walks),
+            heading=direction[:, None] + eased * np.where(stands, 0.0, turn)[:, None],
+        )
+
+
+class Walker(Person):
+    """A pedestrian."""
+
+
+class Cyclist(Person):
+    """A cyclist."""
+
+    kind = "bicycle"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StressProfile:
+    """Parameters of the people of the stress test.
+
+    Attributes:
+        speed: least speed of one that steps out, m/s.
+        braking: of one that stops, m/s².
+    """
+
+    speed: float = 1.5
+    braking: float = BRAKING_MPS2
+
+    def __post_init__(self) -> None:
+        check_positive(self, "speed", "braking")
+
+
+class KeepsWalking:
+    """Walks on as shown, whatever comes."""
+
+    sight: Sight = "itself"
+
+    def __init__(self, profile: StressProfile) -> None:
+        self.profile = profile
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan 3 s; see `Behavior.plan`."""
+        now = history.now[who.future, who.vehicle]
+        free = np.full(len(who), np.inf)
+        return walked(
+            now, self.wish(history, who), wait_m=free, acceleration=EASE_MPS2, braking=self.profile.braking
+        )
+
+    def wish(self, history: SceneHistory, who: VehicleIndex) -> Wish:
+        """Return the wanted motion (n, H)."""
+        now = history.scene.now[who.vehicle]
+        return steady(np.maximum(now.speed, 0.0), now.heading)
+
+
+class Stops(KeepsWalking):
+    """Stops at once."""
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan 3 s; see `Behavior.plan`."""
+        now, still = history.now[who.future, who.vehicle], np.zeros(len(who))
+        wish = steady(still, now.heading)
+        return walked(
+            now, wish, wait_m=still, acceleration=self.profile.braking, braking=self.profile.braking
+        )
+
+
+class StepsOut(KeepsWalking):
+    """Walks straight across the line of the vehicle that comes next, and on."""
+
+    def wish(self, history: SceneHistory, who: VehicleIndex) -> Wish:
+        """Return the wanted motion (n, H), which follows from the seed scene alone."""
+        scene = history.scene
+        now, others = scene.now[who.vehicle], scene.now
+        cos, sin = np.cos(others.heading), np.sin(others.heading)
+        dx, dy = now.x[:, None] - others.x, now.y[:, None] - others.y
+        ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
+        comes = (ahead > 0) & (np.hypot(dx, dy) < FAR_M) & (others.speed > 0.5)
+        if scene.people is not None:
+            comes &= ~scene.people
+        soon = np.where(comes, (ahead + np.abs(aside)) / np.maximum(others.speed, 0.5), np.inf)
+        next_one, row = np.argmin(soon, axis=1), np.arange(len(who))
+        towards = others.heading[next_one] - np.sign(aside[row, next_one]) * (np.pi / 2)
+        heading = np.where(np.isfinite(soon[row, next_one]), towards, now.heading)
+        return steady(np.maximum(now.speed, self.profile.speed), heading)

@@ -1,0 +1,160 @@
+"""Pedestrians and cyclists of a seed scene as participants: vehicles with a behaviour model of their own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.converters.tracks.road_users import obstacle_size, road_user
+from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
+
+PEOPLE: Final = ("pedestrian", "bicycle")
+"""Road users that may take part, in the words of `road_user`."""
+
+VRU: Final = ("none", "replay", "model")
+"""What pedestrians and cyclists do: they are left out, move as recorded, or take part."""
+
+MAX_PEOPLE: Final = 100
+"""People that take part in a scene: those nearest to a vehicle."""
+
+RUNNING_MPS: Final = 3.0
+"""Mean speed of the last second above which one who walks or rides, as ``pedestrian/bicycle``, rides."""
+
+MAX_SIZE_M: Final = 4.0
+
+
+def with_people(scene: SeedScene, vru: str) -> SeedScene:
+    """Return the scene in which people do what an option says, see `VRU`."""
+    others = scene.obstacles
+    if others is None or vru == "replay":
+        return scene
+    people = np.array([road_user(kind) in PEOPLE for kind in others.types])
+    if vru == "none":
+        return replace(scene, obstacles=_some(others, ~people))
+    taking = people & others.present[:, HISTORY_STEPS]
+    notes = []
+    if taking.sum() > MAX_PEOPLE:
+        far = _distance(scene, others)
+        far[~taking] = np.inf
+        count = int(taking.sum())
+        notes.append(f"{count - MAX_PEOPLE} of {count} people, those farthest from vehicles, are replayed")
+        taking = np.isin(np.arange(len(far)), np.argsort(far, kind="stable")[:MAX_PEOPLE])
+    if not taking.any():
+        return scene
+    joined, wrong = _joined(scene, _some(others, taking))
+    if wrong:
+        notes.append(f"people without a usable size have the usual one: {wrong}")
+    return replace(joined, obstacles=_some(others, ~taking), notes=(*scene.notes, *notes))
+
+
+def people_apart(scene: SeedScene) -> SeedScene:
+    """Return the scene with the people that take part as obstacles again, after all vehicles."""
+    if scene.people is None:
+        return scene
+    people, vehicles = np.flatnonzero(scene.people), np.flatnonzero(~scene.people)
+    states, steps = scene.history[people], HISTORY_STEPS + 1
+    known = np.arange(steps) >= HISTORY_STEPS - scene.recorded_steps[people, None]
+    if scene.future is not None and scene.future_valid is not None:
+        states = States.concatenate([states, scene.future[people]], axis=1)
+        known = np.concatenate([known, scene.future_valid[people]], axis=1)
+    apart = Obstacles(
+        ids=tuple(str(scene.track_ids[k]) for k in people),
+        types=tuple(scene.types[k] for k in people),
+        length=scene.length[people],
+        width=scene.width[people],
+        states=states,
+        present=known,
+    )
+    return replace(scene.reordered(vehicles.tolist(), name=scene.name), obstacles=apart, people=None)
+
+
+def _joined(scene: SeedScene, people: Obstacles) -> tuple[SeedScene, str]:
+    """Return the scene with people as its last vehicles, and the names of those of unusable size."""
+    kinds = tuple(_kind(kind, states) for kind, states in zip(people.types, _rows(people), strict=True))
+    length, width, wrong = _sizes(people, kinds)
+    history, known = people.states[:, : HISTORY_STEPS + 1], people.present[:, :HISTORY_STEPS]
+    future, valid = _futures(people, 0 if scene.future is None else scene.future.shape[1])
+    ids = _numbers(people.ids, scene.track_ids)
+    joined = replace(
+        scene,
+        track_ids=np.concatenate([scene.track_ids, ids]),
+        types=(*scene.types, *kinds),
+        length=np.concatenate([scene.length, length]),
+        width=np.concatenate([scene.width, width]),
+        history=States.concatenate([scene.history, history], axis=0),
+        recorded_steps=np.concatenate(
+            [scene.recorded_steps, np.cumprod(known[:, ::-1], axis=1).sum(axis=1, dtype=np.int64)]
+        ),
+        future=None if scene.future is None else States.concatenate([scene.future, future], axis=0),
+        future_valid=None if scene.future_valid is None else np.concatenate([scene.future_valid, valid]),
+        intentions=scene.intentions and (*scene.intentions, *(None,) * len(ids)),
+        people=np.arange(scene.vehicles + len(ids)) >= scene.vehicles,
+    )
+    return joined, wrong
+
+
+def _rows(people: Obstacles) -> list[States]:
+    return [people.states[k, : HISTORY_STEPS + 1] for k in range(len(people.ids))]
+
+
+def _kind(kind: str, past: States) -> str:
+    """Return the road user; the speed decides on ``pedestrian/bicycle``."""
+    if "pedestrian" in kind and "bicycle" in kind:
+        return PEOPLE[int(np.mean(past.speed) > RUNNING_MPS)]
+    return road_user(kind)
+
+
+def _sizes(people: Obstacles, kinds: tuple[str, ...]) -> tuple[FloatArray, FloatArray, str]:
+    """Return (P,) lengths and widths, and the names of those whose size is no person's."""
+    usual = np.array([obstacle_size(kind) for kind in kinds])
+    sizes = np.column_stack([people.length, people.width])
+    bad = ~(np.isfinite(sizes) & (sizes > 0) & (sizes <= MAX_SIZE_M)).all(axis=1)
+    unknown = bad | (np.array(people.types) != np.array(kinds))
+    length, width = np.where(unknown[:, None], usual, sizes).T
+    return length, width, ", ".join(people.ids[k] for k in np.flatnonzero(bad)[:5])
+
+
+def _futures(people: Obstacles, steps: int) -> tuple[States, BoolArray]:
+    """Return recorded states and presence (P, steps) after the seed scene; the last ones stay."""
+    there = people.states.shape[1] - HISTORY_STEPS - 1
+    step = HISTORY_STEPS + 1 + np.arange(steps)
+    column = np.minimum(step, HISTORY_STEPS + there)
+    return people.states[:, column], people.present[:, column] & (step <= HISTORY_STEPS + there)
+
+
+def _numbers(names: tuple[str, ...], taken: IntArray) -> IntArray:
+    """Return a track id for each name: its number, or the next free one above all."""
+    used, ids = {int(track) for track in taken}, list[int]()
+    for name in names:
+        digits = "".join(letter for letter in name if letter.isdigit())[:9]
+        number = int(digits) if digits else -1
+        if number < 0 or number in used:
+            number = max([*used, 0]) + 1
+        used.add(number)
+        ids.append(number)
+    return np.array(ids, dtype=np.int64)
+
+
+def _distance(scene: SeedScene, others: Obstacles) -> FloatArray:
+    """Return (O,) distance to the nearest vehicle now, m."""
+    now, there = scene.now, others.states[:, HISTORY_STEPS]
+    apart = np.hypot(there.x[:, None] - now.x, there.y[:, None] - now.y)
+    return np.asarray(apart.min(axis=1, initial=np.inf))
+
+
+def _some(others: Obstacles, keep: BoolArray) -> Obstacles | None:
+    """Return some obstacles; None if there are none."""
+    at = np.flatnonzero(keep)
+    if not len(at):
+        return None
+    return Obstacles(
+        ids=tuple(others.ids[k] for k in at),
+        types=tuple(others.types[k] for k in at),
+        length=others.length[at],
+        width=others.width[at],
+        states=others.states[at],
+        present=others.present[at],
+    )

@@ -1,0 +1,73 @@
+"""People of a seed scene as participants."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.participants import MAX_PEOPLE, people_apart, with_people
+from scex_sumo.scene import Obstacles, SeedScene, States
+from tests.seeds import straight_seed
+
+
+def scene_with(*types: str, speed: float = 1.0, length: float = 0.6) -> SeedScene:
+    scene, count = straight_seed(2), len(types)
+    times = np.repeat(0.1 * np.arange(-10, 31)[None], count, axis=0)
+    states = States(
+        x=20.0 + speed * times,
+        y=np.repeat(5.0 + np.arange(count)[:, None], 41, axis=1),
+        heading=np.zeros_like(times),
+        speed=np.full_like(times, speed),
+    )
+    others = Obstacles(
+        ids=tuple(f"P{k}" for k in range(count)),
+        types=types,
+        length=np.full(count, length),
+        width=np.full(count, 0.6),
+        states=states,
+        present=np.ones(times.shape, dtype=np.bool_),
+    )
+    return replace(scene, obstacles=others)
+
+
+def test_people_take_part_are_replayed_or_left_out() -> None:
+    scene = scene_with("pedestrian", "bicycle", "tram")
+    taking = with_people(scene, "model")
+    assert taking.types == ("car", "car", "pedestrian", "bicycle")
+    assert taking.track_ids.tolist() == [0, 1, 2, 3]  # P0 and P1 are the numbers of cars
+    assert taking.obstacles is not None and taking.obstacles.types == ("tram",)
+    assert np.array_equal(taking.history.x[2], scene.obstacles.states.x[0, :11])  # type: ignore[union-attr]
+    assert with_people(scene, "replay") is scene
+    left = with_people(scene, "none").obstacles
+    assert left is not None and left.types == ("tram",)
+
+
+def test_only_pairs_with_a_vehicle_count() -> None:
+    taking = with_people(scene_with("pedestrian", "pedestrian"), "model")
+    assert RunSettings(vru="model").vehicles_that_count(taking) == (0, 1)
+    assert RunSettings().vehicles_that_count(straight_seed()) is None
+
+
+@pytest.mark.parametrize(("speed", "kind"), [(1.2, "pedestrian"), (5.0, "bicycle")])
+def test_the_speed_says_who_walks_and_who_rides(speed: float, kind: str) -> None:
+    taking = with_people(scene_with("pedestrian/bicycle", speed=speed), "model")
+    assert taking.types[-1] == kind and taking.length[-1] == {"pedestrian": 0.6, "bicycle": 1.8}[kind]
+
+
+def test_people_of_no_size_have_the_usual_one_and_crowds_are_cut() -> None:
+    taking = with_people(scene_with("pedestrian", length=0.0), "model")
+    assert taking.length[-1] == 0.6 and "people without a usable size have the usual one: P0" in taking.notes
+    crowd = with_people(scene_with(*["pedestrian"] * 500), "model")
+    assert crowd.vehicles == 2 + MAX_PEOPLE and crowd.obstacles is not None
+    assert crowd.notes[-1] == "400 of 500 people, those farthest from vehicles, are replayed"
+
+
+def test_people_are_set_apart_again() -> None:
+    scene = scene_with("pedestrian")
+    apart = people_apart(with_people(scene, "model"))
+    assert apart.vehicles == 2 and apart.people is None and apart.obstacles is not None
+    assert apart.obstacles.types == ("pedestrian",)
+    assert np.array_equal(apart.obstacles.states.x[:, :11], scene.obstacles.states.x[:, :11])  # type: ignore[union-attr]
