@@ -41,14 +41,17 @@ def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures:
         return DesignIntervals(np.zeros((futures, 0), dtype=np.int64), design="random")
     always = info.get("assign") or {}
     models = [entry["model"] for entry in info["models"]]
-    place = {name: k for k, name in enumerate([*models, *sorted(set(always.values()) - set(models))])}
     coded = assignments["model"].combine_chunks().dictionary_encode()
+    walking = {name for weights in info.get("people", {}).values() for name in weights}
+    others = sorted((set(always.values()) | walking) - set(models))
+    place = {name: k for k, name in enumerate([*models, *others])}
     names = coded.dictionary.to_pylist()
     if strange := [name for name in names if name not in place]:
         raise ResultError(f"assignments.parquet: {strange[0]!r} is no model of this run")
     number = np.array([place[name] for name in names], dtype=np.int64)
     drawn = number[np.asarray(coded.indices)].reshape(futures, len(tracks))
-    fixed = np.array([str(track) in always for track in tracks], dtype=np.bool_)
+    people = info["seed_scene"].get("people", ())
+    fixed = np.array([str(track) in always or track in people for track in tracks], dtype=np.bool_)
     return design_intervals(drawn, [entry["weight"] for entry in info["models"]], fixed, info["design"])
 
 

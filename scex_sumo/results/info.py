@@ -162,6 +162,7 @@ def describe(scene: SeedScene) -> dict[str, Any]:
         "vehicles": scene.vehicles,
         "track_ids": [int(t) for t in scene.track_ids],
         "obstacles": len(scene.obstacles.ids) if scene.obstacles is not None else 0,
+        **({} if scene.people is None else {"people": scene.track_ids[scene.people].tolist()}),
         "recorded_future_steps": int(scene.future.shape[1]) if scene.future is not None else 0,
         "notes": list(scene.notes),
         "source": scene.source,

@@ -1,0 +1,50 @@
+"""A run in which people decide for themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import scex_sumo as scex
+from scex_sumo.scene import SeedScene
+from tests.behaviors import roads
+from tests.results.test_participants import scene_with
+
+
+@pytest.fixture(scope="module")
+def scene() -> SeedScene:
+    """Two cars, and two people that walk along in front of the first one, 5 m beside it."""
+    cars = roads.scene_of((5.0, 0.0, 0.0, 5.5), (60.0, 0.0, 0.0, 8.0))
+    return replace(
+        cars,
+        track_ids=np.array([0, 1]),
+        road=roads.straight(),
+        obstacles=scene_with("pedestrian", "pedestrian").obstacles,
+    )
+
+
+def run_of(scene: SeedScene, **options: object) -> scex.Run:
+    settings = {"futures": 20, "reference": "none", "report": False, **options}
+    return scex.extrapolate(scene, **settings)  # type: ignore[arg-type]
+
+
+def test_people_count_in_pairs_with_vehicles_only(scene: SeedScene) -> None:
+    run = run_of(scene, vru="model", models="constant_velocity,steps_out")
+    assert run.info["people"] == {"bicycle": {"steps_out": 1.0}, "pedestrian": {"steps_out": 1.0}}
+    assert run.info["seed_scene"]["people"] == [2, 3]
+    # Whoever steps out is hit by the car that keeps its speed; the two are no pair.
+    assert run.collision.sampled.value == 1.0
+    pairs = set(zip(*(run.collisions[name].to_pylist() for name in ("track_id", "other_id")), strict=True))
+    assert pairs and all(min(pair) < 2 for pair in pairs)
+    again = run_of(scene, vru="model", models="constant_velocity,steps_out")
+    assert run.metrics.equals(again.metrics)
+
+
+def test_a_driver_that_sees_who_steps_out_brakes(scene: SeedScene) -> None:
+    shares = [
+        run_of(scene, vru="model", models=f"{model},steps_out").collision.sampled.value
+        for model in ("constant_velocity", "likely_driver")
+    ]
+    assert shares[1] < 0.5 * shares[0]
