@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,26 +26,26 @@ def scene() -> SeedScene:
     )
 
 
-def run_of(scene: SeedScene, **options: object) -> scex.Run:
-    settings = {"futures": 20, "reference": "none", "report": False, **options}
+def run_of(scene: SeedScene, out: Path, **options: object) -> scex.Run:
+    settings = {"out": out, "futures": 20, "reference": "none", "report": False, **options}
     return scex.extrapolate(scene, **settings)  # type: ignore[arg-type]
 
 
-def test_people_count_in_pairs_with_vehicles_only(scene: SeedScene) -> None:
-    run = run_of(scene, vru="model", models="constant_velocity,steps_out")
+def test_people_count_in_pairs_with_vehicles_only(scene: SeedScene, tmp_path: Path) -> None:
+    run = run_of(scene, tmp_path / "one", vru="model", models="constant_velocity,steps_out")
     assert run.info["people"] == {"bicycle": {"steps_out": 1.0}, "pedestrian": {"steps_out": 1.0}}
     assert run.info["seed_scene"]["people"] == [2, 3]
     # Whoever steps out is hit by the car that keeps its speed; the two are no pair.
     assert run.collision.sampled.value == 1.0
     pairs = set(zip(*(run.collisions[name].to_pylist() for name in ("track_id", "other_id")), strict=True))
     assert pairs and all(min(pair) < 2 for pair in pairs)
-    again = run_of(scene, vru="model", models="constant_velocity,steps_out")
+    again = run_of(scene, tmp_path / "two", vru="model", models="constant_velocity,steps_out")
     assert run.metrics.equals(again.metrics)
 
 
-def test_a_driver_that_sees_who_steps_out_brakes(scene: SeedScene) -> None:
+def test_a_driver_that_sees_who_steps_out_brakes(scene: SeedScene, tmp_path: Path) -> None:
     shares = [
-        run_of(scene, vru="model", models=f"{model},steps_out").collision.sampled.value
+        run_of(scene, tmp_path / model, vru="model", models=f"{model},steps_out").collision.sampled.value
         for model in ("constant_velocity", "likely_driver")
     ]
     assert shares[1] < 0.5 * shares[0]
