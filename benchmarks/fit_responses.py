@@ -36,8 +36,8 @@ HORIZON_S, WINDOW_S = 3.0, 1.5
 SPEED_EDGES = (4.0, 8.0)
 LEADER = (8.0, 2.0, 1.5)  # a leader is within 8 m + 2 s, and 1.5 m to the side
 MOST_FACTOR = 30.0  # beyond it a frequency is not known at all
-# Of a responder's acceleration beside the expected one: the best in training, of -.5 to .25 and .1 to .8.
-MEAN_MPS2, SPREAD_MPS2 = -0.5, 0.5
+# Of a responder's acceleration beside the expected one: the best in training, see `vary`.
+MEAN_MPS2, SPREAD_MPS2 = -0.25, 0.5
 TAIL = 10  # largest values beyond which the tail is fitted
 EXCEEDANCES = 60
 FREQUENT = 20  # near misses of training from which their sum counts in the fit
@@ -242,24 +242,32 @@ def expected_number(samples: Samples, people: People, event: str = "contact") ->
     return np.bincount(samples.action, weights=sure, minlength=len(ACTIONS))
 
 
-def predicted(samples: Samples, people: People, event: str) -> FloatArray:
+def predicted(
+    samples: Samples, people: People, event: str, mean: float = MEAN_MPS2, spread: float = SPREAD_MPS2
+) -> FloatArray:
     """Return (p,) probability of a near miss of each pair: through an action, or as expected.
 
-    Beside its expected motion a responder has an acceleration of its own, normally distributed.
+    Beside its expected motion a responder has an acceleration of its own, normally distributed. One that is
+    faster so looks ahead: with the hazard of `People.later` it drives as expected again.
     """
     none = np.zeros(len(samples.pair_moment))
     np.add.at(none, samples.pair, np.log1p(-np.minimum(chances(samples, people, event), 0.999)))
-    weight = np.exp(-(((VARIES_MPS2 - MEAN_MPS2) / SPREAD_MPS2) ** 2) / 2)
-    usual = samples.usual[:, list(NEAR).index(event)] @ (weight / weight.sum())
+    weight = np.exp(-(((VARIES_MPS2 - mean) / spread) ** 2) / 2)
+    left = samples.usual[:, list(NEAR).index(event)]
+    goes_on = np.where(VARIES_MPS2 > 0, left**people.growth, left > 0)
+    expected = left[:, VARIES_MPS2 == 0] > 0
+    usual = np.where((left > 0) & expected, 1.0, goes_on) @ (weight / weight.sum())
     return np.asarray(1 - np.exp(none) * (1 - usual))
 
 
-def sums(samples: Samples, people: People) -> list[tuple[str, float, int, float, float]]:
-    """Return event, sum of P, count, ROC area of P and of the best surrogate measure."""
+def sums(
+    samples: Samples, people: People, mean: float = MEAN_MPS2, spread: float = SPREAD_MPS2
+) -> list[tuple[str, float, int, float, float]]:
+    """Return event, sum of P, count, ROC area of P and of the best surrogate measure; see `predicted`."""
     use = samples.pair_known
     found = []
     for number, event in enumerate(NEAR):
-        chance, recorded = predicted(samples, people, event)[use], samples.recorded[use, number]
+        chance, recorded = predicted(samples, people, event, mean, spread)[use], samples.recorded[use, number]
         areas = [roc_area(chance, recorded)]
         areas.append(max(roc_area(column, recorded) for column in samples.surrogate[use].T))
         found.append((event, float(chance.sum()), int(recorded.sum()), *areas))
@@ -281,6 +289,20 @@ def _read(cache: Path, *names: str, test: bool | None) -> Samples:
     return Samples.joined([Samples.read(file) for file in files if test in (None, is_test(file.stem))])
 
 
+def _error(found: list[tuple[str, float, int, float, float]]) -> float:
+    return float(sum(np.log(p / n) ** 2 for _, p, n, *_ in found if n >= FREQUENT))
+
+
+@app.command()
+def vary(cache: Cache = Path("out/responses")) -> None:
+    """Print sums of P and counts of the training parts by mean and spread of the added acceleration."""
+    train, people = _read(cache, *EVERY_S, test=False), people_of(SHIPPED)
+    for mean, spread in product((-0.5, -0.25, 0.0, 0.25), (0.1, 0.2, 0.3, 0.5, 0.8)):
+        found = sums(train, people, mean, spread)
+        said = ", ".join(f"{event} {p:.1f} / {n} ({area:.2f})" for event, p, n, area, _ in found)
+        print(f"{mean} {spread}: error {_error(found):.3f}; {said}")
+
+
 @app.command()
 def fit(cache: Cache = Path("out/responses"), write: bool = True) -> None:
     """Count and fit on the training parts, then report on the test parts."""
@@ -294,7 +316,7 @@ def fit(cache: Cache = Path("out/responses"), write: bool = True) -> None:
     best, least = people, np.inf
     for values in product(*GRID.values()):
         tried = replace(people, **dict(zip(GRID, values, strict=True)))
-        error = sum(np.log(p / n) ** 2 for _, p, n, *_ in sums(train, tried) if n >= FREQUENT)
+        error = _error(sums(train, tried))
         contacts = expected_number(train, tried)[BRAKES] / train.km.sum()
         error += np.log(contacts / contacts_of(BRAKES)) ** 2
         if error < least - 1e-6:

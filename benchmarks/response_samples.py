@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from pickle import dumps, loads
@@ -68,30 +68,51 @@ def closing(motion: Motion) -> FloatArray:
     return np.where(np.isfinite(motion.gap), np.maximum(motion.speed - motion.cases.along, 0.0), 0.0)
 
 
-def _drives(motion: Motion, when: slice) -> BoolArray:
-    return motion.speed[:, when] > CLOSES_MPS
+@dataclass(frozen=True)
+class Near:
+    """Near miss: whether it happens from 1 to 3 s after a moment, by its steps (m, T)."""
+
+    steps: Callable[[Motion], BoolArray]
+
+    def __call__(self, motion: Motion) -> BoolArray:
+        """Return whether it happens (m,)."""
+        return self.steps(motion)[:, WINDOW].any(axis=1)
+
+    def left(self, motion: Motion) -> FloatArray:
+        """Return the share (m,) of the largest gap that is left when it happens; 0 where it does not."""
+        there = self.steps(motion)[:, WINDOW]
+        first = np.argmax(there, axis=1) + WINDOW.start
+        gap = np.where(np.isfinite(motion.gap), np.maximum(motion.gap, 0.1), 0.0)
+        until = np.arange(gap.shape[1]) <= first[:, None]
+        most = np.where(until, gap, 0.0).max(axis=1)
+        now = gap[np.arange(len(gap)), first]
+        return np.where(there.any(axis=1), np.where(now > 0, now / np.maximum(most, 0.1), 1.0), 0.0)
 
 
-def near_gap(motion: Motion, when: slice = WINDOW) -> BoolArray:
+def _drives(motion: Motion) -> BoolArray:
+    return motion.speed > CLOSES_MPS
+
+
+def near_gap(motion: Motion) -> BoolArray:
     """Whether the gap is below 0.5 m while one drives."""
-    return ((motion.gap[:, when] < 0.5) & _drives(motion, when)).any(axis=1)
+    return (motion.gap < 0.5) & _drives(motion)
 
 
-def short_ttc(motion: Motion, when: slice = WINDOW) -> BoolArray:
+def short_ttc(motion: Motion) -> BoolArray:
     """Whether the time to collision is below 1.5 s."""
-    gap, speed = motion.gap[:, when], closing(motion)[:, when]
-    return ((gap < 1.5 * speed) & (speed > CLOSES_MPS) & _drives(motion, when)).any(axis=1)
+    speed = closing(motion)
+    return (motion.gap < 1.5 * speed) & (speed > CLOSES_MPS) & _drives(motion)
 
 
-def strong_drac(motion: Motion, when: slice = WINDOW) -> BoolArray:
+def strong_drac(motion: Motion) -> BoolArray:
     """Whether the deceleration to avoid a crash is above 3.4 m/s²."""
-    gap, speed = np.maximum(motion.gap[:, when], 1e-3), closing(motion)[:, when]
-    return ((speed**2 > 6.8 * gap) & (speed > CLOSES_MPS) & _drives(motion, when)).any(axis=1)
+    gap, speed = np.maximum(motion.gap, 1e-3), closing(motion)
+    return (speed**2 > 6.8 * gap) & (speed > CLOSES_MPS) & _drives(motion)
 
 
-def short_pet(motion: Motion, when: slice = WINDOW) -> BoolArray:
+def short_pet(motion: Motion) -> BoolArray:
     """Whether one is where a crossing vehicle was in the last second."""
-    return motion.cases.crossed.touches(motion.s)[:, when].any(axis=1)
+    return motion.cases.crossed.touches(motion.s)
 
 
 def bump(motion: Motion) -> BoolArray:
@@ -101,10 +122,10 @@ def bump(motion: Motion) -> BoolArray:
 
 
 NEAR = {
-    "TTC < 1.5 s": short_ttc,
-    "DRAC > 3.4 m/s²": strong_drac,
-    "PET < 1 s": short_pet,
-    "gap < 0.5 m": near_gap,
+    "TTC < 1.5 s": Near(short_ttc),
+    "DRAC > 3.4 m/s²": Near(strong_drac),
+    "PET < 1 s": Near(short_pet),
+    "gap < 0.5 m": Near(near_gap),
 }
 HAPPENS = {"contact": contact, "bump": bump, "hard": hard_contact, **NEAR}
 
@@ -124,7 +145,7 @@ class Samples:
         doubtful: (n,).
         pair: (n,) index into the pairs.
         pair_moment: (p,); ``recorded`` (p, 4) whether each of `NEAR` was recorded, ``usual`` (p, 4, 11)
-            whether it happens as expected, with each of `VARIES_MPS2` besides; ``pair_known`` (p,).
+            `Near.left` as expected, with each of `VARIES_MPS2` besides; ``pair_known`` (p,).
         surrogate: (p, 3) 1/TTC, DRAC and 1/THW at the moment.
         seconds: (M,) time that each moment stands for; ``vehicles`` (M,); ``km`` (M,) that they drive in it.
     """
@@ -143,7 +164,7 @@ class Samples:
     pair: IntArray
     pair_moment: IntArray
     recorded: BoolArray
-    usual: BoolArray
+    usual: FloatArray
     pair_known: BoolArray
     surrogate: FloatArray
     seconds: FloatArray
@@ -228,7 +249,7 @@ def samples_of(expected: Expected, every_s: float) -> Samples | None:
         pair=cases.pair[first],
         pair_moment=np.zeros(len(pairs), dtype=np.int64),
         recorded=np.stack([happens(driven) for happens in NEAR.values()], axis=1),
-        usual=np.stack([_if_varied(usual, happens) for happens in NEAR.values()], axis=1),
+        usual=np.stack([_if_varied(usual, near) for near in NEAR.values()], axis=1),
         pair_known=on_line[i] & on_line[j] & moving & (doubts == None) & ~overlap,  # noqa: E711
         surrogate=surrogate,
         seconds=np.array([every_s]),
@@ -237,14 +258,14 @@ def samples_of(expected: Expected, every_s: float) -> Samples | None:
     )
 
 
-def _if_varied(motion: Motion, happens: Happens) -> BoolArray:
-    """Return (p, 11) whether an event happens with each of `VARIES_MPS2` besides the expected motion."""
+def _if_varied(motion: Motion, near: Near) -> FloatArray:
+    """Return `Near.left` (p, 11) with each of `VARIES_MPS2` besides the expected motion."""
     found = []
     for a in VARIES_MPS2:
         speed = np.maximum(motion.speed + a * TIME_S, 0.0)
         s = motion.s[:, :1] + np.cumsum(speed, axis=1) * STEP_S - speed[:, :1] * STEP_S
-        found.append(happens(motion if a == 0 else replace(motion, s=s, speed=speed)))
-    return np.stack(found, axis=1)
+        found.append(near.left(motion if a == 0 else replace(motion, s=s, speed=speed)))
+    return np.stack(found, axis=1).astype(np.float32)
 
 
 def _responses(cases: Cases, happens: Happens) -> FloatArray:
