@@ -71,6 +71,8 @@ def total(
         if count > 1:
             variance += left * count * float(np.var(each[inside], ddof=1))
             freedom += count - 1
+        else:  # of one that stands for others nothing is known but its size
+            variance += left * float((each[inside] ** 2).sum())
         if drawn is not None:
             variance += (1.0 - left) * float((weight[inside] ** 2 * drawn[inside]).sum())
     return float(each.sum()), variance, max(freedom, 1)

@@ -17,8 +17,8 @@ from scex_sumo.suites.population import RISK_WORDS
 
 SCRIPTS: Final = ("loop.js", "stage.js", "cases.js")
 _KEYS: Final = (
-    "Mark cases and save the list: 'scex-sumo test SUITE --cases cases.txt' runs these alone. Without marks "
-    "the list has the cases that are shown. A click on a picture holds it."
+    "Mark cases, and copy the command that runs these alone, or save their list ('--cases cases.txt'). "
+    "Without marks the list has the cases that are shown. A click on a picture holds it."
 )
 
 

@@ -53,3 +53,9 @@ def test_intervals_of_choices_hold_in_95_percent() -> None:
         )
         held += found.low <= truth <= found.high
     assert held / 100 >= 0.90
+
+
+def test_one_case_that_stands_for_others_has_no_sure_number() -> None:
+    one = np.array([0.1])
+    found = rate(one, np.array([2.0]), np.zeros(1, dtype=np.int64), np.array([2]), 1.0, most=one)
+    assert found.low < 0.1 < 0.2 < 0.4 < found.high

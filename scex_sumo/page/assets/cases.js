@@ -19,6 +19,7 @@ unpack(byId("data").textContent).then(({ info }) => {
       return !card.hidden;
     });
     tell(byId("counts"), `${seen.length} of ${cards.length} cases` + (marked.size ? `, ${marked.size} marked` : ""));
+    if (byId("save")) tell(byId("said"), marked.size ? `scex-sumo test SUITE --cases ${[...marked].join(",")} --under-test MODEL` : "");
   }
 
   // A cell of the table asks for its cases.

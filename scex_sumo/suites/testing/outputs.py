@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.studies.under_test.table import chance_text
 from scex_sumo.suites.estimate import Rate
 from scex_sumo.suites.testing.result import FAILED, VERDICTS, WORSE, verdicts_by_kind
+
+DECIDES: Final = 0.5
+"""Share of the collisions in one case from which the interval is doubtful."""
 
 
 def junit_text(result: Mapping[str, Any]) -> str:
@@ -66,6 +69,10 @@ def number_lines(result: Mapping[str, Any]) -> list[str]:
     number = result["number"]
     if number is None:
         return ["every case failed: there is no number"]
+    largest = number["largest"]
+    doubt = (
+        f"{largest['share']:.0%} of the collisions are of one case, {largest['name']}, that stands for others"
+    )
     return [
         f"collisions an hour: {rate_words(number['collisions_per_hour'])}; people "
         f"{rate_words(number['people_collisions_per_hour'])}, in all of the data set "
@@ -73,6 +80,7 @@ def number_lines(result: Mapping[str, Any]) -> list[str]:
         f"severe injuries an hour: {rate_words(number['severe_per_hour'])}; people "
         f"{rate_words(number['people_severe_per_hour'])}",
         f"difference to people, collisions an hour: {rate_words(number['difference'])}",
+        *([f"{doubt}: intervals are too narrow"] if largest["share"] > DECIDES else []),
     ]
 
 

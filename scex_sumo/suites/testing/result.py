@@ -94,6 +94,7 @@ def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, A
     """Return the rates of the function and of people, and their difference; None if every case failed.
 
     The weights of failed cases go to the others of their stratum; a stratum without any other is not seen.
+    ``largest`` is the case with most of the collisions of the function, of those that stand for others, too.
     """
     names = {one["name"]: one for one in records if "reason" not in one}
     ran = np.array([case.name in names for case in suite.cases])
@@ -114,6 +115,8 @@ def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, A
     def of(values: FloatArray, most: FloatArray, spread: FloatArray | None = None) -> Rate:
         return rate(values, most=most, drawn=spread, **given)
 
+    parts = np.where(weight > 1, weight * each["probability"], 0.0)
+    largest = int(np.argmax(parts))
     apart = difference(each["probability"] - each["people"], drawn=drawn, **given)
     return {
         "collisions_per_hour": of(each["probability"], each["most"], drawn).to_json(),
@@ -124,6 +127,10 @@ def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, A
         "difference": apart.to_json(),
         "severe_difference": difference(each["severity"] - each["people_severity"], **given).to_json(),
         "cases": len(rows),
+        "largest": {
+            "name": rows[largest]["name"],
+            "share": float(parts[largest] / max((weight * each["probability"]).sum(), 1e-300)),
+        },
     }
 
 

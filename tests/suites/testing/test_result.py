@@ -12,7 +12,7 @@ import pytest
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.suites.suite import Suite
-from scex_sumo.suites.testing.outputs import junit_text, markdown_text
+from scex_sumo.suites.testing.outputs import junit_text, markdown_text, number_lines
 from scex_sumo.suites.testing.result import (
     Condition,
     compared,
@@ -99,6 +99,18 @@ def test_weights_of_failed_cases_go_to_their_stratum() -> None:
     assert number is not None
     assert number["collisions_per_hour"]["value"] == pytest.approx((10 * 0.02 + 0 + 20 * 0.002) / 2)
     assert number_of(suite(), with_verdicts([FAILED])) is None
+
+
+def test_a_number_of_one_case_is_said_to_be_so() -> None:
+    one = result()
+    assert one["number"]["largest"] == {
+        "name": "a",
+        "share": pytest.approx(10 * 0.02 / (10 * 0.02 + 20 * 0.002)),
+    }
+    assert any("83% of the collisions are of one case, a, that" in line for line in number_lines(one))
+    even = [record("a", 4, 2.0), record("b", 4, 2.0), record("c", 4, 2.0), record("d", 4, 2.0)]
+    one["number"] = number_of(suite(), with_verdicts(even))
+    assert not any("one case" in line for line in number_lines(one))
 
 
 def test_what_is_not_seen_is_said() -> None:
