@@ -42,6 +42,7 @@ _UNKNOWN, _VEHICLE = 0, 2
 _CUT = "it ends within a record"
 MAX_TILT_RAD = 0.5  # of a box that lies on a road
 FIRST = 20  # messages, of which one has the map
+MAJOR, MAX_BYTES = 3, 2**25  # of OSI's version; of a message: some 500 000 objects
 
 
 def osi_library() -> Any:
@@ -68,22 +69,32 @@ def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[No
 
 def _messages(path: Path, kind: str) -> Iterator[Any]:
     """Yield the messages of one kind in a trace."""
-    betterosi = osi_library()
-    message = getattr(betterosi, kind)
+    message = getattr(osi_library(), kind)
+    for body in _bodies(path, kind):
+        if len(body) > MAX_BYTES:
+            raise ValueError(f"a message of {len(body) >> 20} MB, more than {MAX_BYTES >> 20}")
+        read = message.from_binary(body)
+        version = getattr(read, "version", None)
+        if version is not None and version.version_major not in (0, MAJOR):
+            raise ValueError(f"it is OSI {version.version_major}.{version.version_minor}, not {MAJOR}")
+        yield read
+
+
+def _bodies(path: Path, kind: str) -> Iterator[bytes]:
     if path.suffix == ".osi":
         with path.open("rb") as file:
             while size := file.read(4):
                 body = file.read(int.from_bytes(size, "little"))
                 if len(size) < 4 or len(body) < int.from_bytes(size, "little"):
                     raise EOFError
-                yield message.from_binary(body)
+                yield body
         return
     from mcap.reader import make_reader
 
     with path.open("rb") as file:
         for schema, _, record in make_reader(file).iter_messages():
             if schema is not None and schema.name.rpartition(".")[2] == kind:
-                yield message.from_binary(record.data)
+                yield record.data
 
 
 def _read_road(path: Path, **options: Any) -> Road:

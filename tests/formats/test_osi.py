@@ -225,3 +225,19 @@ def test_a_cut_trace_is_one_line(tmp_path: Path, keep: int) -> None:
     file.write_bytes(file.read_bytes()[:keep])
     with pytest.raises(TrackError, match="ends within a record"):
         read_recorded([file])
+
+
+def test_a_trace_of_another_major_version_is_one_line(tmp_path: Path) -> None:
+    frames = crossing()
+    frames[0].version = osi.InterfaceVersion(version_major=4, version_minor=1, version_patch=0)
+    with pytest.raises(TrackError, match=r"it is OSI 4\.1, not 3"):
+        read_recorded([written(tmp_path / "t.osi", frames)])
+
+
+def test_a_message_of_a_million_objects_is_not_even_parsed(tmp_path: Path) -> None:
+    file = tmp_path / "t.osi"
+    with file.open("wb") as out:
+        out.write((2**26).to_bytes(4, "little"))
+        out.truncate(2**26 + 4)
+    with pytest.raises(TrackError, match="a message of 64 MB, more than 32"):
+        read_recorded([file])
