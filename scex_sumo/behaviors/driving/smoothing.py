@@ -10,6 +10,8 @@ from scex_sumo.geometry.polylines import along, length_of
 BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
 CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried in this order; the last leaves room to correct
 SWEEPS = 400  # a right angle needs about 375 at 0.2 1/m
+SWEEPS_AT_ONCE = 10
+ENOUGH = 0.02  # part of a bend above the limit
 FREEZE_M = 15.0
 
 
@@ -38,21 +40,41 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
 
 
 def _relaxed(points: FloatArray, limit: float) -> FloatArray:
+    """Move points with too tight a bend towards the middle of both neighbours, until few are left."""
     tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
-    first, last = max(0, tight[0] - 80), min(points.shape[1], tight[-1] + 81)
-    x, y = (points[:, first:last, axis].copy() for axis in (0, 1))
-    for _ in range(SWEEPS):
-        away_x, away_y = (0.5 * (v[:, :-2] + v[:, 2:]) - v[:, 1:-1] for v in (x, y))
-        square = ((x[:, 2:] - x[:, :-2]) ** 2 + (y[:, 2:] - y[:, :-2]) ** 2) / 4
-        bend = 2 * np.sqrt(away_x**2 + away_y**2) / np.maximum(square, 1e-6)
-        excess = np.maximum(0.0, 1 - limit / np.maximum(bend, 1e-9))
-        if excess.max() < 0.02:
-            break
-        x[:, 1:-1] += 0.9 * excess * away_x
-        y[:, 1:-1] += 0.9 * excess * away_y
+    window = slice(max(0, tight[0] - 80), tight[-1] + 81)
     moved = points.copy()
-    moved[:, first:last] = np.stack([x, y], axis=-1)
+    inner = np.ones(moved[:, window].shape[:2], dtype=np.bool_)
+    inner[:, [0, -1]] = False
+    xy, moving = moved[:, window].reshape(-1, 2).T.copy(), inner.copy()
+    for _ in range(SWEEPS // SWEEPS_AT_ONCE):
+        # One sweep spreads the motion by one point.
+        at = np.flatnonzero(_dilate(moving, SWEEPS_AT_ONCE + 1))
+        beside = np.diff(at) == 1
+        xy[:, at], excess = _swept(xy[:, at], limit, inner.ravel()[at[1:-1]] & beside[1:] & beside[:-1])
+        if excess.max() < ENOUGH:
+            break
+        moving = np.zeros_like(inner)
+        moving.ravel()[at[1:-1]] = excess > 0
+    moved[:, window] = xy.T.reshape(*inner.shape, 2)
     return moved
+
+
+def _swept(xy: FloatArray, limit: float, free: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return points (2, n) moved by `SWEEPS_AT_ONCE` sweeps, and the last excess (n - 2,) of their bends.
+
+    ``free`` (n - 2,): points that may move, all but the first and the last.
+    """
+    eight, excess = 8.0 * free, np.zeros(free.size)
+    for _ in range(SWEEPS_AT_ONCE):
+        away = 0.5 * (xy[:, :-2] + xy[:, 2:]) - xy[:, 1:-1]
+        distance, chord = away**2, (xy[:, 2:] - xy[:, :-2]) ** 2
+        bend = eight * np.sqrt(distance[0] + distance[1]) / np.maximum(chord[0] + chord[1], 4e-6)
+        excess = 1 - limit / np.maximum(bend, limit)
+        if np.maximum.reduce(excess) < ENOUGH:
+            break
+        xy[:, 1:-1] += 0.9 * excess * away
+    return xy, excess
 
 
 def gaussian(values: FloatArray, sigma: float) -> FloatArray:
