@@ -193,7 +193,8 @@ def simulated(human: HumanParameters) -> HumanParameters:
         human.idm, max_acceleration=2.6, curve_acceleration=5.5, curve_deceleration=4.5, habit_memory=0.0
     )
     braking = np.array([np.log(4.5), human.braking_log[1]])
-    return replace(human, idm=idm, braking_log=braking, habit_s=0.5, sudden_s=0.3)
+    # Both ends of its vehicles are on the lane: a heading across it in a bend is no motion across it.
+    return replace(human, idm=idm, braking_log=braking, habit_s=0.5, sudden_s=0.3, max_lateral=0.0)
 
 
 @cache

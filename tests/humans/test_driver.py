@@ -13,7 +13,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.humans.driver import LikelyDriver, LikelyProfile, effective_headway
+from scex_sumo.humans.driver import LikelyDriver, LikelyProfile, effective_headway, human_of
 from scex_sumo.humans.observations import (
     acceleration_around,
     behind_a_wave,
@@ -32,6 +32,7 @@ from scex_sumo.humans.population import (
     spread_factor,
     students,
 )
+from scex_sumo.intention import Intention
 from scex_sumo.scene import SeedScene
 from tests.behaviors import roads
 
@@ -70,6 +71,16 @@ def test_without_spread_all_drive_as_expected() -> None:
     driver = LikelyDriver(LikelyProfile(spread=0.0))
     made = roads.plan(driver, where, roads.present(scene, 50, DRAW[:, None]))
     assert np.ptp(made.x[:, 29]) < 1e-9
+
+
+def test_a_heading_across_the_lane_is_motion_across_it_but_for_vehicles_of_sumo() -> None:
+    # SUMO has both ends of a vehicle on the lane, so that in a bend its heading leads that of the rear axle.
+    where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.3, 5.0))
+    sumos = replace(scene, intentions=(Intention(edges=("a",)),))
+    for of, swerve in ((scene, 5 * np.sin(0.3)), (sumos, 0.0)):
+        human = human_of(of, HUMAN)
+        lateral = observations_of(of, seed_paths(of, where), human).lateral[0]
+        assert lateral[1] == pytest.approx(swerve, abs=0.05)
 
 
 def test_a_standing_vehicle_behind_a_standing_leader_stays() -> None:

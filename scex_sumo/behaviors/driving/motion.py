@@ -177,8 +177,12 @@ def _along_arc(
 
 
 def _bend_beside(bend: FloatArray, aside: FloatArray | None) -> FloatArray:
-    """Return (n,) curvatures of lines at constant offsets from paths with curvatures (n,), 1/m."""
-    return bend if aside is None else bend / np.maximum(1 - bend * aside, 0.5)
+    """Return (n,) curvatures of lines at constant offsets from paths with curvatures (n,), 1/m.
+
+    They are at most those that vehicles can drive: what a line bends more is no steering to take back later.
+    """
+    line = bend if aside is None else bend / np.maximum(1 - bend * aside, 0.5)
+    return clipped(line, -CURVATURE_LIMIT, CURVATURE_LIMIT)
 
 
 def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
