@@ -48,18 +48,16 @@ def with_people(scene: SeedScene, people: int, *, seed: int = 0) -> SeedScene:
         return scene
     assert scene.road is not None
     rng, ways = np.random.default_rng([seed, people, scene.vehicles]), _Ways(scene.road)
-    around = _motion(scene), scene.length, scene.width
+    motion, length, width = _motion(scene), scene.length, scene.width
     kinds, placed = list[str](), list[States]()
     for k in range(people):
         kind = KINDS[k % len(KINDS)]
         for _ in range(_TRIES if ways.any else 0):
             one = _moving(ways.drawn(kind, rng), kind, rng)
-            if one is not None and _free(one, kind, *around):
+            if one is not None and _free(one, kind, motion, length, width):
                 size = obstacle_size(kind)
-                around = (
-                    States.concatenate([around[0], one[None]], axis=0),
-                    *(np.append(values, side) for values, side in zip(around[1:], size, strict=True)),
-                )
+                motion = States.concatenate([motion, one[None]], axis=0)
+                length, width = np.append(length, size[0]), np.append(width, size[1])
                 kinds.append(kind)
                 placed.append(one)
                 break
@@ -104,7 +102,7 @@ class _Ways:
         else:
             line = self._chain(_one(self._slow, rng), rng, _BESIDE_M if walks else -_EDGE_M)
             line = self._off_lanes(line) if walks else line
-        if line is None or length_of(line) < _LEAST_M:
+        if length_of(line) < _LEAST_M:
             return None
         return line[::-1] if walks and rng.random() < 0.5 else line
 
@@ -123,12 +121,12 @@ class _Ways:
         right = np.stack([step[:, 1], -step[:, 0]], axis=1) / np.hypot(*step.T).clip(1e-9)[:, None]
         return np.asarray(line + aside * right)
 
-    def _off_lanes(self, line: FloatArray) -> FloatArray | None:
-        """Return the part of a line before it first comes to a lane for vehicles; None without one."""
+    def _off_lanes(self, line: FloatArray) -> FloatArray:
+        """Return the part of a line before it first comes to a lane for vehicles, or its begin."""
         inside = np.zeros(len(line), dtype=np.bool_)
         inside[self._area.query(shapely.points(line), predicate="intersects")[0]] = True
         end = int(np.argmax(inside)) if inside.any() else len(line)
-        return line[:end] if end > 1 else None
+        return line[: max(end, 1)]
 
 
 def _slow(lane: Lane) -> bool:
