@@ -76,6 +76,8 @@ def measure_outcome(
     present = None if counted is None else counted[None].repeat(len(rollout.futures), axis=0)
     tracks, planned = _evaluated(scene, rollout, present)
     hits = find_collisions(tracks, limit_m2=limit_m2)
+    # Two people that touch have not collided: what hits one of them later is no consequence.
+    hits = _of_pairs(hits, None if scene.people is None else np.flatnonzero(~scene.people).tolist())
     hits = _of_pairs(hits.with_consequences() if rollout.with_crashes else hits, vehicles)
     met: list[Encounters] = []
 

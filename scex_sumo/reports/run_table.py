@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -182,7 +182,7 @@ def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -
 def summary_table(run: Run, preset: str | None = None) -> Table:
     """Return recorded value, median, critical share and number of defined futures by metric."""
     scene, likely = run.info["seed_scene"], run.reference
-    title = f"{scene['name']}: {counted(scene['vehicles'], 'vehicle')}, {counted(run.futures, 'future')}"
+    title = f"{scene['name']}: {participants(scene)}, {counted(run.futures, 'future')}"
     if likely is not None:
         title += f", {likely.futures} human-like ones"
     if region := run.info.get("region"):
@@ -309,6 +309,13 @@ def _recorded_overlaps(run: Run) -> str:
         return counted(len(recorded["overlaps"]), "overlap")
     touch = "drac" in run.columns and np.isinf(run.recorded_value("drac") or 0.0)
     return "contact" if touch else "none"
+
+
+def participants(scene: Mapping[str, Any]) -> str:
+    """Return how many vehicles and people of a seed scene, as ``run.json`` has it, take part."""
+    people = len(scene.get("people", ()))
+    words = counted(scene["vehicles"] - people, "vehicle")
+    return f"{words} and {people} {'person' if people == 1 else 'people'}" if people else words
 
 
 def counted(count: int, noun: str) -> str:

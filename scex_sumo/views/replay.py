@@ -23,6 +23,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.results.participants import PEOPLE
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.drawings import (
     WINDOW_SIZE,
@@ -182,7 +184,7 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
     steps = tiled.future.states.shape[1]
     vehicles = FcdTracks(
         ids=[tiled.id(str(track)) for track in scene.track_ids],
-        types=[_type_id(model, v) for v, model in enumerate(tiled.future.models)],
+        types=[_type_id(model, scene.types[v], v) for v, model in enumerate(tiled.future.models)],
         length=scene.length,
         states=tiled.future.states,
         present=np.ones(tiled.future.states.shape, dtype=bool),
@@ -196,7 +198,7 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
     columns = np.minimum(np.arange(1, steps + 1), others.states.shape[1] - 1)
     obstacles = FcdTracks(
         ids=[tiled.id(f"P{name}") for name in others.ids],
-        types=[f"other.{o}" for o in range(len(others.ids))],
+        types=[_type_id("other", kind, o) for o, kind in enumerate(others.types)],
         length=others.length,
         states=others.states[:, columns],
         present=_without_gaps(others.present[:, columns]),
@@ -213,8 +215,11 @@ def _without_gaps(present: BoolArray) -> BoolArray:
     )
 
 
-def _type_id(model: str, vehicle: int) -> str:
-    return f"{re.sub('[^A-Za-z0-9_.=-]', '_', model)}.{vehicle}"
+def _type_id(model: str, kind: str, number: int) -> str:
+    """Return the id of a type; that of people says who they are, because FCD says nothing else."""
+    user = road_user(kind)
+    name = f"{model}.{user}" if user in PEOPLE else model
+    return f"{re.sub('[^A-Za-z0-9_.=-]', '_', name)}.{number}"
 
 
 def _types(scene: SeedScene, futures: Sequence[FutureView], colors: Mapping[str, Rgb]) -> str:
@@ -222,11 +227,11 @@ def _types(scene: SeedScene, futures: Sequence[FutureView], colors: Mapping[str,
     for v in range(scene.vehicles):
         size = scene.types[v], float(scene.length[v]), float(scene.width[v])
         for model in sorted({future.models[v] for future in futures}):
-            lines.append(given_type(_type_id(model, v), *size, colors[model]))
+            lines.append(given_type(_type_id(model, size[0], v), *size, colors[model]))
     if (others := scene.obstacles) is not None:
         for o, kind in enumerate(others.types):
             size = kind, float(others.length[o]), float(others.width[o])
-            lines.append(given_type(f"other.{o}", *size, OTHER_RGB))
+            lines.append(given_type(_type_id("other", kind, o), *size, OTHER_RGB))
     return "".join(lines)
 
 

@@ -181,3 +181,36 @@ def many(scene: SeedScene, count: int) -> SeedScene:
         future=scene.future[again],
         future_valid=scene.future_valid[again],
     )
+
+
+def test_a_car_that_hits_one_of_two_people_that_touched_is_no_consequence() -> None:
+    """Two people come together 1 s before a car at 10 m/s reaches the first one, 20 m ahead."""
+    times = np.arange(-10, 1) * 0.1
+    zero = np.zeros_like(times)
+    history = States(
+        x=np.stack([10 * times, zero + 24.0, zero + 24.0]),
+        y=np.stack([zero, zero, 1.6 - times]),
+        heading=np.stack([zero, zero, zero - np.pi / 2]),
+        speed=np.stack([zero + 10.0, zero, zero + 1.0]),
+    )
+    scene = dataclasses.replace(
+        straight_seed(3),
+        history=history,
+        types=("car", "pedestrian", "pedestrian"),
+        length=np.array([4.0, 0.6, 0.6]),
+        width=np.array([2.0, 0.6, 0.6]),
+        people=np.array([False, True, True]),
+    )
+    plan = going_on(scene, 50)
+    rollout = Rollout(
+        futures=np.zeros(1, dtype=np.int64),
+        states=going_on(scene, 30).swapaxes(0, 1)[None],
+        plan_x=plan.x[None, None],
+        plan_y=plan.y[None, None],
+        replan=30,
+        with_crashes=True,
+    )
+    outcome = measure_outcome(scene, rollout, vehicles=(0,))
+    assert outcome.collisions.first.tolist() == [0, 0]
+    assert not outcome.collisions.consequence.any()
+    assert (outcome.severity.p_mais3_other > 0.1).all()

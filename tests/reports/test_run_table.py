@@ -21,6 +21,7 @@ from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
     answer_lines,
+    participants,
     print_line,
     print_table,
     shown_columns,
@@ -286,3 +287,9 @@ def test_longer_runs_tell_the_probability_of_a_collision_by_horizon(tmp_path: Pa
     assert shares[-1] == run.collision.sampled.value > 0
     rows = list(summary_table(run).columns[0].cells)
     assert [str(row) for row in rows if "by" in str(row)] == [f"collision by {s} s" for s in (1, 2, 3)]
+
+
+def test_people_that_take_part_are_no_vehicles() -> None:
+    assert participants({"vehicles": 5, "people": [7, 9]}) == "3 vehicles and 2 people"
+    assert participants({"vehicles": 2, "people": [7]}) == "1 vehicle and 1 person"
+    assert participants({"vehicles": 2}) == "2 vehicles"

@@ -24,6 +24,7 @@ from scex_sumo.scene import STEP_S
 
 # SUMO's own sizes of its vehicle classes, length and width in m, by a word in the name of the type.
 _SIZES = (
+    ("pedestrian", (0.215, 0.478)),
     ("truck", (7.1, 2.4)),
     ("trailer", (16.5, 2.55)),
     ("bus", (12.0, 2.5)),
@@ -36,7 +37,7 @@ _SIZES = (
     ("bike", (1.6, 0.65)),
     ("tram", (22.0, 2.4)),
 )
-_CAR, _PERSON = (5.0, 1.8), (0.215, 0.478)
+_CAR = (5.0, 1.8)
 _KINDS = {"trailer": "truck", "coach": "bus", "delivery": "van", "moped": "motorcycle", "bike": "bicycle"}
 _OTHERS = ("bicycle", "tram", "pedestrian")
 _COLUMNS = ("time", "x", "y", "angle", "speed", "length", "width")
@@ -179,8 +180,6 @@ def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
 
 
 def _word_and_size(kind: str) -> tuple[str, tuple[float, float]]:
-    if kind == "pedestrian":
-        return kind, _PERSON
     word, size = next((entry for entry in _SIZES if entry[0] in kind.lower()), ("car", _CAR))
     return _KINDS.get(word, word), size
 

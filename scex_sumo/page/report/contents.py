@@ -28,7 +28,7 @@ from scex_sumo.page.report.tables import (
     metric_values,
     pair_events,
 )
-from scex_sumo.reports.run_table import always_critical, extra_rows
+from scex_sumo.reports.run_table import always_critical, extra_rows, participants
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.rules.lights import light_bars
@@ -108,6 +108,7 @@ def _words(
             *run.info.get("run_notes", []),
         ],
         "track_ids": track_ids,
+        "participants": participants(run.info["seed_scene"]),
         "types": list(scene.types),
         "sizes": np.stack([scene.length, scene.width], axis=1).round(2).tolist(),
         "models": models,

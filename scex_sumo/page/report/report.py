@@ -54,7 +54,7 @@ def run_body(info: Mapping[str, Any], parts: Sequence[PagePart] = ()) -> str:
     """Return the body from the info of `report_contents`, with the cards of extras."""
     place = info["location"] if info["location"] != info["name"] else ""
     about = [
-        counted(len(info["track_ids"]), "vehicle"),
+        info["participants"],
         counted(info["futures"], "future"),
         f"{info['steps'] * STEP_S:.1f} s ahead",
         place,

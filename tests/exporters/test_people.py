@@ -1,0 +1,74 @@
+"""People in exports, replayed or with models of their own: each reader finds them again."""
+
+from __future__ import annotations
+
+import pickle
+from collections import Counter
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import scex_sumo as scex
+from scex_sumo.exporters.commonroad import write_commonroad
+from scex_sumo.exporters.openscenario import write_openscenario
+from scex_sumo.exporters.osi import write_osi
+from scex_sumo.exporters.request import Request
+from scex_sumo.exporters.scenarionet import write_scenarionet
+from scex_sumo.exporters.tracks import write_fcd_files
+from scex_sumo.formats.sumo.fcd import read_fcd
+from scex_sumo.results.run import Run
+from tests.runs import extrapolate
+
+KINDS = Counter({"car": 3, "pedestrian": 3, "bicycle": 1})
+
+
+@pytest.fixture(scope="module", params=["replay", "model"])
+def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Three cars, three people on foot and a cyclist."""
+    scene = scex.synthetic_seed(
+        scex.example_path("urban_intersection"), vehicles=3, like="recorded", people=4, seed=5, cache=False
+    )
+    out = tmp_path_factory.mktemp(request.param) / "out"
+    return extrapolate(scene, futures=2, steps=10, out=out, vru=request.param)
+
+
+def test_openscenario_has_pedestrians_and_bicycles(run: Run, tmp_path: Path) -> None:
+    (file,) = write_openscenario(Request(run=run, futures=(1,), out=tmp_path))[1:2]
+    root = ET.parse(file).getroot()
+    vehicles = Counter(one.get("vehicleCategory") for one in root.iter("Vehicle"))
+    walkers = Counter(one.get("pedestrianCategory") for one in root.iter("Pedestrian"))
+    assert vehicles + walkers == KINDS
+    assert len(list(root.iter("FollowTrajectoryAction"))) == 7
+
+
+def test_commonroad_io_reads_people(run: Run, tmp_path: Path) -> None:
+    reader = pytest.importorskip("commonroad.common.file_reader")
+    (file,) = write_commonroad(Request(run=run, futures=(1,), out=tmp_path))
+    scenario, _ = reader.CommonRoadFileReader(str(file)).open()
+    assert Counter(one.obstacle_type.value for one in scenario.dynamic_obstacles) == KINDS
+
+
+def test_scenarionet_has_people(run: Run, tmp_path: Path) -> None:
+    file = write_scenarionet(Request(run=run, futures=(1,), out=tmp_path))[0]
+    tracks = pickle.loads(file.read_bytes())["tracks"].values()
+    words = {"VEHICLE": "car", "PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
+    assert Counter(words[track["type"]] for track in tracks) == KINDS
+
+
+def test_floating_car_data_read_back_have_people(run: Run, tmp_path: Path) -> None:
+    (file,) = write_fcd_files(Request(run=run, futures=(1,), out=tmp_path / "one.fcd.xml"))
+    tracks, _ = read_fcd(file)
+    assert len(tracks.vehicles.labels) == 3
+    assert Counter(tracks.others.types) == KINDS - Counter(car=3)
+
+
+def test_betterosi_reads_people(run: Run, tmp_path: Path) -> None:
+    betterosi = pytest.importorskip("betterosi")
+    file = write_osi(Request(run=run, futures=(1,), out=tmp_path / "one.osi"))[0]
+    (first, *_) = betterosi.read(str(file), return_ground_truth=True)
+    found = Counter[str]()
+    for one in first.moving_object:
+        kind = one.type.name.removeprefix("TYPE_").lower()
+        found[one.vehicle_classification.type.name.lower() if kind == "vehicle" else kind] += 1
+    assert sorted(found.values()) == [1, 3, 3] and found["pedestrian"] == 3
