@@ -1,6 +1,6 @@
 """How long before SUMO's own collisions the extrapolation sees them, beside the SSM device's measures.
 
-    python -m benchmarks.live collisions OUT [--seeds 1,2,3,4] [--to 300]
+    python -m benchmarks.live collisions OUT [--seeds 1,2,3,4,5,6] [--to 75]
 
 Drivers of a grid without lights follow too closely (tau 0.3 s, action steps of 0.8 s), dawdle (sigma 0.8) and
 at times ignore who has the right of way, so they collide (--collision.action warn). Each collision is looked
@@ -158,7 +158,7 @@ def table(rows: list[dict]) -> None:  # type: ignore[type-arg]
     scores = ("human_like", "stress", "both", "ttc", "drac", "pet")
     for row in rows:
         row["both"] = 1 - (1 - row["human_like"]) * (1 - row["stress"])  # PairRisk.either
-    print("s before | collisions | pairs | " + " | ".join(f"{s}: top 5 %, area" for s in scores))
+    print("s before | collisions | pairs | " + " | ".join(f"{s}: top 5 %, area [of seeds]" for s in scores))
     for lead in LEADS_S:
         moments = {(r["seed"], r["time"]) for r in rows if r["after"] == lead}
         here = [r for r in rows if (r["seed"], r["time"]) in moments]
@@ -174,7 +174,13 @@ def table(rows: list[dict]) -> None:  # type: ignore[type-arg]
                     rest = values[mine & ~hit]
                     above = (rest > value).sum() + 0.5 * (rest == value).sum()
                     top.append(above < TOP * (len(rest) + 1))
-            words.append(f"{np.mean(top):.2f} {area(values[hit], values[~hit & ~soon]):.3f}")
+            seeds = np.array([r["seed"] for r in here])
+            areas = [
+                area(values[mine & hit], values[mine & ~hit & ~soon])
+                for mine in (seeds == seed for seed in np.unique(seeds))
+            ]
+            pooled = area(values[hit], values[~hit & ~soon])
+            words.append(f"{np.mean(top):.2f} {pooled:.3f} [{min(areas):.2f}-{max(areas):.2f}]")
         print(f"{lead:g} | {hit.sum()} | {len(here)} | " + " | ".join(words))
 
 
@@ -201,8 +207,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("what", choices=("collisions", "table", "speed"))
     parser.add_argument("path", type=Path)
-    parser.add_argument("--seeds", default="1,2,3,4")
-    parser.add_argument("--to", type=float, default=300.0)
+    parser.add_argument("--seeds", default="1,2,3,4,5,6")
+    parser.add_argument("--to", type=float, default=75.0)
     parser.add_argument("--futures", type=int, default=64)
     parser.add_argument("--vehicles", type=int, default=25)
     parser.add_argument("--moments", type=int, default=20)
