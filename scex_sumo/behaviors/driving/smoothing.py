@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
@@ -22,9 +24,15 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
         half_width: (K, N) of the lane, m; no point moves further than 0.95 of it.
 
     Returns:
-        (K, N, 2) m, with the smallest limit of `CURVATURES` that keeps the path in the lane.
+        (K, N, 2) m, with the smallest limit of `CURVATURES` that keeps the path in the lane; read-only.
     """
-    bound = 0.95 * half_width
+    return _drivable(points.tobytes(), half_width.tobytes(), points.shape, ds)
+
+
+@lru_cache(maxsize=1)  # a scene and the same scene with estimated headings have the same paths
+def _drivable(raw: bytes, widths: bytes, shape: tuple[int, ...], ds: float) -> FloatArray:
+    points = np.frombuffer(raw).reshape(shape)
+    bound = 0.95 * np.frombuffer(widths).reshape(shape[:2])
     smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, bound)
     for limit in CURVATURES:
         rows = np.flatnonzero((np.abs(curvature(smooth)) > 1.02 * limit).any(axis=1))
@@ -36,6 +44,7 @@ def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArra
         # Where the curve would leave its lane, keep the previous one; only tight places have changed.
         stays = _dilate(too_far, int(FREEZE_M / ds))
         smooth[rows] = np.where(stays[..., None], smooth[rows], wider)
+    smooth.flags.writeable = False
     return smooth
 
 

@@ -34,3 +34,10 @@ def test_a_corner_in_a_narrow_lane_stays_in_it() -> None:
     turning = corner(np.pi / 2)[None]
     smooth = drivable(turning, np.full(turning.shape[:2], 1.0), DS_M)
     assert np.hypot(*(smooth - turning)[0].T).max() <= 0.95
+
+
+def test_the_same_paths_are_smoothed_once_and_others_anew() -> None:
+    half = np.full((1, 241), 4.0)
+    first = drivable(corner(np.pi / 2)[None], half, DS_M)
+    assert drivable(corner(np.pi / 2)[None], half.copy(), DS_M) is first
+    assert np.abs(drivable(corner(np.pi / 2)[None], half / 8, DS_M) - first).max() > 0.1
