@@ -1,7 +1,7 @@
 """Human-like futures against recordings and constant velocity, by site.
 
     python benchmarks/attentive.py [--data FOLDER] [--part test] [--most 5] [--futures 32] [--models likely]
-                                   [--kept FILE] [--raw] [--sites NAMES] [--steps 30]
+                                   [--kept FILE] [--raw] [--no-rules] [--sites NAMES] [--steps 30]
 
 Seed scenes of the part of the time split are driven for 3 s (--steps) in a world without SUMO. Columns:
 
@@ -24,6 +24,7 @@ from __future__ import annotations
 import argparse
 import os
 import pickle
+import tempfile
 import time
 import zlib
 from collections.abc import Iterator
@@ -36,9 +37,11 @@ from recorded_scenes import INTERACTION, INTERACTION_SITES, NGSIM_TEST
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Part, Split, split_moments
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
+from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
@@ -99,7 +102,7 @@ def site_of(name: str) -> str:
     return next(site for site in SITES if site.replace("-", "").lower() in name.replace("-", "").lower())
 
 
-def cases(data: Path, part: Part, most: int) -> Iterator[Case]:
+def cases(data: Path, part: Part, most: int, rules: bool) -> Iterator[Case]:
     """The seed scenes of each site, evenly thinned, at most some per site."""
     chosen: dict[str, list[tuple[object, float]]] = {}
     for recording in find_recordings([data / name for name in DATASETS if (data / name).exists()]):
@@ -124,9 +127,17 @@ def cases(data: Path, part: Part, most: int) -> Iterator[Case]:
         for k in range(min(most, len(found))):
             loaded, time_s = found[int(k * step + step / 2)]
             scene = seed_at(loaded, time_s)
+            scene = with_rules(scene) if rules else scene
             if id(loaded) not in noises:
                 noises[id(loaded)] = box_noise(loaded.table.vehicles, np.inf)
             yield case_of(site, scene, noises[id(loaded)])
+
+
+def with_rules(scene: SeedScene) -> SeedScene:
+    """The scene with the rules of the road, as a run has them."""
+    assert scene.road is not None
+    with tempfile.TemporaryDirectory() as folder:
+        return ruled(scene, converted(scene.road, Path(folder) / "road.net.xml"), SETTINGS)[0]
 
 
 def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
@@ -317,6 +328,7 @@ def main() -> None:
     parser.add_argument("--models", default="likely")
     parser.add_argument("--kept", type=Path)
     parser.add_argument("--raw", action="store_true", help="drivers plan from recorded headings and speeds")
+    parser.add_argument("--no-rules", action="store_true", help="drivers without the rules of the road")
     parser.add_argument("--sites", default=",".join(SITES))
     parser.add_argument("--steps", type=int, default=STEPS, help="of 0.1 s; files of --kept have their own")
     arguments = parser.parse_args()
@@ -326,7 +338,7 @@ def main() -> None:
     if arguments.kept is not None and arguments.kept.is_file():
         found = pickle.loads(arguments.kept.read_bytes())
     else:
-        found = list(cases(arguments.data, arguments.part, arguments.most))
+        found = list(cases(arguments.data, arguments.part, arguments.most, not arguments.no_rules))
         if arguments.kept is not None:
             arguments.kept.write_bytes(pickle.dumps(found))
     begin = time.process_time()
