@@ -20,7 +20,7 @@ LEAST_MPS = 0.05  # slower motion does not cross anything
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Meeting:
-    """Times at which n people and V vehicles are where their ways cross, (n, V), s; NaN where they do not."""
+    """Times at which n people and J vehicles are where their ways cross, (n, J), s; NaN where they do not."""
 
     enters: FloatArray  # the person enters the way of the vehicle; negative: is in it
     leaves: FloatArray
@@ -28,7 +28,7 @@ class Meeting:
     left: FloatArray
 
     def yields(self, gap_s: FloatArray, behind_s: float) -> BoolArray:
-        """Return whether (n, V) people let a vehicle pass, by the gaps (n,) that they accept."""
+        """Return whether (n, J) people let a vehicle pass, by the gaps (n,) that they accept."""
         first = self.leaves + gap_s[:, None] <= self.arrives
         behind = self.left + behind_s <= self.enters
         return np.isfinite(self.enters) & ~first & ~behind
@@ -39,8 +39,9 @@ def meetings(
 ) -> Meeting:
     """Return when people that walk on with a speed and direction (n,) and vehicles are where they cross."""
     scene, now = history.scene, history.now
+    vehicles = np.arange(scene.vehicles) if scene.people is None else np.flatnonzero(~scene.people)
     me = now[who.future, who.vehicle].map(lambda values: values[:, None])
-    other = now.map(lambda values: values[who.future])
+    other = now[:, vehicles][who.future]
     cos, sin = np.cos(other.heading), np.sin(other.heading)
     dx, dy = me.x - other.x, me.y - other.y
     ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
@@ -48,8 +49,8 @@ def meetings(
     closing = other.speed - speed[:, None] * np.cos(turn)
     across = speed[:, None] * np.sin(turn)
     size = (scene.length[who.vehicle] + scene.width[who.vehicle])[:, None] / 4
-    half_width = scene.width / 2 + size + people.margin_m
-    half_length = scene.length / 2 + size
+    half_width = scene.width[vehicles] / 2 + size + people.margin_m
+    half_length = scene.length[vehicles] / 2 + size
     with np.errstate(divide="ignore", invalid="ignore"):
         enters = (-np.sign(across) * aside - half_width) / np.abs(across)
         leaves = (-np.sign(across) * aside + half_width) / np.abs(across)
@@ -59,8 +60,6 @@ def meetings(
     arrives, left = np.minimum(arrives, left), np.maximum(arrives, left)
     crosses = (np.abs(across) > LEAST_MPS) & (leaves > 0) & (enters < people.look_s)
     crosses &= (left > 0) & (arrives < people.look_s + 2.0) & (np.abs(closing) > LEAST_MPS)
-    if scene.people is not None:
-        crosses &= ~scene.people
     nothing = np.where(crosses, 0.0, np.nan)
     return Meeting(
         enters=enters + nothing, leaves=leaves + nothing, arrives=arrives + nothing, left=left + nothing

@@ -8,18 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.draws import uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_positive
-from scex_sumo.geometry.polylines import wrap
+from scex_sumo.people.expectation import shown_features
 from scex_sumo.people.gaps import meetings, waiting_way
 from scex_sumo.people.parameters import PeopleParameters, people_parameters
-from scex_sumo.people.walking import STRAIGHT_S, Wish, shown_motion, steady, walked
+from scex_sumo.people.walking import STRAIGHT_S, Wish, steady, walked
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
 DRAWS, SALT = 6, 90_000
 EASE_MPS2, BRAKING_MPS2 = 1.5, 3.0  # of the people of the stress test
+EASED_S = 2.16  # of a change that settles in 1 s: its way over 3 s by its final value
+LEAST_WAY_M = 0.5  # in 3 s, of a turn
 FAR_M = 60.0  # beyond it nobody steps out before a vehicle
 
 
@@ -55,7 +57,8 @@ class Person:
         people = self.parameters
         draw = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, SALT)
         wish = self._wish(history, who, draw)
-        gap = people.gap_s + self.profile.gap + self.profile.spread * people.gap_spread_s * ndtri(draw[:, 5])
+        gap = people.gap_s + self.profile.spread * people.gap_spread_s * ndtri(draw[:, 5])
+        gap = np.maximum(gap, 0.0) + self.profile.gap
         now = history.now[who.future, who.vehicle]
         speed, heading = np.maximum(wish.speed[:, 0], 0.1), wish.heading[:, PLAN_STEPS // 3]
         wait, in_the_way = waiting_way(meetings(history, who, speed, heading, people), speed, gap, people)
@@ -70,29 +73,36 @@ class Person:
 
     def _wish(self, history: SceneHistory, who: VehicleIndex, draw: FloatArray) -> Wish:
         """Return the wanted motion (n, H), which follows from the seed scene and the draws (n, 6)."""
-        people, seed = self.parameters, SceneHistory.of_scene(history.scene)
-        first = VehicleIndex(future=np.zeros_like(who.vehicle), vehicle=who.vehicle)
-        shown, direction = shown_motion(seed, first, people.shown_s)
-        _, before = shown_motion(seed, first, 2 * people.shown_s)
-        student = self.profile.spread * stdtrit(people.tails, draw[:, :2])
+        people, scene, spread = self.parameters, history.scene, self.profile.spread
+        shown, direction, along, across = self._expected(scene, who.vehicle)
+        student = spread * stdtrit(people.tails, draw[:, :2])
         stands = shown < people.standing_mps
-        change = people.pull * (people.usual_mps - shown) + people.speed_spread * student[:, 0] * shown
-        later = np.maximum(shown + change, 0.0)
-        turn = people.turn_kept * 2 * wrap(direction - before) + people.turn_spread * student[:, 1]
+        later = np.maximum(shown + along / EASED_S + people.speed_spread * student[:, 0] * shown, 0.0)
+        turn = np.arctan2(across, np.maximum(STRAIGHT_S * shown + along, LEAST_WAY_M)) * STRAIGHT_S / EASED_S
+        turn += people.turn_spread * student[:, 1]
         # Stops and starts: an exponential time, of which a share lies within 3 s.
         rate = -np.log1p(-np.where(stands, people.start_share, people.stop_share)) / STRAIGHT_S
-        at = -np.log(draw[:, 2]) / rate if self.profile.spread else np.full(len(rate), np.inf)
+        at = -np.log(draw[:, 2]) / rate if spread else np.full(len(rate), np.inf)
         time = (history.step + np.arange(PLAN_STEPS)) * STEP_S
         eased = -np.expm1(-(time + STEP_S) / people.settle_s) / -np.expm1(-STRAIGHT_S / people.settle_s)
-        wanted = shown[:, None] + eased * (later - shown)[:, None]
         usual = people.usual_mps * np.exp(2 * people.speed_spread * ndtri(draw[:, 3]))
+        sway = spread * people.sway_mps * np.abs(ndtri(draw[:, 3]))
         changed = time >= at[:, None]
-        walks = np.where(changed, 0.0, wanted)
-        starts = np.where(changed, usual[:, None], 0.0)
+        walks = np.where(changed, 0.0, shown[:, None] + eased * (later - shown)[:, None])
+        starts = np.where(changed, usual[:, None], sway[:, None])
+        turns = direction[:, None] + eased * turn[:, None]
+        looks = direction + np.pi * (spread > 0) * (2 * draw[:, 4] - 1) ** 3
         return Wish(
             speed=np.where(stands[:, None], starts, walks),
-            heading=direction[:, None] + eased * np.where(stands, 0.0, turn)[:, None],
+            heading=np.where(stands[:, None], looks[:, None], turns),
         )
+
+    def _expected(self, scene: SeedScene, vehicle: IntArray) -> tuple[FloatArray, ...]:
+        """Return (n,) shown speed and direction, and ways beyond constant velocity after 3 s, m."""
+        speed, direction, features = shown_features(scene)
+        own = np.column_stack([np.ones_like(speed), speed, features[0]])
+        ways = own @ np.array(self.parameters.along), features[1] @ np.array(self.parameters.across)
+        return tuple(values[vehicle] for values in (speed, direction, *ways))
 
 
 class Walker(Person):

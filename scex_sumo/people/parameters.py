@@ -19,12 +19,12 @@ class PeopleParameters:
     """Parameters of all pedestrians, or of all cyclists. Comments: unit | meaning | source."""
 
     # Motion without vehicles
-    shown_s: float = 0.5  # s | time over which the shown velocity is measured | chosen
-    usual_mps: float  # m/s | usual speed | fitted
-    pull: float  # 1 | share of the difference to the usual speed that is made up within 3 s | fitted
+    usual_mps: float  # m/s | median speed of those that start | fitted
+    along: tuple[float, ...]  # m, s | way beyond constant velocity: 1, speed, `shown_features` along | fitted
+    across: tuple[float, ...]  # s, m | way aside: `shown_features` across | fitted
     speed_spread: float  # 1 | scale of the drawn change of speed within 3 s, over the speed | fitted
+    sway_mps: float  # m/s | scale of the drawn velocity of those that stand | fitted
     turn_spread: float  # rad | scale of the drawn change of direction within 3 s | fitted
-    turn_kept: float  # 1 | share of the shown turn of the last second that goes on | fitted
     settle_s: float = 1.0  # s | time constant of both changes | chosen
     tails: float = 4.0  # 1 | degrees of freedom of Student's draws | chosen
     standing_mps: float = 0.3  # m/s | slower people stand | chosen
@@ -46,4 +46,5 @@ class PeopleParameters:
 def people_parameters(kind: str) -> PeopleParameters:
     """Return the shipped parameters of ``pedestrian`` or ``bicycle``."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    return PeopleParameters(**given[kind])
+    values = {name: tuple(v) if isinstance(v, list) else v for name, v in given[kind].items()}
+    return PeopleParameters(**values)

@@ -9,7 +9,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, States
 
 STRAIGHT_S = 3.0  # time at which wanted changes of speed and direction are given
 
@@ -20,15 +20,6 @@ class Wish:
 
     speed: FloatArray  # m/s
     heading: FloatArray  # rad
-
-
-def shown_motion(history: SceneHistory, who: VehicleIndex, time_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return speed, m/s, and direction, rad, (n,) of the last moment; of standing people, their heading."""
-    steps = max(round(time_s / STEP_S), 1)
-    past = history.states[who.future, who.vehicle]
-    dx, dy = (values[:, -1] - values[:, -1 - steps] for values in (past.x, past.y))
-    speed = np.hypot(dx, dy) / (steps * STEP_S)
-    return speed, np.where(speed > 0.1, np.arctan2(dy, dx), past.heading[:, -1])
 
 
 def walked(

@@ -21,7 +21,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 WALKS_MPS, DRIVES_MPS = 1.4, 10.0
-PARAMETERS = replace(people_parameters("pedestrian"), gap_s=1.0, pull=0.0, turn_kept=0.0, stop_share=1e-9)
+PARAMETERS = replace(people_parameters("pedestrian"), gap_s=1.0, along=(0.0,) * 8, across=(0.0,) * 6)
 EXPECTED = PersonProfile(spread=0.0)
 
 

@@ -191,14 +191,14 @@ def expected(history: SceneHistory, road: Road) -> Expected:
     x = now.x[..., None] + way * np.cos(now.heading)[..., None]
     y = now.y[..., None] + way * np.sin(now.heading)[..., None]
     heading = np.repeat(now.heading[..., None], SAMPLES, axis=2)
-    vehicles = history.scene.vehicles
+    vehicles, driven = history.scene.vehicles, np.flatnonzero(~others.obstacle)
     along = _along_paths(history, road, t)
     for straight, bent in zip((x, y, heading), along, strict=True):
-        straight[:, :vehicles] = bent
+        straight[:, driven] = bent[:, driven]
     braking, change = np.zeros(now.shape), np.diff(history.states.speed) / STEP_S
     # Recorded speeds leap, which does not change the median; driven ones do not.
-    driven = min(history.step, BRAKING_STEPS)
-    mean = change[..., -driven:].mean(axis=-1) if driven else np.median(change, axis=-1)
+    steps = min(history.step, BRAKING_STEPS)
+    mean = change[..., -steps:].mean(axis=-1) if steps else np.median(change, axis=-1)
     braking[:, :vehicles] = np.maximum(-mean, 0.0)
     return Expected(others=others, x=x, y=y, heading=heading, braking=braking)
 

@@ -1,0 +1,412 @@
+"""Fit the people of `scex_sumo.people` to recordings, and tell how valid they are beside constant velocity.
+
+    python benchmarks/fit_people.py --data ../shared/data          # validity of the shipped parameters
+    python benchmarks/fit_people.py --data ../shared/data --fit    # fit, and write parameters.json
+
+Vehicles are replayed, people are simulated in closed loop for 3 s from every second of a recording, 40 times.
+The first 60 % of each clip are for the fit, the next 20 % for choices, the last 20 % for the table. The site
+``roundabout`` of DUT, and OF, are for the table only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import gzip
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.geometry.rectangles import Rectangles, overlap_area
+from scex_sumo.people.expectation import shown_features
+from scex_sumo.people.models import Person, PersonProfile
+from scex_sumo.people.parameters import SHIPPED, PeopleParameters, people_parameters
+from scex_sumo.road import Road
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+
+STEPS, REPLAN, NEAR_M = 30, 5, 15.0
+LEFT_OUT = ("DUT roundabout", "OF")
+SIZES = {"car": (4.5, 1.8), "pedestrian": (0.5, 0.5), "bicycle": (1.8, 0.6)}
+FITTED = {
+    "speed_spread": (0.5, 0.7, 0.85, 1.2, 1.5, 2.0),
+    "turn_spread": (0.5, 0.7, 0.85, 1.2, 1.5, 2.0),
+    "sway_mps": (0.5, 2.0),
+    "stop_share": (0.3, 0.6, 1.6, 3.0),
+    "start_share": (0.3, 0.6, 1.6),
+    "gap_s": (0.0, 0.5, 1.5),
+    "gap_spread_s": (0.5, 2.0),
+}
+"""Factors by which each parameter is varied in turn."""
+
+RIDGE = 5.0  # of the expected ways
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clip:
+    """Tracks on a grid of 0.1 s, (N, T), NaN where a road user is absent."""
+
+    name: str
+    kinds: tuple[str, ...]
+    states: States
+
+
+def clips(data: Path) -> Iterator[tuple[str, Clip]]:
+    """Yield the name of the data set and each clip."""
+    for file in sorted((data / "dut").glob("*_ped.csv.gz")):
+        rows = [(r, "pedestrian") for r in _rows(file)]
+        rows += [(r, "car") for r in _rows(Path(str(file).replace("_ped", "_veh")))]
+        name = file.name.removesuffix("_ped.csv.gz")
+        user = [f"{kind}{r['id']}" for r, kind in rows]
+        time, x, y = np.array([[int(r["frame"]) / 23.98, r["x_est"], r["y_est"]] for r, _ in rows], float).T
+        yield f"DUT {name.split('_')[0]}", _gridded(name, user, [k for _, k in rows], time, x, y, warm_s=1.0)
+    for name, folder, pattern in (
+        ("OF", "interaction/recorded_trackfiles/DR_DEU_Roundabout_OF", "*.csv.gz"),
+        ("TAF-BW", "taf_bw/recorded_trackfiles/k733_2020-09-15", "vehicle_tracks_*.csv"),
+        ("TAF-BW", "taf_bw/recorded_trackfiles/k729_2022-03-16", "vehicle_tracks_*.csv"),
+    ):
+        groups = [[f] for f in sorted((data / folder).glob(pattern))]
+        for files in groups if name != "OF" else [[f for g in groups for f in g]]:
+            table = [r for f in files for r in _rows(f)]
+            time, x, y = np.array([[int(r["timestamp_ms"]) / 1e3, r["x"], r["y"]] for r in table], float).T
+            kinds = [_kind(r["agent_type"].lower()) for r in table]
+            yield name, _gridded(files[0].stem, [r["track_id"] for r in table], kinds, time, x, y, warm_s=0.5)
+
+
+def _rows(file: Path) -> list[dict[str, str]]:
+    with gzip.open(file, "rt") if file.suffix == ".gz" else file.open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def _kind(word: str) -> str:
+    return "pedestrian/bicycle" if "/" in word else {"bike": "bicycle", "pedestrian": word}.get(word, "car")
+
+
+def _gridded(
+    name: str,
+    user: list[str],
+    kinds: list[str],
+    time: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    warm_s: float,
+) -> Clip:
+    start = time.min()
+    steps = int((time.max() - start) / STEP_S) + 1
+    grid, names = start + STEP_S * np.arange(steps), list(dict.fromkeys(user))
+    where = np.array(user)
+    out, types = np.full((2, len(names), steps), np.nan), []
+    for k, one in enumerate(names):
+        rows = np.flatnonzero(where == one)
+        rows = rows[np.argsort(time[rows], kind="stable")]
+        there = (grid >= time[rows[0]] + warm_s) & (grid <= time[rows[-1]])
+        out[0, k, there] = np.interp(grid[there], time[rows], x[rows])
+        out[1, k, there] = np.interp(grid[there], time[rows], y[rows])
+        kind = kinds[rows[0]]
+        if "/" in kind:
+            way = np.hypot(np.diff(x[rows]), np.diff(y[rows])).sum() / max(np.ptp(time[rows]), 0.1)
+            kind = "bicycle" if way > 3.0 else "pedestrian"
+        types.append(kind)
+    vx, vy = (np.diff(values, axis=1, prepend=np.nan) / STEP_S for values in out)
+    speed = np.hypot(vx, vy)
+    heading = _held(np.where(speed > 0.3, np.arctan2(vy, vx), np.nan))
+    return Clip(
+        name=name, kinds=tuple(types), states=States(x=out[0], y=out[1], heading=heading, speed=speed)
+    )
+
+
+def _held(heading: FloatArray) -> FloatArray:
+    """Hold the last heading of those that stand, before that the first one."""
+    for values in (heading, heading[:, ::-1]):
+        for step in range(1, values.shape[1]):
+            values[:, step] = np.where(np.isnan(values[:, step]), values[:, step - 1], values[:, step])
+    return np.nan_to_num(heading)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """A seed scene with its recorded future, and the people that are there for all of it."""
+
+    data: str
+    part: str
+    scene: SeedScene
+    people: FloatArray
+
+
+def moments(data: Path, every_s: float, part: str | None = None) -> list[Moment]:
+    """Return the moments of all clips, or of a part of them: train, choice or test."""
+    found = []
+    for name, clip in clips(data):
+        steps = clip.states.x.shape[1]
+        for now in range(HISTORY_STEPS + 1, steps - STEPS, round(every_s / STEP_S)):
+            share = now / steps
+            own = "train" if share < 0.6 else "choice" if share < 0.8 else "test"
+            if name in LEFT_OUT:
+                own = "test"
+            moment = _moment(name, own, clip, now) if part in (None, own) else None
+            if moment is not None:
+                found.append(moment)
+    return found
+
+
+def _moment(name: str, part: str, clip: Clip, now: int) -> Moment | None:
+    window = clip.states[:, now - HISTORY_STEPS : now + STEPS + 1]
+    known = np.isfinite(window.x) & np.isfinite(window.speed)
+    walks = np.array([kind != "car" for kind in clip.kinds])
+    rows = np.flatnonzero((known.all(axis=1) & walks) | (known[:, HISTORY_STEPS] & ~walks))
+    people = walks[rows]
+    if not people.any() or people.all():
+        return None
+    window, known = _filled(window[rows], known[rows]), known[rows]
+    sizes = np.array([SIZES[clip.kinds[k]] for k in rows])
+    scene = SeedScene(
+        name=clip.name,
+        location=name,
+        time_s=now * STEP_S,
+        track_ids=rows,
+        types=tuple(clip.kinds[k] for k in rows),
+        length=sizes[:, 0],
+        width=sizes[:, 1],
+        history=window[:, : HISTORY_STEPS + 1],
+        recorded_steps=np.full(len(rows), HISTORY_STEPS),
+        future=window[:, HISTORY_STEPS + 1 :],
+        future_valid=known[:, HISTORY_STEPS + 1 :],
+        people=people,
+    )
+    return Moment(data=name, part=part, scene=scene, people=np.flatnonzero(people))
+
+
+def _filled(window: States, known: BoolArray) -> States:
+    """Continue vehicles that come or leave at constant velocity."""
+    step = np.arange(known.shape[1])
+    first = known.argmax(axis=1)
+    last = known.shape[1] - 1 - known[:, ::-1].argmax(axis=1)
+    at = np.clip(step, first[:, None], last[:, None])
+    row, beyond = np.arange(len(at))[:, None], step - at
+    held = window[row, at]
+    way = held.speed * STEP_S * beyond
+    return replace(held, x=held.x + way * np.cos(held.heading), y=held.y + way * np.sin(held.heading))
+
+
+def simulate(moment: Moment, models: dict[str, Person], futures: int) -> States:
+    """Return the simulated states (C, P, T) of the people; vehicles are replayed."""
+    scene, people = moment.scene, moment.people
+    assert scene.future is not None
+    window = scene.history.repeat(futures)
+    draws = np.random.default_rng(0).random((futures, scene.vehicles))
+    kinds = np.array([scene.types[k] for k in people])
+    out = States.empty((futures, len(people), STEPS))
+    road = Road(name="none", lanes={})
+    for step in range(0, STEPS, REPLAN):
+        history = SceneHistory(
+            scene=scene, states=window, futures=np.arange(futures), step=step, route_draw=draws
+        )
+        coming = scene.future[:, step : step + REPLAN].repeat(futures)
+        for kind, model in models.items():
+            mine = people[kinds == kind]
+            if not len(mine):
+                continue
+            future, vehicle = (v.ravel() for v in np.meshgrid(np.arange(futures), mine, indexing="ij"))
+            plan = model.plan(history, road, VehicleIndex(future=future, vehicle=vehicle), [])
+            coming.assign((future, vehicle), plan[:, :REPLAN])
+        out.assign((slice(None), slice(None), slice(step, step + REPLAN)), coming[:, people])
+        window = States.concatenate([window[:, :, REPLAN:], coming], axis=2)
+    return out
+
+
+def models_of(parameters: dict[str, PeopleParameters]) -> dict[str, Person]:
+    """Return a model for each kind of people."""
+    return {kind: Person(PersonProfile(), own) for kind, own in parameters.items()}
+
+
+def energy(
+    many: list[Moment], parameters: dict[str, PeopleParameters], kind: str, futures: int = 16
+) -> float:
+    """Return the mean energy score of positions after 1, 2 and 3 s, m; lower is better."""
+    models, scores = models_of(parameters), []
+    for moment in many:
+        made, scene = simulate(moment, models, futures), moment.scene
+        assert scene.future is not None
+        for t in (9, 19, 29):
+            p = made.x[:, :, t] + 1j * made.y[:, :, t]
+            truth = scene.future.x[moment.people, t] + 1j * scene.future.y[moment.people, t]
+            spread = np.abs(p[:, None] - p[None]).sum(axis=(0, 1)) / (futures * (futures - 1))
+            own = np.array(scene.types)[moment.people] == kind
+            scores += (np.abs(p - truth).mean(axis=0) - spread / 2)[own].tolist()
+    return float(np.mean(scores))
+
+
+def expected(many: list[Moment], kind: str, own: PeopleParameters) -> PeopleParameters:
+    """Fit the expected ways of those that walk or ride, for the least mean error after 3 s."""
+    rows: list[tuple[FloatArray, ...]] = []
+    for moment in many:
+        scene, people = moment.scene, moment.people
+        people = people[np.array([scene.types[k] == kind for k in people], dtype=bool)]
+        speed, direction, features = (values[..., people, :] if values.ndim == 3 else values[people]
+                                      for values in shown_features(scene))  # fmt: skip
+        assert scene.future is not None
+        way = scene.future.x[people, -1] - scene.now.x[people]
+        way = (way + 1j * (scene.future.y[people, -1] - scene.now.y[people])) * np.exp(-1j * direction)
+        walks = speed >= own.standing_mps
+        along = np.column_stack([np.ones_like(speed), speed, features[0]])
+        rows.append((along[walks], features[1][walks], (way - 3 * speed)[walks]))
+    along, across, way = (np.concatenate(part) for part in zip(*rows, strict=True))
+    weight = np.ones(len(way))
+    for _ in range(20):
+        found = []
+        for x, y in ((along, way.real), (across, way.imag)):
+            square = (x * weight[:, None]).T @ x + RIDGE * np.eye(x.shape[1])
+            found.append(np.linalg.solve(square, (x * weight[:, None]).T @ y))
+        left = np.abs(way - along @ found[0] - 1j * (across @ found[1]))
+        weight = 1 / np.maximum(left, 0.1)
+    print(
+        f"{kind}: {len(way)} moments, mean error {left.mean():.3f} of {np.abs(way).mean():.3f} m", flush=True
+    )
+    one, two = (tuple(np.round(values, 3).tolist()) for values in found)
+    return replace(own, along=one, across=two)
+
+
+def fit(data: Path, rounds: int) -> dict[str, PeopleParameters]:
+    """Fit the expected ways, then vary one parameter after the other for a lower energy score."""
+    parameters = {kind: people_parameters(kind) for kind in ("pedestrian", "bicycle")}
+    train, choice = (moments(data, 3.0, part) for part in ("train", "choice"))
+    every = moments(data, 1.0, "train")
+    parameters = {kind: expected(every, kind, own) for kind, own in parameters.items()}
+    for kind in parameters:
+        mine = [[m for m in part if kind in np.array(m.scene.types)[m.people]] for part in (train, choice)]
+        best, checked = (energy(part, parameters, kind) for part in mine)
+        for number in range(rounds):
+            for name, factors in FITTED.items():
+                start = getattr(parameters[kind], name)
+                for factor in factors:
+                    tried = parameters | {kind: replace(parameters[kind], **{name: round(start * factor, 4)})}
+                    score = energy(mine[0], tried, kind)
+                    if score < best - 1e-4 and (other := energy(mine[1], tried, kind)) < checked + 1e-3:
+                        best, checked, parameters = score, other, tried
+                shown = getattr(parameters[kind], name)
+                print(f"{kind} {number} {name} {shown}: {best:.4f} m, {checked:.4f} m", flush=True)
+    return parameters
+
+
+def table(data: Path, parameters: dict[str, PeopleParameters], futures: int = 40) -> None:
+    """Print the validity by data set."""
+    models, rows = models_of(parameters), dict[str, list[dict[str, FloatArray]]]()
+    for moment in moments(data, 1.0, "test"):
+        rows.setdefault(moment.data, []).append(measured(moment, simulate(moment, models, futures)))
+    print("data set | people near | error / constant velocity | along | across | first | P(contact)")
+    for name, parts in rows.items():
+        one = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        near, first = one["near"] > 0, one["first"]
+        error, constant = one["error"][near].mean(), one["constant"][near].mean()
+        right = [f"{100 * v.mean():.0f} %" if len(v) else "-" for v in (first, one["first_constant"])]
+        print(
+            f"{name} | {int(near.sum())} | {error:.2f} / {constant:.2f} m = {error / constant:.2f} | "
+            f"{100 * one['along'].mean():.0f} % | {100 * one['across'].mean():.0f} % | "
+            f"{right[0]} of {len(first)} ({right[1]}) | "
+            f"{100 * one['contact'].mean():.2f} % ({100 * one['contact_constant'].mean():.2f} %)"
+        )
+
+
+def measured(moment: Moment, made: States) -> dict[str, FloatArray]:
+    """Return errors, coverage, orders and contacts of a moment."""
+    scene, people = moment.scene, moment.people
+    assert scene.future is not None
+    now, truth = scene.now[people], scene.future[people]
+    cars = np.flatnonzero(~scene.people) if scene.people is not None else np.arange(0)
+    steps = 5
+    past = scene.history[people]
+    vx, vy = ((v[:, -1] - v[:, -1 - steps]) / (steps * STEP_S) for v in (past.x, past.y))
+    time = STEP_S * np.arange(1, STEPS + 1)
+    constant = States(
+        x=now.x[:, None] + vx[:, None] * time,
+        y=now.y[:, None] + vy[:, None] * time,
+        heading=np.repeat(np.arctan2(vy, vx)[:, None], STEPS, axis=1),
+        speed=np.repeat(np.hypot(vx, vy)[:, None], STEPS, axis=1),
+    )
+    apart = np.hypot(now.x[:, None] - scene.now.x[cars], now.y[:, None] - scene.now.y[cars])
+    error = [
+        np.hypot(p.x[..., -1] - truth.x[:, -1], p.y[..., -1] - truth.y[:, -1])
+        for p in (made.map(lambda v: np.median(v, axis=0)), constant)
+    ]
+    turn = np.exp(-1j * constant.heading[:, -1])
+    drawn = (made.x[..., -1] + 1j * made.y[..., -1]) * turn
+    real = (truth.x[:, -1] + 1j * truth.y[:, -1]) * turn
+    covered = [
+        (a >= np.quantile(b, 0.05, axis=0)) & (a <= np.quantile(b, 0.95, axis=0))
+        for a, b in ((real.real, drawn.real), (real.imag, drawn.imag))
+    ]
+    driven = scene.future[cars]
+    order = first_of(truth[None], driven)[0]
+    met = np.isfinite(order)
+    share = np.nanmean(np.where(np.isfinite(o := first_of(made, driven)), o, 0.0), axis=0)
+    alone = np.nan_to_num(first_of(constant[None], driven)[0])
+    real_hit = touching(truth[None], driven, scene, people, cars)[0]
+    counts = (apart <= NEAR_M) & ~real_hit
+    hits = touching(made, driven, scene, people, cars).mean(axis=0)
+    hits_constant = touching(constant[None], driven, scene, people, cars)[0]
+    return {
+        "near": (apart.min(axis=1, initial=np.inf) <= NEAR_M).astype(float),
+        "error": error[0],
+        "constant": error[1],
+        "along": covered[0].astype(float),
+        "across": covered[1].astype(float),
+        "first": ((share[met] > 0.5) == order[met]).astype(float),
+        "first_constant": ((alone[met] > 0.5) == order[met]).astype(float),
+        "contact": hits[counts],
+        "contact_constant": hits_constant[counts].astype(float),
+    }
+
+
+def first_of(people: States, cars: States) -> FloatArray:
+    """Return 1 where a person (C, P) passes first where its way and that of a car (J) cross; NaN: nowhere."""
+    p = (people.x + 1j * people.y)[:, :, None, ::3, None]
+    q = (cars.x + 1j * cars.y)[None, None, :, None, ::3]
+    a, b, c, d = p[..., :-1, :], p[..., 1:, :], q[..., :-1], q[..., 1:]
+
+    def side(o: FloatArray, e: FloatArray, f: FloatArray) -> BoolArray:
+        return ((e - o).conj() * (f - o)).imag > 0
+
+    crosses = (side(a, b, c) != side(a, b, d)) & (side(c, d, a) != side(c, d, b))
+    found = crosses.reshape(*crosses.shape[:3], -1)
+    at = found.argmax(axis=-1)
+    mine, theirs = np.divmod(at, crosses.shape[-1])
+    return np.where(found.any(axis=-1), (mine < theirs).astype(float), np.nan)
+
+
+def touching(people: States, cars: States, scene: SeedScene, who: FloatArray, of: FloatArray) -> BoolArray:
+    """Return whether boxes (C, P, J) overlap by more than 0.02 m² at some time."""
+    one = people.map(lambda v: v[:, :, None, ::2])
+    two = cars.map(lambda v: v[None, None, :, ::2])
+    near = np.hypot(one.x - two.x, one.y - two.y) < 3.5
+    c, p, j, t = np.nonzero(near)
+    boxes = (
+        Rectangles.of(one[c, p, 0, t], scene.length[who[p]], scene.width[who[p]]),
+        Rectangles.of(two[0, 0, j, t], scene.length[of[j]], scene.width[of[j]]),
+    )
+    hit = overlap_area(*boxes) > 0.02
+    result = np.zeros(near.shape[:3], dtype=np.bool_)
+    result[c[hit], p[hit], j[hit]] = True
+    return result
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--fit", action="store_true")
+    parser.add_argument("--rounds", type=int, default=2)
+    options = parser.parse_args()
+    parameters = {kind: people_parameters(kind) for kind in ("pedestrian", "bicycle")}
+    if options.fit:
+        parameters = fit(options.data, options.rounds)
+        values = json.loads(SHIPPED.read_text(encoding="utf-8"))
+        for kind, own in parameters.items():
+            values[kind] = {name: getattr(own, name) for name in values[kind]}
+        SHIPPED.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+    table(options.data, parameters)
+
+
+if __name__ == "__main__":
+    main()
