@@ -323,7 +323,7 @@ def test_pedestrians_are_on_no_walking_lane_of_sumo(monkeypatch: pytest.MonkeyPa
     assert len(lanes) == 22 and not any("_w" in lane or "_c" in lane for lane in lanes)
 
 
-@pytest.mark.parametrize("kind", ["car", "bus"])
+@pytest.mark.parametrize("kind", ["car", "bus", "pedestrian", "bicycle"])
 def test_a_vehicle_that_is_moved_onto_a_crossing_is_on_no_walking_lane_of_sumo(
     kind: str, tmp_path: Path
 ) -> None:
