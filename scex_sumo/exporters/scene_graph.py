@@ -13,8 +13,9 @@ from matplotlib.patches import FancyArrowPatch
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MissingExtraError, UsageError
+from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.learned.scene_graph.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
-from scex_sumo.page.figures.drawing import draw_road, draw_vehicles, look_at, save, sheet, vehicle_outlines
+from scex_sumo.page.figures.drawing import draw_road, draw_vehicles, look_at, save, sheet
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
@@ -200,7 +201,7 @@ def _draw_edges(axes: Axes, scene: SeedScene, graph: SceneGraph) -> None:
 
 
 def _draw_fronts(axes: Axes, scene: SeedScene) -> None:
-    corners = vehicle_outlines(scene, scene.now)
+    corners = outlines(scene.now, scene.length, scene.width)
     inward = 0.25 * (corners[:, [2, 3]].mean(axis=1) - corners[:, :2].mean(axis=1))[:, None]
     axes.add_collection(
         LineCollection(list(corners[:, :2] + inward), colors="#3a3a3a", linewidths=0.8, zorder=3)

@@ -24,8 +24,9 @@ from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import replacing
 from scex_sumo.exporters.request import Request
+from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.lanelet2sumo.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
-from scex_sumo.page.figures.drawing import STYLE, vehicle_outlines
+from scex_sumo.page.figures.drawing import STYLE
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.drawings import readable
 from scex_sumo.views.futures import colors_of, event_of
@@ -148,7 +149,8 @@ class Film:
         return (low + high) / 2 - half, (low + high) / 2 + half, scale
 
     def _vehicles(self, states: States, outline: FloatArray = _BODY, **style: Any) -> PolyCollection:
-        return PolyCollection(list(vehicle_outlines(self._scene, states, outline)), linewidths=1, **style)
+        shapes = outlines(states, self._scene.length, self._scene.width, outline)
+        return PolyCollection(list(shapes), linewidths=1, **style)
 
     def _recorded(self, frame: float) -> list[Artist]:
         recorded, at = self._scene.future, round(frame) - LOGGED_HISTORY
@@ -157,8 +159,8 @@ class Film:
         states = _between(recorded, min(frame - LOGGED_HISTORY, recorded.shape[1] - 1.0))
         valid = self._scene.future_valid
         there = np.ones(len(self._names), dtype=bool) if valid is None else valid[:, at]
-        outlines = vehicle_outlines(self._scene, states, _BODY)[there]
-        return [PolyCollection(list(outlines), facecolors="none", edgecolors=_INK, linewidths=1)]
+        shapes = outlines(states, self._scene.length, self._scene.width, _BODY)[there]
+        return [PolyCollection(list(shapes), facecolors="none", edgecolors=_INK, linewidths=1)]
 
     def _others(self, frame: float) -> list[Artist]:
         others, at = self._scene.obstacles, round(frame) + 1

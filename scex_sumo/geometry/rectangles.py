@@ -11,6 +11,9 @@ from scex_sumo.scene import States
 
 SEEN_COLUMNS = ("x", "y", "cos", "sin", "speed")
 
+BOX = np.array([(0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
+"""Outline of a vehicle as shares of its length (forwards) and width (to the left)."""
+
 _FLAT_M = 1e-6  # an edge that rises by less is level
 _CORNERS = (1.0, -1.0, -1.0, 1.0), (1.0, 1.0, -1.0, -1.0)  # sides of length and width, around the rectangle
 _NEXT = [1, 2, 3, 0]
@@ -35,6 +38,18 @@ class Rectangles:
     def part(self, index: IntArray | tuple[slice, ...]) -> Rectangles:
         """Return the rectangles at an index."""
         return Rectangles(**{name: values[index] for name, values in vars(self).items()})
+
+
+def outlines(states: States, length: FloatArray, width: FloatArray, shape: FloatArray = BOX) -> FloatArray:
+    """Return (..., P, 2) outlines in m of vehicles; lengths and widths broadcast to the states.
+
+    ``shape`` holds (P, 2) shares of length and width.
+    """
+    ahead = np.stack([np.cos(states.heading), np.sin(states.heading)], axis=-1)
+    along = ahead * np.asarray(length)[..., None]
+    across = np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1) * np.asarray(width)[..., None]
+    centre = np.stack([states.x, states.y], axis=-1)
+    return np.stack([centre + a * along + b * across for a, b in shape], axis=-2)
 
 
 def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

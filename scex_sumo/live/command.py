@@ -162,7 +162,7 @@ class _Teller:
         for risk, pair in worst_moments(self.risks)[:count]:
             words = command_of(config, self._out, risk, pair)
             done = subprocess.run(
-                [sys.executable, "-m", "scex_sumo", "-q", *words], capture_output=True, text=True, check=False
+                [sys.executable, "-m", "scex_sumo", *words, "-q"], capture_output=True, text=True, check=False
             )
             if done.returncode:
                 warn([f"scex-sumo {shlex.join(words)}: {done.stderr.strip()}"])

@@ -23,6 +23,7 @@ from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.geometry.rectangles import BOX, outlines
 from scex_sumo.live.moment import Moment
 from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.parts import Part
@@ -243,12 +244,5 @@ def _ghosts(
     future = int(np.argmin(nearest))
     last = int(apart[future].argmin()) + 1
     drawn = states[future, :last:_GHOST_STEPS]
-    corners = np.array([[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]])
-    found = {}
-    for k, v in enumerate(both):
-        local = corners * (scene.length[v], scene.width[v])
-        cos, sin = np.cos(drawn.heading[:, k, None]), np.sin(drawn.heading[:, k, None])
-        x = drawn.x[:, k, None] + local[:, 0] * cos - local[:, 1] * sin
-        y = drawn.y[:, k, None] + local[:, 0] * sin + local[:, 1] * cos
-        found[worst.names[k]] = np.stack([x, y], axis=-1)
-    return found
+    shapes = outlines(drawn, scene.length[both], scene.width[both], BOX[[0, 1, 2, 3, 0]])
+    return {name: shapes[:, k] for k, name in enumerate(worst.names)}

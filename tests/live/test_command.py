@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.formats.sumo.scenario import net_of
+from scex_sumo.live import command
+from scex_sumo.live.risk import PairRisk, Risk
 from tests.command import scex
 from tests.formats.sumo.simulations import Simulation, write_grid
 
@@ -53,3 +57,32 @@ def test_what_cannot_be_watched_is_told_in_one_line(grid: Simulation, tmp_path: 
         assert done.returncode in (1, 2) and len(done.stderr.splitlines()) == 1, done.stderr
         assert said in done.stderr and not done.stdout
         assert said.startswith("--every") or not (tmp_path / "out").exists()  # that one needs SUMO
+
+
+def test_a_window_of_its_own_steps_of_a_second_and_teleports_lose_nothing(tmp_path: Path) -> None:
+    files = '<gui-settings-file value="view.xml"/><start value="true"/>'
+    processing = '<time-to-teleport value="2"/><collision.action value="teleport"/>'
+    grid = write_grid(tmp_path, files=files, step_s=1.0, processing=processing)
+    (tmp_path / "view.xml").write_text("<viewsettings/>")
+    own = ["--from", 12, "--to", 14, "--futures", 2, "--models", "constant_velocity", "--busiest", 4]
+    done = scex("watch", grid.config, *own, "--workers", 1, "--no-ssm", "-o", "w", "--json", cwd=tmp_path)
+    assert not done.returncode and not done.stderr, done.stderr
+    answer = json.loads(done.stdout)
+    assert (answer["moments"], answer["skipped"]) == (3, 0)
+
+
+def test_reports_are_made_by_a_command_that_the_tool_knows(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    run = subprocess.run
+
+    def only_parsed(words: list[str], **how: Any) -> Any:
+        return run([*words, "--help"], **how)
+
+    monkeypatch.setattr(subprocess, "run", only_parsed)
+    teller = command._Teller(tmp_path)
+    pair = PairRisk(hits="a", other="b", kind="lane", human_like=0.1, stress=0.5, takes="", x=1.0, y=2.0)
+    teller.risks = [Risk(time_s=3.0, pairs=(pair,), vehicles=("a", "b"))]
+    teller.make_reports(tmp_path / "mine.sumocfg", 1)
+    said = capsys.readouterr()
+    assert said.out == f"report: {tmp_path}/moments/3/report.html\n" and not said.err

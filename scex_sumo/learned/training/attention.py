@@ -13,7 +13,8 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.page.figures.drawing import draw_road, look_at, save, sheet, vehicle_outlines
+from scex_sumo.geometry.rectangles import outlines
+from scex_sumo.page.figures.drawing import draw_road, look_at, save, sheet
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
 _VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -94,14 +95,14 @@ def _draw_plans(
 ) -> None:
     assert scene.road is not None
     draw_road(axes, scene.road)
-    for box in vehicle_outlines(scene, scene.now):
+    for box in outlines(scene.now, scene.length, scene.width):
         axes.fill(*box.T, facecolor="#222222", edgecolor="white", linewidth=0.6, zorder=5)
     for number, (plan, w) in enumerate(zip(plans, values, strict=True)):
         x, y = (np.column_stack([a, b]) for a, b in ((scene.now.x, plan.x), (scene.now.y, plan.y)))
         color = _color(w)
         lines = axes.plot(x.T, y.T, color=color, linewidth=1.4, zorder=4 - 0.1 * number)
         lines[0].set_label(f"w = {w:g}")
-        for box in vehicle_outlines(scene, plan[:, -1]):
+        for box in outlines(plan[:, -1], scene.length, scene.width):
             axes.fill(*box.T, facecolor="none", edgecolor=color, linewidth=1.2, zorder=6)
     for name, vehicle in zip("ABC", order, strict=False):
         at = (float(scene.now.x[vehicle]), float(scene.now.y[vehicle]))

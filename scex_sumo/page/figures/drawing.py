@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError, one_line
 from scex_sumo.base.files import writing
+from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+from scex_sumo.scene import HISTORY_STEPS, SeedScene
 
 STYLE: dict[Any, Any] = {
     "font.size": 8,
@@ -27,8 +28,6 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "scex-sumo",  # for reproducible bytes
     "figure.dpi": 100,
 }
-BOX = np.array([(0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
-"""Outline of a vehicle as shares of its length (forwards) and width (to the left)."""
 
 
 @contextmanager
@@ -63,20 +62,9 @@ def draw_road(axes: Axes, road: Road) -> None:
 
 def draw_vehicles(axes: Axes, scene: SeedScene, **style: Any) -> None:
     """Draw vehicles as boxes, pedestrians and cyclists as magenta dots."""
-    boxes = vehicle_outlines(scene, scene.now)
+    boxes = outlines(scene.now, scene.length, scene.width)
     axes.add_collection(PolyCollection(list(boxes), linewidths=0.6, **style))
     if scene.obstacles is not None:
         here = scene.obstacles.present[:, HISTORY_STEPS]
         at = scene.obstacles.states[here, HISTORY_STEPS]
         axes.scatter(at.x, at.y, s=14, color="#d6189c", edgecolors="white", linewidths=0.5, zorder=6)
-
-
-def vehicle_outlines(scene: SeedScene, states: States, outline: FloatArray = BOX) -> FloatArray:
-    """Return (V, P, 2) outlines in m of vehicles with (V,) states.
-
-    ``outline`` holds (P, 2) shares of length and width.
-    """
-    along = np.stack([np.cos(states.heading), np.sin(states.heading)], axis=-1) * scene.length[:, None]
-    across = np.stack([-np.sin(states.heading), np.cos(states.heading)], axis=-1) * scene.width[:, None]
-    centre = np.stack([states.x, states.y], axis=-1)
-    return np.stack([centre + a * along + b * across for a, b in outline], axis=1)
