@@ -42,6 +42,7 @@ FITTED = {
 }
 """Factors by which each parameter is varied in turn."""
 
+WIDER = (1.0, 1.15, 1.3)  # more costs error
 RIDGE = 5.0  # of the expected ways
 
 
@@ -288,7 +289,24 @@ def fit(data: Path, rounds: int) -> dict[str, PeopleParameters]:
                         best, checked, parameters = score, other, tried
                 shown = getattr(parameters[kind], name)
                 print(f"{kind} {number} {name} {shown}: {best:.4f} m, {checked:.4f} m", flush=True)
-    return parameters
+    return {kind: widened(choice, parameters, kind) for kind in parameters}
+
+
+def widened(many: list[Moment], parameters: dict[str, PeopleParameters], kind: str) -> PeopleParameters:
+    """Widen both spreads until intervals of 90 % cover 90 % of the choice part."""
+    own = parameters[kind]
+    for name, way in (("speed_spread", "along"), ("turn_spread", "across")):
+        for factor in WIDER:
+            tried = replace(own, **{name: round(getattr(own, name) * factor, 3)})
+            models = models_of({**parameters, kind: tried})
+            found = [measured(m, simulate(m, models, 40))[way] for m in many]
+            mine = [[m.scene.types[k] == kind for k in m.people] for m in many]
+            share = np.mean(np.concatenate(found)[np.concatenate(mine)])
+            if share >= 0.9 or factor == WIDER[-1]:
+                break
+        own = tried
+        print(f"{kind} {name} {getattr(own, name)}: covers {100 * share:.0f} % {way}", flush=True)
+    return own
 
 
 def table(data: Path, parameters: dict[str, PeopleParameters], futures: int = 40) -> None:
