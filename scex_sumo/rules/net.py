@@ -62,6 +62,8 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
         if any(link.light is not None and link.light not in signals for link in mine):
             continue
         lit = any(link.light is not None for link in mine)
+        if not lit and junction.get("type", "").startswith("traffic_light"):
+            continue
         # Without regulations the net's right of way is guessed.
         if lit or ((road.regulations or road.net) and any(link.yields for link in mine)):
             twice = _contradiction(mine)
@@ -178,7 +180,7 @@ def _contradiction(links: Sequence[Link]) -> str:
             other = by_row.get(row)
             both = other is not None and link.row in other.yields and link.light is None
             if other is not None and both and not {link.state, other.state} & set(BOTH_WAYS):
-                return f"{link.lanes[0]} and {other.lanes[0]}"
+                return " and ".join(f"{one.lanes[0]} to {one.lanes[-1]}" for one in (link, other))
     return ""
 
 

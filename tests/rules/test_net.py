@@ -75,4 +75,4 @@ def test_a_light_without_lanes_is_not_obeyed() -> None:
 def test_two_that_give_way_to_each_other_have_no_rules() -> None:
     rules, notes = rules_of(FIRST="10")
     assert rules.passages == ()
-    assert notes == ("junction j: a_0 and c_0 give way to each other; no rules there",)
+    assert notes == ("junction j: a_0 to b_0 and c_0 to d_0 give way to each other; no rules there",)
