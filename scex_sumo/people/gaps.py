@@ -79,4 +79,4 @@ def waiting_way(
     stops = yields & can & (met.enters > 0)
     wait = np.where(stops, np.maximum(way, 0.0), np.inf).min(axis=1, initial=np.inf)
     soon = yields & ~can & (met.arrives > 0)
-    return wait, soon.any(axis=1)
+    return wait, np.asarray(soon.any(axis=1))

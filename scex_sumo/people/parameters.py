@@ -9,7 +9,7 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 SHIPPED: Final = Path(__file__).with_name("parameters.json")
 
@@ -46,5 +46,5 @@ class PeopleParameters:
 def people_parameters(kind: str) -> PeopleParameters:
     """Return the shipped parameters of ``pedestrian`` or ``bicycle``."""
     given = json.loads(SHIPPED.read_text(encoding="utf-8"))
-    values = {name: tuple(v) if isinstance(v, list) else v for name, v in given[kind].items()}
+    values: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in given[kind].items()}
     return PeopleParameters(**values)

@@ -42,9 +42,9 @@ def with_people(scene: SeedScene, vru: str) -> SeedScene:
         count = int(taking.sum())
         notes.append(f"{count - MAX_PEOPLE} of {count} people, those farthest from vehicles, are replayed")
         taking = np.isin(np.arange(len(far)), np.argsort(far, kind="stable")[:MAX_PEOPLE])
-    if not taking.any():
+    if (people_now := _some(others, taking)) is None:
         return scene
-    joined, wrong = _joined(scene, _some(others, taking))
+    joined, wrong = _joined(scene, people_now)
     if wrong:
         notes.append(f"people without a usable size have the usual one: {wrong}")
     return replace(joined, obstacles=_some(others, ~taking), notes=(*scene.notes, *notes))

@@ -271,7 +271,7 @@ def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> Floa
     if not len(ways.walks) or (scene.obstacles is None and scene.people is None):
         return np.full(len(me.row), np.inf)
     used = _used_crosswalks(history, np.unique(ways.walks[:, 3].astype(int)))
-    walks = ways.walks[used.any(axis=0)[ways.walks[:, 3].astype(int)]]
+    walks = ways.walks[np.asarray(used.any(axis=0))[ways.walks[:, 3].astype(int)]]
     first = np.searchsorted(walks[:, 0], np.arange(len(ways.first)))
     driver, walk = _spread(first[me.row], first[me.row + 1] - first[me.row])
     gap = walks[walk, 1] - BEFORE_ZONE_M - me.front[driver]
