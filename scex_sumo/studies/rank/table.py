@@ -44,7 +44,7 @@ def moments_table(run: RankingRun) -> pa.Table:
         reason = f"; the first of {len(failed)} failures: {failed[0].reason}" if failed else ""
         raise TrackError(
             f"none of {len(run.recordings)} recordings has a moment with {settings.min_vehicles} moving "
-            f"vehicles that could be run{reason}; lower --min-vehicles or look at the recordings"
+            f"vehicles that could be run{reason}; lower --every or --min-vehicles, or look at the recordings"
         )
     human = {ref.moment: _human_like(pairs) for ref, pairs in run.pairs}
     some = [ref for ref in refs if run.tallies.get(ref.moment)]
