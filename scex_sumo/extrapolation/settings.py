@@ -176,7 +176,7 @@ class RunSettings:
     )
     keep_plans: bool = option("Write plans.parquet, to evaluate gap times again.", False)
     vru: str = option(
-        "Pedestrians and cyclists move as recorded, decide for themselves, or are left out.",
+        "Pedestrians and cyclists are left out, move as recorded, or decide for themselves.",
         "replay",
         metavar="|".join(VRU),
         takes=str,
