@@ -22,6 +22,7 @@ import numpy as np
 import scex_sumo
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.certainty.tables import InfluenceTable
+from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
@@ -143,8 +144,8 @@ def measured(name: str, scene: SeedScene, count: int) -> tuple[str, tuple[float,
 
 
 def collided(run: Run, one: int, other: int) -> BoolArray:
-    """(C,) whether two vehicles collide in each future."""
-    table = run.collisions
+    """(C,) whether two vehicles collide in each future, neither of which had collided before."""
+    table = first_contacts(run.collisions)
     ids = np.sort([np.asarray(table["track_id"]), np.asarray(table["other_id"])], axis=0)
     rows = (ids[0] == one) & (ids[1] == other)
     return np.isin(np.arange(run.futures), np.asarray(table["future"])[rows])
