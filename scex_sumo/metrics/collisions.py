@@ -463,6 +463,7 @@ def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
         if present is not None:
             there = present[part.future, step, part.first] & present[part.future, step, part.second]
             area = np.where(there, area, 0.0)
-        np.maximum.at(largest, rows, area)
+        with np.errstate(invalid="ignore"):  # of vehicles that leave in the step of the impact
+            np.maximum.at(largest, rows, area)
     seed = hits.at_step(np.full(hits.step.size, start)).overlap(np.zeros(at.size))
     return largest - np.where(np.isfinite(seed), seed, 0.0)

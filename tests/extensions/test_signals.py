@@ -45,5 +45,5 @@ def test_a_file_of_no_known_format_is_one_line(tmp_path: Path, command: list[obj
     done = scex(tmp_path, *command)
     (line,) = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
     assert line.endswith(
-        "red.phases: not a recording of signal phases; known formats: py123d, scenarionet, spat"
+        "red.phases: not a recording of signal phases; known formats: osi, py123d, scenarionet, spat"
     )

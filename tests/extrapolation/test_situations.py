@@ -22,7 +22,7 @@ from tests.behaviors import roads
 from tests.behaviors.test_batches import ROAD, SCENE, history
 from tests.learned import nets
 
-OURS = [name for name, entry in known_entries().items() if entry.profile is not None]
+OURS = [name for name, entry in known_entries().items() if entry.profile is not None and not entry.moves]
 NAMES = [*OURS, "sumo:EIDM", "constant_velocity:guard=true", "standard_driver:guard=true"]
 RANDOM = [f"{name}:path=random" for name in (*OURS, "sumo:EIDM", "risky_driver:guard=true")]
 
