@@ -28,7 +28,6 @@ from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.extras import Row
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.info import describe, digest, versions
-from scex_sumo.results.participants import with_people
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
@@ -112,7 +111,10 @@ def _opened(
     """Open the folder of a run; return it with the run's job."""
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
-    scene = with_people(scene, settings.vru)
+    if settings.vru != "replay":
+        from scex_sumo.results.participants import with_people
+
+        scene = with_people(scene, settings.vru)
     if settings.within is not None:
         scene = settings.within.simulated(scene, settings.steps, [*settings.assign, *settings.under_test])
     settings.check_size(settings.count or 1, scene.vehicles)

@@ -22,6 +22,7 @@ from scex_sumo.behaviors.registry import (
     moved_by,
     refuse_namesake,
 )
+from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.extrapolation.assignments import (
     assignments,
     future_generator,
@@ -31,7 +32,6 @@ from scex_sumo.extrapolation.assignments import (
 )
 from scex_sumo.extrapolation.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.participants import PEOPLE
 from scex_sumo.scene import SeedScene, VehicleIndex
 
 

@@ -26,7 +26,6 @@ from scex_sumo.metrics.registry import (
     describe_metrics,
     metrics_named,
 )
-from scex_sumo.results.participants import VRU
 from scex_sumo.scene import SeedScene
 from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
@@ -50,6 +49,8 @@ FUTURES: Final = 385
 """Futures of a run, as in the paper."""
 
 PAPER_MIX: Final = "paper"
+VRU: Final = ("none", "replay", "model")
+"""What pedestrians and cyclists do: they are left out, move as recorded, or take part."""
 RUN_PRESETS: Final = {"paper": ("paper",), "path": ("path",), "both": ("paper", "path")}
 """Sets of metrics that a run evaluates."""
 

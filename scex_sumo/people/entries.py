@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 from scex_sumo.behaviors.spec import ModelEntry
+from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.people.models import (
     Cyclist,
     KeepsWalking,
@@ -16,7 +17,6 @@ from scex_sumo.people.models import (
     StressProfile,
     Walker,
 )
-from scex_sumo.results.participants import PEOPLE
 
 _person = partial(ModelEntry, may_fail=False, is_own=False, takes_guard=False)
 

@@ -8,14 +8,8 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.road_users import obstacle_size, road_user
+from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_size, road_user
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
-
-PEOPLE: Final = ("pedestrian", "bicycle")
-"""Road users that may take part, in the words of `road_user`."""
-
-VRU: Final = ("none", "replay", "model")
-"""What pedestrians and cyclists do: they are left out, move as recorded, or take part."""
 
 MAX_PEOPLE: Final = 100
 """People that take part in a scene: those nearest to a vehicle."""
@@ -27,7 +21,7 @@ MAX_SIZE_M: Final = 4.0
 
 
 def with_people(scene: SeedScene, vru: str) -> SeedScene:
-    """Return the scene in which people do what an option says, see `VRU`."""
+    """Return the scene in which people do what the option ``--vru`` says."""
     others = scene.obstacles
     if others is None or vru == "replay":
         return scene

@@ -23,8 +23,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
-from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.results.participants import PEOPLE
+from scex_sumo.converters.tracks.road_users import PEOPLE, road_user
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.drawings import (
     WINDOW_SIZE,

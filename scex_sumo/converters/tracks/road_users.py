@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+PEOPLE: Final = ("pedestrian", "bicycle")
+"""Road users that may take part in a scene, in the words of `road_user`."""
+
 MOTOR_TYPES = frozenset(
     (
         *("car", "truck", "bus", "van", "motorcycle", "motorbike", "trailer", "taxi", "vehicle", "truck_bus"),
