@@ -20,6 +20,7 @@ _MARGIN_M = 10.0
 _LEAST_M = 45.0  # width of a picture
 _ASPECT = 0.6  # height over width
 _STEPS: Final = 30  # of a recording after the moment
+_LAST: Final = 21  # steps up to the contact that a picture encloses: fast vehicles drive into it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +61,7 @@ def stage_of_motion(
     assert scene.road is not None
     one, other = both
     happens = States.concatenate([scene.history[[one, other], :-1], motion], axis=1)
-    box = _box(happens)
+    box = _box(happens[:, -_LAST:])
     tracks, shown = [], []
     for v in np.flatnonzero((_inside(states, box) & known).any(axis=1)).tolist():
         kind = "ghost" if v in (one, other) else "vehicle"
@@ -74,7 +75,7 @@ def stage_of_motion(
 
 
 def _box(happens: States) -> Box:
-    """Return a box around the way of two vehicles from 1 s before the moment to their contact."""
+    """Return a box around the way of two vehicles up to their contact."""
     left, right = float(happens.x.min()) - _MARGIN_M, float(happens.x.max()) + _MARGIN_M
     low, high = float(happens.y.min()) - _MARGIN_M, float(happens.y.max()) + _MARGIN_M
     wide = max(right - left, (high - low) / _ASPECT, _LEAST_M)

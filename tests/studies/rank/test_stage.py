@@ -37,3 +37,13 @@ def test_both_move_until_they_touch(scene: SeedScene) -> None:
     apart = np.hypot(*(acts - responds)[:, :2].T)
     assert apart[-1] < apart[0] and apart[-1] < 5.0
     assert stage.picture.count("<rect") == len(stage.outlines)
+
+
+def test_the_picture_shows_the_last_2_s_of_fast_vehicles_and_not_all_their_way() -> None:
+    scene = queues(2, gap_m=25.0, speed=30.0)
+    row = pairs_of_moment(scene).to_pylist()[0]
+    stage = stage_of(scene, row)
+    acts, responds = (np.array(outline)[:, 0] for outline in stage.outlines[-2:])
+    width = float(str(stage.picture).split('viewBox="')[1].split()[2])
+    assert width == pytest.approx(np.ptp([acts[-21:], responds[-21:]]) + 20.0, abs=0.1)
+    assert width < np.ptp([acts, responds])
