@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.base.errors import ScexError, warn_notes
+from scex_sumo.base.errors import ScexError
 from scex_sumo.certainty.exact import find_exact, why_not_exact
 from scex_sumo.certainty.fitted import answer_of, fitted_weights, percent_of, write_fitted
 from scex_sumo.certainty.options import EXACT, FITTED, ExactProbabilities
@@ -42,7 +42,7 @@ class ExactExtra(ExactProbabilities):
             try:
                 write_fitted(run.folder, fitted_weights(run))
             except ScexError as error:  # the run is finished
-                warn_notes([f"weights are not fitted: {error}"])
+                run.info["run_notes"].append(f"weights are not fitted: {error}")
         return {}
 
     def lines(self, run: Run) -> Sequence[str]:

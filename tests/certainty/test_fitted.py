@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -59,3 +60,10 @@ def test_a_scene_of_no_recording_is_refused(tmp_path: Path) -> None:
     run = extrapolate(scene, futures=2, exact=False, world="plain", metrics=["gap"], out=tmp_path / "run")
     with pytest.raises(UsageError, match="of no recording"):
         fitted_weights(run)
+
+
+def test_a_run_says_why_its_weights_are_not_fitted(tmp_path: Path) -> None:
+    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
+    scene = dataclasses.replace(scene, source={"kind": "synthetic"})
+    with pytest.warns(scex_sumo.ScexWarning, match="weights are not fitted: .* of no recording"):
+        extrapolate(scene, futures=2, exact=False, fit_weights=True, out=tmp_path / "out")
